@@ -24,8 +24,6 @@ _REPLACED = {
     "transport/link/tx/queue/congestion_control/block/wait_before_close": (5_000_000, 1_000_000),
     "transport/shared_memory/enabled": (True, False),
 }
-#: Milliseconds in which a connection must be there.
-_MAX_CONNECTING = 5000
 
 
 def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | None) -> Any:  # noqa: ANN401 - Zenoh's
@@ -34,7 +32,8 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
     Parameters
     ----------
     listen, connect
-        Endpoints like `tcp/10.0.0.1:7447`; they replace the endpoints of the file.
+        Endpoints like `tcp/10.0.0.1:7447`; they replace the endpoints of the file. Nobody need listen yet where we
+        connect.
     file
         A configuration file of Zenoh, with keys and access rules; without a file Zenoh does not search by multicast.
 
@@ -43,7 +42,7 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
     ImportError
         Zenoh is not installed.
     ConnectionError
-        An endpoint cannot be listened on or reached.
+        An endpoint cannot be listened on; or no router is there, and the file demands one.
     ValueError
         An endpoint is none, or the file is not a configuration of Zenoh.
     """
@@ -64,9 +63,8 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
     if listen:
         told["listen/endpoints"] = list(listen)
     if connect:
-        told |= {"connect/endpoints": list(connect), "connect/timeout_ms": _MAX_CONNECTING}
-        told["connect/exit_on_failure"] = True
-        # A gateway that was started again is found at once.
+        # Machines start in any order. A gateway that was started again is found at once.
+        told |= {"connect/endpoints": list(connect), "connect/exit_on_failure": False}
         told["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 250, "period_increase_factor": 2}
     places = ", ".join([*listen, *connect]) or str(file)
     try:

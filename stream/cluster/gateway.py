@@ -84,6 +84,8 @@ class Gateway(Spread):
         The same as for `Performers`.
     naming
         The naming of `joints`, written as in `--naming`.
+    tell
+        Prints a line for a person: a worker has come, leaves, or is gone.
     clock
         Seconds, the service's own.
 
@@ -106,6 +108,7 @@ class Gateway(Spread):
         most: int,
         joints: SentJoints,
         naming: str,
+        tell: Callable[[str], None] = lambda _: None,
         silence: float = 5.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -114,7 +117,7 @@ class Gateway(Spread):
         self.name = uuid.uuid4().hex[:12]
         self.strangers = 0
         self.inbox = Inbox()
-        self._session, self._clock = session, clock
+        self._session, self._tell_person, self._clock = session, tell, clock
         self._looked = clock()
         self._file = chartered.file_of(library)
         self._charter = Charter(
@@ -220,6 +223,7 @@ class Gateway(Spread):
             member.sends.undeclare()
             if not member.let_go:
                 self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
+                self._say(worker, why)
             self._lose(worker, self._ready)
 
     def _heard(self, place: str, message: bytes) -> None:
@@ -244,11 +248,16 @@ class Gateway(Spread):
             self.source.bring(self.take_back(worker, back.answers))
             if not member.ready:
                 member.ready = True
+                self._say(worker, "works")
                 self._assign(self._ready)
             if back.answers.report and back.answers.report.leaves and not member.leaves:
                 member.leaves = True
+                self._say(worker, "leaves")
                 self._assign(self._ready, [worker])
             self._let_go()
+
+    def _say(self, worker: str, what: str) -> None:
+        self._tell_person(f"worker {worker} {what}; workers: {len(self._ready)}")
 
     def _let_go(self) -> None:
         """Let the workers end whose performers are with others."""

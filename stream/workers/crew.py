@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.recognizer.matcher import library_of
+from kinespace.stream.service.child_process import signals_held
 from kinespace.stream.workers import process as child
 from kinespace.stream.workers.answer_source import AnswerSource
 from kinespace.stream.workers.channel import Channel
@@ -204,7 +205,9 @@ class Crew(Spread):
     def _begin(self, source: WorkerSource, now: float) -> None:
         source.starts += 1
         start = replace(self._start, settings=self.settings)
-        source.process = _Process(source.name, self._library, start, now)
+        # An interrupt after the start and before the assignment would leave a process that nobody ends.
+        with signals_held():
+            source.process = _Process(source.name, self._library, start, now)
 
     def _wait_until_ready(self) -> None:
         until = self._clock() + MAX_START

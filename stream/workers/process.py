@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import queue
 import select
-import signal
 import threading
 import time
 from contextlib import suppress
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background_opener import background_restricter, background_windows
+from kinespace.stream.service.child_process import leave_signals_to_parent
 from kinespace.stream.workers.channel import Channel
 from kinespace.stream.workers.wire import (
     ASK,
@@ -94,10 +94,8 @@ def run(end: socket.socket, libraries: Connection, start: Start) -> None:
     start
         The other values that the worker needs.
     """
-    # Ctrl-C and a closed terminal reach every process; the parent closes the channel when it is done.
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    # The parent closes the channel when it is done.
+    leave_signals_to_parent(termination=True)
     opened: queue.SimpleQueue[Any] = queue.SimpleQueue()
     given = libraries, opened, start.settings
     threading.Thread(target=_read, args=given, name="kinespace libraries", daemon=True).start()

@@ -26,9 +26,10 @@ def interrupt_on_signals() -> None:
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:
-    """Let every such signal call `stop` instead of its former action."""
+    """Let every such signal call `stop` instead of its former action; raise KeyboardInterrupt if one came before."""
     for number in _signals():
         signal.signal(number, lambda *_: stop())
+    check_interrupted()
 
 
 def _interrupt(*_: object) -> None:

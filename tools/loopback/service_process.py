@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import json
 import multiprocessing
-import signal
 import threading
 import time
 from contextlib import suppress
@@ -20,6 +19,7 @@ from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
 from kinespace.stream.outputs.body_sink import BodySink
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
@@ -126,7 +126,8 @@ class BackgroundService:
 
     def __enter__(self) -> Self:
         try:
-            self._process.start()
+            with signals_held():
+                self._process.start()
             # Only the child keeps its end, so that its death is noticed at once.
             self._theirs.close()
             self._frames_to, self._answers_at, self.watched_at = self._started()
@@ -209,10 +210,7 @@ class BackgroundService:
 
 def _serve(connection: Connection, request: _Request) -> None:
     """Run in the child: open sockets, report the address, go on until told to stop, report the counts."""
-    # Ctrl-C and a closed terminal reach every process of it; this process ends when its parent says so, or is gone.
-    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    leave_signals_to_parent()
     # A parent that is gone needs no report.
     with suppress(BrokenPipeError, ConnectionError):
         _serve_parent(connection, request)

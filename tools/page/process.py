@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
-import signal
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.page.link import ControlDoor, Subscription
@@ -122,7 +122,8 @@ class PageProcess:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
-        self._process.start()
+        with signals_held():
+            self._process.start()
         theirs.close()
         try:
             told = self._connection.recv() if self._connection.poll(_MAX_START) else TimeoutError("the page is silent")
@@ -154,9 +155,7 @@ class PageProcess:
 
 def _serve(connection: Connection, plan: PagePlan) -> None:
     """Run in the child: say the address, go on until the parent closes its end or is gone."""
-    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    leave_signals_to_parent()
     with suppress(BrokenPipeError, ConnectionError):
         try:
             serve_page(plan, connection.send, connection.poll)

@@ -66,7 +66,15 @@ def run(options: argparse.Namespace) -> int:
     ) -> Gateway:
         listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
         session = open_session(listen, options.connect, options.zenoh)
-        gateway = Gateway(session, library, settings, most=most, joints=joints, naming=options.naming)  # type: ignore[arg-type]  # not opened
+        gateway = Gateway(
+            session,
+            library,  # type: ignore[arg-type]  # not opened
+            settings,
+            most=most,
+            joints=joints,
+            naming=options.naming,
+            tell=lambda line: console.print(line, soft_wrap=True),
+        )
         where.sources.append(gateway.source)
         where.sinks += [gateway.sink()] if options.zenoh_out else []
         console.print(

@@ -37,7 +37,8 @@ def run(options: argparse.Namespace) -> int:
     session = open_session(options.listen, connect, options.zenoh)
     with closing(Node(session, library, lambda line: console.print(line, soft_wrap=True, markup=False))) as node:
         stop_on_signals(node.stop)
-        console.print(f"worker {node.name}; Ctrl-C ends", soft_wrap=True)
+        reached = ", ".join([*options.listen, *connect]) or options.zenoh
+        console.print(f"worker {node.name} tries to reach {reached}; Ctrl-C ends", soft_wrap=True)
         gc.freeze()
         node.run()
         counts = node.counts

@@ -159,9 +159,18 @@ def test_without_some_motions(small_index: WindowIndex, asking: tuple[Clip, ...]
     assert np.allclose(fewer.log_distances(numbers), small_index.log_distances(numbers)[:, [0, 2]]), arithmetic
 
 
+def _same_windows(index: WindowIndex, other: WindowIndex) -> None:
+    """Demand the same windows, but for one step of half precision.
+
+    Some processors' kernels sum a product of many rows in another order than a product of few.
+    """
+    for one, another in zip((*index.vectors, index.eigenvectors), (*other.vectors, other.eigenvectors), strict=True):
+        np.testing.assert_allclose(one, another, rtol=2.0**-10, atol=1e-6)
+
+
 @pytest.mark.slow
 def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, builtin: MotionLibrary) -> None:
-    """Where others teach, basis and metrics are the same, and so is every window, to the last bit."""
+    """Where others teach, basis and metrics are the same, and so is every window."""
     alone = small_library.without(actors=("dg", "mm"))
     clips = [clip for clip in builtin.motions if clip.class_name == "sneak2StepsLStart" and clip.actor == "bd"]
     index = WindowIndex.of(alone, small_library).with_motions(clips[:2])
@@ -169,8 +178,7 @@ def test_motions_added_are_as_if_opened_with_them(small_library: MotionLibrary, 
     assert index.classes == anew.classes == ("kickLFront1Reps", "lieDownFloor", "sneak2StepsLStart", "squat1Reps")
     assert index.motions.tolist() == anew.motions.tolist()
     assert len(index.library) == len(alone) + 2
-    for one, other in zip((*index.vectors, index.eigenvectors), (*anew.vectors, anew.eigenvectors), strict=True):
-        assert np.array_equal(one, other)
+    _same_windows(index, anew)
 
 
 def test_added_motions_use_the_learned_numbers(small_index: WindowIndex, asking: tuple[Clip, ...]) -> None:
@@ -204,8 +212,7 @@ def test_a_last_motion_may_fill_a_piece(
     whole = index.with_motions(clips)
     monkeypatch.setattr("kinespace.library.windows.index._PIECE", 1)
     pieces = index.with_motions(clips)
-    for one, other in zip((*pieces.vectors, pieces.eigenvectors), (*whole.vectors, whole.eigenvectors), strict=True):
-        np.testing.assert_array_equal(one, other)
+    _same_windows(pieces, whole)
 
 
 @pytest.mark.slow

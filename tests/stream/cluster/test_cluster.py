@@ -67,7 +67,8 @@ class Bus:
 
     def gateway(self, library: MotionLibrary | None = None) -> Gateway:
         """Add a gateway."""
-        made = Gateway(self.session(), library or self.library, Settings(), most=32, joints=SentJoints(), naming="auto")
+        known, joints = library or self.library, SentJoints()
+        made = Gateway(self.session(), known, Settings(), most=32, joints=joints, naming="auto", tell=self.told.append)
         self.gateways.append(made)
         self._opened.callback(made.close)
         return made
@@ -181,6 +182,13 @@ def test_workers_come_and_go_without_a_lost_event(
     # Hops begin anew with the first frame that a worker sees, so that one may fall on the frame beside it.
     assert abs(len(heard) - len(expected)) <= 3 * len(NAMES)
     assert on.told[0].startswith(f"working for gateway {gateway.name}, library ")
+    told = [line for line in on.told if line.startswith("worker ")]
+    one, other = first.name, on.nodes[0].name
+    assert told == [
+        f"worker {one} works; workers: 1",
+        f"worker {other} works; workers: 2",
+        f"worker {one} is gone; workers: 1",
+    ]
     assert "workers lost so far: 1; last: worker" in " ".join(gateway.notes)
 
 
@@ -395,20 +403,18 @@ def test_a_worker_leaves_in_good_order(on: Bus, feed: Sequence[Sequence[Frame]])
     assert len(heard) == len(expected)
     on.until(lambda: len(gateway._members) == 1)  # noqa: SLF001 - its token has vanished
     assert "lost" not in " ".join(gateway.notes)
+    assert f"worker {first.name} leaves; workers: 1" in on.told
     on.nodes[0].leave()
     on.until(lambda: on.nodes[0].has_left)
 
 
-def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:  # noqa: ANN401
-    """A router that is not there, a port that is taken and a broken configuration are errors of one line each."""
-    monkeypatch.setattr(bus, "_MAX_CONNECTING", 200)
+def test_an_address_that_cannot_be_had_is_reported_in_one_line(tmp_path: Any) -> None:  # noqa: ANN401
+    """A port that is taken and a broken configuration are errors of one line each."""
     place = f"tcp/127.0.0.1:{free_port()}"
-    with pytest.raises(ConnectionError, match=f"Zenoh: {place}: ") as unreached:
-        open_session([], [place], None)
-    assert "\n" not in str(unreached.value)
     session = open_session([place], [], None)
-    with pytest.raises(ConnectionError, match=f"Zenoh: {place}: "):
+    with pytest.raises(ConnectionError, match=f"Zenoh: {place}: ") as taken:
         open_session([place], [], None)
+    assert "\n" not in str(taken.value)
     session.close()
     broken = tmp_path / "zenoh.json5"
     broken.write_text("{ nonsense", encoding="utf-8")

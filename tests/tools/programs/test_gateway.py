@@ -38,10 +38,13 @@ def test_a_worker_recognises_for_a_gateway() -> None:
         ends = ("--osc-in", f"{LOOPBACK}:0", "--osc-out", f"{LOOPBACK}:{receiver.address[1]}", "--plain")
         bodies = ("--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies", "--zenoh-out")
         with ExitStack() as stack:
+            # Machines start in any order.
+            work = stack.enter_context(started("work", "--connect", place))
+            work.expect(f"worker [0-9a-f]{{12}} tries to reach {place}; Ctrl-C ends")
             gateway = stack.enter_context(started("gateway", *ends, *bodies, "--listen", place))
             port = int(gateway.expect(r"listening on OSC 127\.0\.0\.1:(\d+)")[1])
-            work = stack.enter_context(started("work", "--connect", place))
             work.expect("working for gateway [0-9a-f]{12}, library [0-9a-f]{12}")
+            gateway.expect("worker [0-9a-f]{12} works; workers: 1")
             until, heard = time.monotonic() + PATIENCE, []
             with closing(OscFrameSender(LOOPBACK, port)) as sender:
                 listener = Listener(receiver)
@@ -71,10 +74,13 @@ def test_what_a_gateway_cannot_do_is_said(capsys: pytest.CaptureFixture[str], tm
 
 
 @pytest.mark.slow
-def test_a_gateway_that_is_not_there_is_one_line() -> None:
-    """A worker that reaches nobody ends with one line and status 2."""
-    place = free_place()
-    status, output, errors = finished("work", "--connect", place)
+def test_a_port_that_is_taken_is_one_line() -> None:
+    """A worker that cannot listen ends with one line and status 2."""
+    with socket.socket() as taken:
+        taken.bind((LOOPBACK, 0))
+        taken.listen()
+        place = f"tcp/{LOOPBACK}:{taken.getsockname()[1]}"
+        status, output, errors = finished("work", "--listen", place)
     assert (status, output) == (2, "")
     assert errors.startswith(f"kinespace: Zenoh: {place}: ")
     assert errors.count("\n") == 1

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from kinespace.stream.cluster import charter as chartered
-from kinespace.stream.cluster.bus import Inbox
+from kinespace.stream.cluster.bus import Inbox, unreached
 from kinespace.stream.cluster.charter import Charter, decode_back, encode_charter, key
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
@@ -84,6 +84,8 @@ class Gateway(Spread):
         The same as for `Performers`.
     naming
         The naming of `joints`, written as in `--naming`.
+    connect
+        The endpoints that the session was told to connect to.
     tell
         Prints a line for a person: a worker has come, leaves, or is gone.
     clock
@@ -108,6 +110,7 @@ class Gateway(Spread):
         most: int,
         joints: SentJoints,
         naming: str,
+        connect: Sequence[str] = (),
         tell: Callable[[str], None] = lambda _: None,
         silence: float = 5.0,
         clock: Callable[[], float] = time.monotonic,
@@ -117,7 +120,7 @@ class Gateway(Spread):
         self.name = uuid.uuid4().hex[:12]
         self.strangers = 0
         self.inbox = Inbox()
-        self._session, self._tell_person, self._clock = session, tell, clock
+        self._session, self._connect, self._tell_person, self._clock = session, connect, tell, clock
         self._looked = clock()
         self._file = chartered.file_of(library)
         self._charter = Charter(
@@ -180,7 +183,9 @@ class Gateway(Spread):
         lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
         strange = [f"{self.strangers} messages whose sender is not a worker"] if self.strangers else []
         former = [f"{self.former} answers of former owners or to frames answered before"] if self.former else []
-        return [f"workers of gateway {self.name}: {len(self._ready)}", *super().notes, *lost, *strange, *former]
+        places = unreached(self._session, self._connect)
+        far = [f"not reached: {', '.join(places)}"] if places else []
+        return [f"workers of gateway {self.name}: {len(self._ready)}", *far, *super().notes, *lost, *strange, *former]
 
     def _give(self, worker: str, frames: list[SentFrame]) -> None:
         member = self._members[worker]

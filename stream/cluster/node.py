@@ -17,7 +17,7 @@ import msgspec
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.stream.cluster import charter as chartered
-from kinespace.stream.cluster.bus import Inbox
+from kinespace.stream.cluster.bus import Inbox, unreached
 from kinespace.stream.cluster.charter import Back, decode_charter, encode, key
 from kinespace.stream.recognizer import LiveSignature, Recognizer
 from kinespace.stream.workers.process import REPORT_EVERY, Start
@@ -35,7 +35,7 @@ from kinespace.stream.workers.wire import (
 from kinespace.stream.zeromq.frames import FormatError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from kinespace.stream.cluster.charter import Charter
     from kinespace.stream.workers.wire import Answered
@@ -66,6 +66,8 @@ class Node:
         The only library with which it works; with None it takes every gateway's library.
     tell
         Prints a line for a person.
+    connect
+        The endpoints that the session was told to connect to.
     clock
         Seconds.
 
@@ -85,6 +87,7 @@ class Node:
         session: Any,  # noqa: ANN401 - Zenoh's
         library: MotionLibrary | None,
         tell: Callable[[str], None],
+        connect: Sequence[str] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         import zenoh  # noqa: PLC0415 - an extra
@@ -100,7 +103,7 @@ class Node:
         self._libraries: dict[str, MotionLibrary] = {self._digest: library} if library and self._digest else {}
         #: The gateway of each performer, and when it was last heard.
         self._holders: dict[str, tuple[str, float]] = {}
-        self._stopped = False
+        self._connect, self._stopped = connect, False
         self._next_report = 0.0
         #: When to say that no gateway was seen.
         self._lonely = clock() + _MAX_ALONE
@@ -170,7 +173,10 @@ class Node:
             for gateway in [each for each, again in self._asked.items() if now >= again]:
                 self._ask(gateway)
             if now >= self._lonely:
-                self.say_once("no gateway is seen yet: does one run, and do certificates and access rules let us in?")
+                places = unreached(self.session, self._connect)
+                far = f"; not reached: {', '.join(places)}" if places else ""
+                self.tell(f"no gateway is seen yet{far}. Does one run, do certificates and access rules let us in?")
+                self._lonely = math.inf
             for post in self._posts.values():
                 post.report()
 

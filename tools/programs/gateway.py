@@ -73,6 +73,7 @@ def run(options: argparse.Namespace) -> int:
             most=most,
             joints=joints,
             naming=options.naming,
+            connect=options.connect,
             tell=lambda line: console.print(line, soft_wrap=True),
         )
         where.sources.append(gateway.source)

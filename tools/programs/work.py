@@ -35,7 +35,8 @@ def run(options: argparse.Namespace) -> int:
     connect = options.connect or ([] if options.listen or options.zenoh else [LISTEN])
     library = library_at(options.library) if options.library else None
     session = open_session(options.listen, connect, options.zenoh)
-    with closing(Node(session, library, lambda line: console.print(line, soft_wrap=True, markup=False))) as node:
+    node = Node(session, library, lambda line: console.print(line, soft_wrap=True, markup=False), connect)
+    with closing(node):
         stop_on_signals(node.stop)
         reached = ", ".join([*options.listen, *connect]) or options.zenoh
         console.print(f"worker {node.name} tries to reach {reached}; Ctrl-C ends", soft_wrap=True)

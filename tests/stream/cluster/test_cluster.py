@@ -7,6 +7,7 @@ import socket
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from kinespace.stream.cluster import bus
 from kinespace.stream.cluster import charter as chartered
 from kinespace.stream.cluster import gateway as gateway_module
 from kinespace.stream.cluster import node as node_module
-from kinespace.stream.cluster.bus import open_session
+from kinespace.stream.cluster.bus import open_session, unreached
 from kinespace.stream.cluster.charter import Back, encode, key
 from kinespace.stream.cluster.gateway import Gateway
 from kinespace.stream.cluster.node import Node
@@ -445,7 +446,43 @@ def test_a_worker_without_a_gateway_says_so(on: Bus, monkeypatch: pytest.MonkeyP
     """Perhaps it is shut out; a worker that sees a gateway says no such thing."""
     monkeypatch.setattr(node_module, "_MAX_ALONE", 0.0)
     on.node().step(0.0)
-    assert [line for line in on.told if "no gateway is seen yet" in line] == on.told[:1] != []
+    assert on.told == ["no gateway is seen yet. Does one run, do certificates and access rules let us in?"]
+
+
+def test_who_is_not_reached_is_said(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A router that is not there is named as long as it is not, by gateway and worker; the gateway works without it."""
+    monkeypatch.setattr(node_module, "_MAX_ALONE", 0.0)
+    far = f"tcp/127.0.0.1:{free_port()}"
+    alone = Node(open_session([], [far], None), None, on.told.append, [far])
+    alone.step(0.0)
+    assert on.told[0].startswith(f"no gateway is seen yet; not reached: {far}. Does one run")
+    session = open_session([], [far], None)
+    gateway = Gateway(session, on.library, Settings(), most=32, joints=SentJoints(), naming="auto", connect=[far])
+    assert f"not reached: {far}" in gateway.notes
+    router = open_session([far], [], None)
+    on.until(lambda: f"not reached: {far}" not in gateway.notes)
+    for each in (alone, gateway, router):
+        each.close()
+
+
+@pytest.mark.parametrize(
+    ("place", "reached"),
+    [
+        ("tcp/10.0.0.1:7447", True),
+        ("tls/10.0.0.1:1#iface=eth0", True),
+        ("tcp/10.0.0.2:7447", False),
+        ("tls/[fe80::1]:7447", True),
+        ("tcp/[fe80::2]:7447", False),
+        ("tcp/studio.local:7447", True),
+    ],
+)
+def test_a_host_is_reached_by_any_link_to_it(place: str, *, reached: bool) -> None:
+    """Either end may have begun the link; a host with a name may be any that is linked."""
+    links = [SimpleNamespace(dst="tcp/10.0.0.1:50123"), SimpleNamespace(dst="tls/[fe80::1]:7447")]
+    session = SimpleNamespace(info=SimpleNamespace(links=lambda: links))
+    assert unreached(session, [place]) == ([] if reached else [place])
+    session.info.links = list
+    assert unreached(session, [place]) == [place]
 
 
 def test_a_worker_that_opens_a_library_is_not_alone(on: Bus) -> None:

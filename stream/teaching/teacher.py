@@ -7,6 +7,7 @@ by `checked`. The caller may take any time for it: lessons go on meanwhile.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -29,8 +30,10 @@ if TYPE_CHECKING:
     from kinespace.stream.teaching.commands import Command
     from kinespace.stream.teaching.memory import Remembered
 
-#: Seconds without a frame after which a performer counts as absent.
-_GONE = 2.0
+#: Seconds without a frame after which a performer counts as absent, as long as the recognisers keep a performer.
+_GONE = 5.0
+#: Seconds between two ticks after which we count as stopped: frames of that time wait to be read.
+_STOPPED = 0.5
 #: Seconds by which a recording must be longer than its kept part to count as trimmed.
 _TRIMMED = 0.15
 
@@ -67,6 +70,8 @@ class Teacher:
         #: The performers of the examples that are being checked, and the times on their clocks.
         self._checking: dict[int, tuple[str, float]] = {}
         self._number = roster.next_number
+        #: The last tick, and the first one after we were stopped.
+        self._ticked = self._woke = -math.inf
 
     @property
     def lesson(self) -> Lesson | None:
@@ -87,14 +92,18 @@ class Teacher:
 
     def tick(self, now: float) -> list[Notice]:
         """Do the work that is due by the clock; call it some times a second."""
+        if now - self._ticked > _STOPPED:
+            self._woke = now
+        self._ticked = now
         lesson = self._lesson
         if lesson is None:
             return []
-        if now - self._memories[lesson.performer].heard > _GONE:
+        silent = self._silent(lesson.performer, now)
+        if silent > _GONE:
             self._lesson = None
             return [State(lesson.performer, Step.REFUSED, 0.0, "the performer has left")]
         # A sender that pauses sends no stillness, which would end the recording.
-        if lesson.step is Step.RECORDING and now - self._memories[lesson.performer].heard > MAX_PAUSE:
+        if lesson.step is Step.RECORDING and silent > MAX_PAUSE:
             return self._went(lesson, lesson.paused())
         told = lesson.tick(now)
         return [told] if told else []
@@ -273,10 +282,14 @@ class Teacher:
 
     def _present(self, name: str, now: float) -> str | None:
         """Find a performer who is present; without a name the performer who was heard last."""
-        there = {each: memory.heard for each, memory in self._memories.items() if now - memory.heard <= _GONE}
+        there = {each: memory.heard for each, memory in self._memories.items() if self._silent(each, now) <= _GONE}
         if name:
             return name if name in there else None
         return max(there, key=lambda each: there[each], default=None)
+
+    def _silent(self, name: str, now: float) -> float:
+        """Say for how many seconds a performer has sent nothing; the time for which we were stopped does not count."""
+        return now - max(self._memories[name].heard, self._woke)
 
     def _forget_absent(self, now: float) -> None:
         for name in [each for each, memory in self._memories.items() if now - memory.heard > 60.0]:

@@ -137,8 +137,14 @@ def picture(page: Page, name: str, folder: Path) -> None:
 
 
 def until(page: Page, condition: str) -> None:
-    """Wait until an expression is true in the page."""
-    page.wait_for_function(condition)
+    """Wait until an expression is true in the page; a failure says what the page shows."""
+    from playwright.sync_api import TimeoutError as TookTooLong  # noqa: PLC0415 - only where there is a Chromium
+
+    try:
+        page.wait_for_function(condition)
+    except TookTooLong:
+        shown = page.evaluate("[document.body.innerText, JSON.stringify(kinespace.control)]")
+        pytest.fail(f"not so after {PATIENCE:g} s: {condition}; the page shows {shown}")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")

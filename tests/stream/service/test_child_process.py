@@ -12,6 +12,7 @@ import pytest
 from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from multiprocessing.connection import Connection
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="this system cannot hold signals back")
@@ -45,6 +46,15 @@ def test_a_child_survives_signals_that_are_its_parents(termination: bool) -> Non
     ours.close()
 
 
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Ctrl-C interrupts here, whatever a program that ran before in this process made of it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_waits_until_the_start_is_done() -> None:
     """It comes at the end of the block, and later ones come at once."""
     done = []

@@ -27,14 +27,15 @@ class Stage:
     def __init__(self, roster: Roster | None = None) -> None:
         self.library = MotionLibrary.builtin()
         self.teacher = Teacher(self.library.skeleton, roster or Roster(), self.library.classes)
-        self.now = 0.0
+        #: Seconds by which frames are read late.
+        self.now = self.behind = 0.0
         self.told: list[Notice] = []
 
     def show(self, frames: Iterable[NDArray[np.float64]], performer: str = "ann") -> None:
         """Push frames; their own times are ahead of ours."""
         for positions in frames:
             self.now += 1 / RATE
-            self.told += self.teacher.push(Frame(performer, 100 + self.now, positions), self.now)
+            self.told += self.teacher.push(Frame(performer, 100 + self.now - self.behind, positions), self.now)
             self.told += self.teacher.tick(self.now)
 
     def stand(self, seconds: float, place: int = 40) -> None:
@@ -46,6 +47,12 @@ class Stage:
         positions = self.library.motions[place].positions
         self.show(positions)
         self.show([positions[-1]] * round(RATE))
+
+    def wait(self, seconds: float) -> None:
+        """Let time go by without frames."""
+        for _ in range(round(seconds * RATE)):
+            self.now += 1 / RATE
+            self.told += self.teacher.tick(self.now)
 
     def ask(self, command: Command) -> list[Notice]:
         """Give a command."""
@@ -195,8 +202,7 @@ def test_a_pause_in_the_feed_ends_a_recording() -> None:
     stage.ask(commands.Teach("ann", "wave", 2, 0.0))
     for _ in range(2):
         stage.show(stage.library.motions[40].positions)
-        stage.now += 1.0
-        stage.told += stage.teacher.tick(stage.now)
+        stage.wait(1.0)
     assert stage.steps().count(Step.CHECKING) == 2
     lasts = stage.library.motions[40].duration
     assert [each.seconds for each in stage.teacher.roster.examples] == [pytest.approx(lasts, abs=0.3)] * 2
@@ -234,10 +240,27 @@ def test_a_lesson_without_a_performer_is_refused() -> None:
     stage.ask(commands.Teach("bo", "wave"))
     assert stage.reason() == "no such performer is there"
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    stage.show(stage.library.motions[40].positions[:40])
-    stage.told += stage.teacher.tick(stage.now + 3)
+    stage.wait(5.2)
     assert stage.reason() == "the performer has left"
     assert stage.teacher.lesson is None
+    stage.ask(commands.Teach("ann", "wave"))
+    assert stage.reason() == "no such performer is there"
+
+
+def test_a_process_that_was_stopped_first_reads_what_waits() -> None:
+    """The time for which nobody asked the teacher is not the performer's silence: the recording goes on."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    motion = stage.library.motions[40].positions
+    for frames in (motion[:40], motion[40:]):
+        stage.show(frames)
+        stage.behind += 20.0
+        stage.now += 20.0
+        stage.told += stage.teacher.tick(stage.now)
+    assert stage.steps() == [Step.WAITING, Step.RECORDING]
+    stage.stand(1.0, 40)
+    assert stage.steps()[-1] is Step.CHECKING
 
 
 def test_standing_still_throughout() -> None:

@@ -214,6 +214,8 @@ def teaches(page: Page, performer: Performer) -> None:
     page.uncheck("#enabled")
     page.click("#class button:has-text('Close')")
     until(page, f"kinespace.control.off.includes('{SQUAT}')")
+    # Chromium closes a dialog some milliseconds after the click, and gives the keyboard back then.
+    until(page, f"document.activeElement.textContent.startsWith('{SQUAT}')")
     page.keyboard.press("t")
     page.keyboard.type("my squat")
     page.keyboard.press("Enter")

@@ -214,6 +214,7 @@ function rowOf(performer) {
 
 function listClasses() {
   const list = byId("classes");
+  const focused = page.rows?.find(({ row }) => row === document.activeElement)?.name;
   list.replaceChildren();
   page.rows = page.classes.map((name, index) => {
     const fill = made("span", { className: "fill" });
@@ -231,7 +232,11 @@ function listClasses() {
   });
   if (!page.classes.length) list.append(made("li", { className: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
   byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));
+  if (focused) focusClass(focused);
 }
+
+/** Give a class's new row the keyboard: the old one is gone. */
+const focusClass = (name) => page.rows.find((each) => each.name === name)?.row.focus();
 
 function listMotions() {
   const performer = page.performers.get(page.chosen);
@@ -350,6 +355,7 @@ function openClass(name) {
   dialog.onclose = () => {
     if (dialog.returnValue === "rename") ask({ do: "rename", class: name, to: byId("rename").value.trim() });
     if (dialog.returnValue === "forget") ask({ do: "forget", class: name });
+    focusClass(name);
   };
   dialog.showModal();
 }

@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 # Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup demo chaos test quick lint types pytest sanitize fuzz wheel-check clean
+.PHONY: setup demo chaos figures test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -33,9 +33,14 @@ $(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
 	$(INSTALL) '.[dev]'
 	@touch $(RUNS) $@
 
-# Seven minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
+# Eight minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
+# `make chaos TRIALS=--write` puts the table into the page; `TRIALS=--help` lists what else there is.
 chaos: setup
-	$(BIN)/kinespace chaos
+	PYTHONPATH=tests:tests/support $(BIN)/python -m chaos $(TRIALS)
+
+# Every figure of recognition and retrieval, some minutes; `make test` measures a few. `FIGURES=--update` writes them.
+figures: setup
+	$(BIN)/python tests/figures.py $(FIGURES)
 
 demo: $(RUNS)
 	@$(BIN)/kinespace demo

@@ -156,6 +156,11 @@ class Recognition:
     doubted: tuple[str, ...] = ()
 
     @property
+    def is_doubted(self) -> bool:
+        """Whether the body is implausible, or some of its joints cannot be believed."""
+        return self.outcome is Outcome.IMPLAUSIBLE or bool(self.doubted)
+
+    @property
     def best(self) -> int:
         """Index of the best guess: `guess`, or the class with the highest score."""
         return int(np.argmax(self.scores)) if self.guess is None else self.guess
@@ -198,12 +203,6 @@ class Recognition:
         others = self.scores.copy()
         others[self.best] = -np.inf
         return int(others.argmax())
-
-    @property
-    def runner_up(self) -> str | None:
-        """The class with the highest score apart from the best guess; None in a library of one class."""
-        second = self.second_index
-        return self.classes[second] if second >= 0 else None
 
     @property
     def margin(self) -> float:

@@ -18,7 +18,7 @@ from liblotools import LibloTools
 from programs import builtin_library
 from synthetic import stick_clips
 
-from kinespace.library.kernels import compiled
+from kinespace.library import kernels
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.recordings import find_recordings, read_recordings
 from kinespace.library.windows import index
@@ -55,8 +55,8 @@ for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(si
 
 #: Set to 1 where no test may be skipped for want of recordings or of others' programs.
 COMPLETE = "KINESPACE_COMPLETE"
-#: Why tests of the compiled loops skip.
-NO_LOOPS = "no compiled loops here: gcc or clang and Python's headers make them"
+#: Why tests of the compiled kernels skip.
+_NO_KERNELS = "no compiled kernels here: gcc or clang and Python's headers make them"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -81,11 +81,26 @@ def _folder(path: Path) -> Path:
 
 @pytest.fixture(scope="module", params=["compiled", "numpy"])
 def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Do the arithmetic in the compiled loops, and then again in numpy."""
-    if compiled.loops is None and request.param == "compiled":
-        _without(NO_LOOPS, "the compiled loops")
-    with compiled.left_aside() if request.param == "numpy" else nullcontext():
+    """Do the arithmetic in the compiled kernels, and then again in numpy."""
+    if kernels.compiled is None and request.param == "compiled":
+        _without(_NO_KERNELS, "the compiled kernels")
+    with kernels.left_aside() if request.param == "numpy" else nullcontext():
         yield request.param
+
+
+@pytest.fixture(scope="module", params=["any", "avx2", "avx512"])
+def width(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Use the compiled kernels of each width of registers that this processor has."""
+    built = kernels.compiled
+    if built is None:
+        _without(_NO_KERNELS, "the compiled kernels")
+    before = built.kind()
+    try:
+        built.use(request.param)
+    except ValueError as error:
+        pytest.skip(str(error))
+    yield request.param
+    built.use(before)
 
 
 @pytest.fixture(scope="session")

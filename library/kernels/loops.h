@@ -1,14 +1,18 @@
 /* The loops behind `compiled.c`, written once and compiled for each kind of processor.
  *
- * Whoever includes this says KIND(name), the name under which a function is compiled; LOOP, what is said of every
- * function, namely for which processor; and REGISTER, how many bytes its registers have that turn halves into floats,
- * 0 for none.
+ * The file that includes this one defines KIND(name), the name under which a function is compiled; LOOP, the attributes of
+ * every function, namely the processor it is for; and REGISTER, the bytes of the registers in which halves turn into
+ * floats, 0 for none.
+ *
+ * A kernel gets its arrays, their lengths n and its numbers x in the order of `kernels/table.py`, where they are checked;
+ * the comment before each kernel lists them.
  */
 
 #define HELPER LOOP static inline __attribute__((always_inline))
+#define KERNEL(name)                                                                                                    \
+    LOOP static double KIND(name)(void *const *restrict array, const Py_ssize_t *restrict n, const double *restrict x)
 
-/* As many numbers as a register has, how many floats these are, and how many such may be added up side by side with four
- * products each before the registers run out. */
+/* The bytes and floats of a register, and the sums of four products each that fit into the registers side by side. */
 #if REGISTER == 0
 #define BYTES 16
 #else
@@ -16,7 +20,7 @@
 #endif
 #define FLOATS (BYTES / 4)
 #define BESIDE (REGISTER == 64 ? 4 : 2)
-/* As many registers as the directions of a vector fill. */
+/* The registers that the directions of a vector fill. */
 #define WIDE (MAX_DIRECTIONS * 8 / BYTES)
 #define BLOCK_WIDE (BLOCK * 8 / BYTES)
 #define ROWS (REGISTER == 64 ? 8 : 4)
@@ -64,10 +68,13 @@ HELPER KIND(Floats) KIND(widen)(const Half *restrict halves) {
 LOGARITHMS(logs, KIND(Doubles), KIND(Longs), double, 0x3FE6A09E667F3BCD, 52, 21)
 LOGARITHMS(float_logs, KIND(Floats), KIND(Ints), float, 0x3F3504F3, 23, 9)
 
-/* Distances of frames (frames, joints, 3) between pairs (count, 2) of joints, to rows that are `stride` apart. */
-LOOP static void KIND(distances)(const double *restrict positions, Py_ssize_t frames, Py_ssize_t joints,
-                                 const Py_ssize_t *restrict pairs, Py_ssize_t count, double *restrict rows,
-                                 Py_ssize_t stride) {
+/* Distances of the first frames between pairs of joints. positions (frames, joints, 3), pairs (pairs, 2), rows (frames,
+ * pairs); n: frames, joints, pairs, from one row to the next; x: frames. */
+KERNEL(distances) {
+    const double *restrict positions = array[0];
+    const Py_ssize_t *restrict pairs = array[1];
+    double *restrict rows = array[2];
+    const Py_ssize_t frames = (Py_ssize_t)x[0], joints = n[1], count = n[2], stride = n[3];
     double places[MAX_JOINTS][3][TOGETHER];
     for (Py_ssize_t begin = 0; begin < frames; begin += TOGETHER) {
         Py_ssize_t some = frames - begin < TOGETHER ? frames - begin : TOGETHER;
@@ -91,13 +98,16 @@ LOOP static void KIND(distances)(const double *restrict positions, Py_ssize_t fr
             }
         }
     }
+    return 0.0;
 }
+
+/* ---- sums that follow the rows of a window (stream.recognizer.windows.moments) ----------------------------------- */
 
 /* Add rows at their times, with a weight, to sums (4, width): the reference, and of rows relative to it the sum, the sum
  * of products with time, and the sum of squares; and to a clock: the reference, the sum, the sum of squares. */
-LOOP static void KIND(add_rows)(double *restrict sums, Py_ssize_t width, double *restrict clock,
-                                const double *restrict rows, Py_ssize_t stride, const double *restrict times,
-                                Py_ssize_t count, double weight) {
+HELPER void KIND(add_rows)(double *restrict sums, Py_ssize_t width, double *restrict clock,
+                           const double *restrict rows, Py_ssize_t stride, const double *restrict times, Py_ssize_t count,
+                           double weight) {
     const double *restrict reference = sums;
     double *restrict sum = sums + width, *restrict along = sums + 2 * width, *restrict squares = sums + 3 * width;
     for (Py_ssize_t row = 0; row < count; row++) {
@@ -115,7 +125,7 @@ LOOP static void KIND(add_rows)(double *restrict sums, Py_ssize_t width, double 
 }
 
 /* The index of the largest of some numbers. */
-LOOP static Py_ssize_t KIND(largest)(const double *restrict numbers, Py_ssize_t count) {
+HELPER Py_ssize_t KIND(largest)(const double *restrict numbers, Py_ssize_t count) {
     double most = numbers[0];
 #pragma omp simd reduction(max : most)
     for (Py_ssize_t i = 1; i < count; i++) {
@@ -129,9 +139,9 @@ LOOP static Py_ssize_t KIND(largest)(const double *restrict numbers, Py_ssize_t 
 }
 
 /* Add points relative to a reference (width), with a weight, to their sum (width) and products (width, width). */
-LOOP static void KIND(add_products)(const double *restrict reference, double *restrict sum, double *restrict products,
-                                    int width, const double *restrict rows, Py_ssize_t stride, Py_ssize_t count,
-                                    double weight) {
+HELPER void KIND(add_products)(const double *restrict reference, double *restrict sum, double *restrict products,
+                               int width, const double *restrict rows, Py_ssize_t stride, Py_ssize_t count,
+                               double weight) {
     for (Py_ssize_t begin = 0; begin < count; begin += SOME_POINTS) {
         const Py_ssize_t some = count - begin < SOME_POINTS ? count - begin : SOME_POINTS;
         double relative[SOME_POINTS][MAX_DIRECTIONS] = {{0.0}};
@@ -156,16 +166,141 @@ LOOP static void KIND(add_products)(const double *restrict reference, double *re
     }
 }
 
+/* The sums of one span of a window: of moments, which have a clock, or of a covariance, which has products. */
+typedef struct {
+    const double *rows, *times;
+    Py_ssize_t stride, width, *places; /* the span's begin and end, counted as if no row had moved back */
+    double *drift, *reference, *sum, *clock, *products;
+    double seconds, most, tolerance, no_movement, end, moved;
+} KIND(Sums);
+
+HELPER void KIND(add)(const KIND(Sums) *sums, Py_ssize_t begin, Py_ssize_t end, double weight) {
+    const double *rows = sums->rows + begin * sums->stride;
+    if (sums->clock != NULL) {
+        KIND(add_rows)(sums->reference, sums->width, sums->clock, rows, sums->stride, sums->times + begin, end - begin, weight);
+    } else {
+        KIND(add_products)(sums->reference, sums->sum, sums->products, (int)sums->width, rows, sums->stride, end - begin, weight);
+    }
+}
+
+/* The largest sum of squares, which bounds the rounding of all sums, and the scatter of `count` rows that is left in it. */
+HELPER double KIND(scatter)(const KIND(Sums) *sums, double count, double *largest) {
+    double square = 0.0;
+    *largest = 0.0;
+    if (sums->clock != NULL) {
+        const Py_ssize_t place = KIND(largest)(sums->sum + 2 * sums->width, sums->width);
+        *largest = sums->sum[2 * sums->width + place];
+        square = sums->sum[place] * sums->sum[place];
+    } else {
+        for (Py_ssize_t i = 0; i < sums->width; i++) {
+            *largest += sums->products[i * sums->width + i];
+            square += sums->sum[i] * sums->sum[i];
+        }
+    }
+    return fmax(*largest - square / count, count * sums->drift[1]);
+}
+
+/* Forget all sums; the mean of the rows becomes the reference. */
+HELPER void KIND(begin)(const KIND(Sums) *sums, Py_ssize_t begin, Py_ssize_t end) {
+    const Py_ssize_t width = sums->width;
+    double mean = 0.0, square = 0.0;
+    memset(sums->reference, 0, sizeof(double) * (size_t)width);
+    for (Py_ssize_t row = begin; row < end; row++) {
+        for (Py_ssize_t i = 0; i < width; i++) {
+            sums->reference[i] += sums->rows[row * sums->stride + i];
+        }
+    }
+    for (Py_ssize_t i = 0; i < width; i++) {
+        sums->reference[i] /= (double)(end - begin);
+        mean += sums->reference[i] / (double)width;
+        square += sums->reference[i] * sums->reference[i];
+    }
+    memset(sums->sum, 0, sizeof(double) * (size_t)(sums->clock != NULL ? 3 * width : width));
+    if (sums->clock != NULL) {
+        sums->clock[0] = sums->times[end - 1];
+        sums->clock[1] = sums->clock[2] = 0.0;
+    } else if (sums->products != NULL) {
+        memset(sums->products, 0, sizeof(double) * (size_t)(width * width));
+    }
+    sums->drift[0] = 0.0;
+    sums->drift[1] = sums->no_movement * sums->no_movement * (sums->clock != NULL ? mean * mean : square);
+}
+
+/* Add the rows that entered the span since the last call and subtract those that left it; 1 if all are added afresh. */
+HELPER double KIND(follow_rows)(const KIND(Sums) *sums) {
+    const Py_ssize_t end = (Py_ssize_t)sums->end, moved = (Py_ssize_t)sums->moved, last = end - 1;
+    if (end == 0) {
+        return 0.0;
+    }
+    Py_ssize_t *places = sums->places;
+    Py_ssize_t left = places[0] > moved ? places[0] - moved : 0, entered = places[1] > moved ? places[1] - moved : 0;
+    left = left < last ? left : last;
+    entered = entered < end ? entered : end;
+    Py_ssize_t start = left;
+    const double too_old = sums->times[last] - sums->seconds;
+    while (start < last && (sums->times[start] <= too_old || (double)(last - start) >= sums->most)) {
+        start++;
+    }
+    places[0] = start + moved;
+    places[1] = end + moved;
+    Py_ssize_t gone = entered < start ? entered : start;
+    entered = entered > start ? entered : start;
+    gone = gone > left ? gone : left;
+    const Py_ssize_t new = end - entered, count = end - start;
+    int afresh = new > 0 && new == count;
+    double largest;
+    if (new > 0 && !afresh) {
+        KIND(add)(sums, entered, end, 1.0);
+        KIND(add)(sums, left, gone, -1.0);
+        const double scatter = KIND(scatter)(sums, (double)count, &largest);
+        sums->drift[0] += DBL_EPSILON * (double)(new + gone - left) * largest;
+        afresh = sums->drift[0] > sums->tolerance * scatter;
+    }
+    if (afresh) {
+        KIND(begin)(sums, start, end);
+        KIND(add)(sums, start, end, 1.0);
+        KIND(scatter)(sums, (double)count, &largest);
+        sums->drift[0] = DBL_EPSILON * (double)count * largest;
+    }
+    return afresh;
+}
+
+/* The moments of rows (rows, width) at times (rows). places (2), drift (2), sums (4, width): the reference, and of rows
+ * relative to it the sum, the products with time, the squares; clock (3); n: rows, width, from one row to the next; x:
+ * seconds and rows of the span at most, tolerance, no movement, end of the newest row, rows moved back. */
+KERNEL(follow) {
+    double *sums = array[4];
+    const KIND(Sums) all = {.rows = array[0], .times = array[1], .stride = n[2], .width = n[1], .places = array[2],
+                            .drift = array[3], .reference = sums, .sum = sums + n[1], .clock = array[5], .seconds = x[0],
+                            .most = x[1], .tolerance = x[2], .no_movement = x[3], .end = x[4], .moved = x[5]};
+    return KIND(follow_rows)(&all);
+}
+
+/* The covariance of points: as `follow`, with reference (width), sum (width) and products (width, width). */
+KERNEL(follow_products) {
+    const KIND(Sums) all = {.rows = array[0], .times = array[1], .stride = n[2], .width = n[1], .places = array[2],
+                            .drift = array[3], .reference = array[4], .sum = array[5], .products = array[6],
+                            .seconds = x[0], .most = x[1], .tolerance = x[2], .no_movement = x[3], .end = x[4], .moved = x[5]};
+    return KIND(follow_rows)(&all);
+}
+
+/* ---- parts of a signature (library.signature.parts) -------------------------------------------------------------- */
+
 HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
 
-/* Spread of a window of `count` rows with these sums, and posture and trend if they are wanted, all (width); gives its
- * movement. */
-LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, const double *restrict clock, double count,
-                              const double *restrict sizing, const Py_ssize_t *restrict segments, Py_ssize_t between,
-                              const double *restrict above, Py_ssize_t joints, const uint8_t *restrict ends, double floor,
-                              double level, double *restrict spread, double *restrict posture, double *restrict trend) {
-    const double *restrict reference = sums, *restrict sum = sums + width, *restrict along = sums + 2 * width;
-    const double *restrict squares = sums + 3 * width;
+/* Spread, posture and trend of a window, and its movement, which is returned. sums (4, width) and clock (3) as in `follow`,
+ * places (2); of the body sizing (width), segments (segments), above (segments, joints), ends (3, width); spread (width),
+ * posture and trend (width, or 0 where they are not wanted); n: width, segments, joints, lengths of posture and of trend;
+ * x: the noise's floor, the level removed. */
+KERNEL(read_parts) {
+    const Py_ssize_t width = n[0], between = n[1], joints = n[2], placed = n[3], trending = n[4];
+    const double *restrict reference = array[0], *restrict sum = reference + width, *restrict along = sum + width;
+    const double *restrict squares = along + width, *restrict clock = array[1], *restrict sizing = array[3];
+    const double *restrict above = array[5], floor = x[0], level = x[1];
+    const Py_ssize_t *restrict places = array[2], *restrict segments = array[4];
+    const uint16_t *restrict ends = array[6];
+    double *restrict spread = array[7], *restrict posture = array[8], *restrict trend = array[9];
+    const double count = (double)(places[1] - places[0]);
     const double per_row = 1.0 / count, middle = clock[1] * per_row, swing = clock[2] * per_row - middle * middle;
     const double per_swing = swing > 0.0 ? 1.0 / sqrt(swing) : 0.0;
     double size = 0.0, means = 0.0, variances = 0.0, total = 0.0;
@@ -180,7 +315,7 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     }
     /* A body in one point has no spread. */
     const double per_size = size > 0.0 ? 1.0 / size : 0.0, noise = floor * size;
-    for (Py_ssize_t i = 0; trend != NULL && i < width; i++) {
+    for (Py_ssize_t i = 0; trending && i < width; i++) {
         const double moved = spread[i] + noise, rising = (along[i] - sum[i] * middle) * per_row * per_swing;
         trend[i] = moved > 0.0 ? rising / moved : 0.0;
     }
@@ -204,15 +339,14 @@ LOOP static double KIND(parts)(const double *restrict sums, Py_ssize_t width, co
     for (Py_ssize_t i = 0; i < width; i++) {
         spread[i] -= removed;
     }
-    /* As many as there are bytes, so that no end is out of range. */
     double heights[MAX_JOINTS] = {0.0};
-    for (Py_ssize_t s = 0; posture != NULL && s < between; s++) {
+    for (Py_ssize_t s = 0; placed && s < between; s++) {
         const double length = reference[segments[s]] + sum[segments[s]] * per_row;
         for (Py_ssize_t j = 0; j < joints; j++) {
             heights[j] += length * above[s * joints + j];
         }
     }
-    for (Py_ssize_t i = 0; posture != NULL && i < width; i++) {
+    for (Py_ssize_t i = 0; placed && i < width; i++) {
         const double mean = reference[i] + sum[i] * per_row, down = 2 * heights[ends[2 * width + i]];
         const double length = between ? heights[ends[i]] + heights[ends[width + i]] - down : size;
         posture[i] = length > 0.0 ? mean / length : 0.0;
@@ -417,9 +551,18 @@ HELPER int KIND(pairs)(const double *restrict covariance, int size, int wide, in
     return 1;
 }
 
-LOOP static int KIND(eigenpairs)(const double *restrict covariance, int size, int count, double *restrict values,
-                                 double *restrict vectors) {
-    return KIND(pairs)(covariance, size, WIDE, count, values, vectors);
+/* The largest eigenvalues of covariances and their eigenvectors; 0 where a matrix holds NaN or infinity. covariances
+ * (matrices, size, size), values (matrices, k), vectors (matrices, k, size); n: matrices, size, k. */
+KERNEL(eigenpairs) {
+    const double *covariances = array[0];
+    double *values = array[1], *vectors = array[2];
+    (void)x;
+    for (Py_ssize_t m = 0; m < n[0]; m++) {
+        if (!KIND(pairs)(covariances + m * n[1] * n[1], (int)n[1], WIDE, (int)n[2], values + m * n[2], vectors + m * n[2] * n[1])) {
+            return 0.0;
+        }
+    }
+    return 1.0;
 }
 
 /* Multiply a symmetric matrix (size, size) with some vectors side by side (size, BLOCK); rows of which some sums are in
@@ -561,16 +704,15 @@ HELPER int KIND(iterate)(const double *restrict covariance, int size, double tra
 
 /* The largest eigenvalues of a covariance and their eigenvectors, again and again: a block (size, BLOCK), at first 0, takes
  * what is found over to the next time. */
-LOOP static int KIND(eigenpairs_again)(const double *restrict covariance, int size, int count, double trace,
-                                       double *restrict values, double *restrict vectors,
-                                       double (*restrict block)[BLOCK]) {
+HELPER int KIND(eigenpairs_again)(const double *restrict covariance, int size, int count, double trace,
+                                  double *restrict values, double *restrict vectors, double (*restrict block)[BLOCK]) {
     if (size < 2 * BLOCK || count < EIGENVECTORS || !(trace > 0.0)) {
-        return KIND(eigenpairs)(covariance, size, count, values, vectors);
+        return KIND(pairs)(covariance, size, WIDE, count, values, vectors);
     }
     if (KIND(iterate)(covariance, size, trace, values, vectors, block)) {
         return 1;
     }
-    if (!KIND(eigenpairs)(covariance, size, count, values, vectors)) {
+    if (!KIND(pairs)(covariance, size, WIDE, count, values, vectors)) {
         return 0;
     }
     /* The other vectors of a new block may be any. */
@@ -584,8 +726,8 @@ LOOP static int KIND(eigenpairs_again)(const double *restrict covariance, int si
 
 /* Covariance of `count` points with these sums and products, to covariance (size, size); gives its trace. Nothing of it is
  * left where there is hardly any. */
-LOOP static double KIND(covariance)(const double *restrict sum, const double *restrict products, int size, double count,
-                                    double none, double *restrict covariance) {
+HELPER double KIND(covariance)(const double *restrict sum, const double *restrict products, int size, double count,
+                               double none, double *restrict covariance) {
     const double each = 1.0 / count;
     double trace = 0.0;
     for (int i = 0; i < size; i++) {
@@ -601,48 +743,94 @@ LOOP static double KIND(covariance)(const double *restrict sum, const double *re
     return trace;
 }
 
+/* The eigenpairs of a window and its part `eigen`, scaled; gives the covariance's trace, NaN where a number is not finite.
+ * sum (size), products (size, size), places (2) and drift (2) as in `follow_products`; values (k), vectors and scaled (k,
+ * size); block (size, BLOCK), at first 0; n: size, k. */
+KERNEL(read_eigen) {
+    const int size = (int)n[0], most = (int)n[1];
+    const Py_ssize_t *places = array[2];
+    const double *drift = array[3];
+    double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], total = 0.0;
+    double *values = array[4], *vectors = array[5], *scaled = array[6];
+    (void)x;
+    const double trace = KIND(covariance)(array[0], array[1], size, (double)(places[1] - places[0]), drift[1], covariance);
+    if (!KIND(eigenpairs_again)(covariance, size, most, trace, values, vectors, array[7])) {
+        return (double)NAN;
+    }
+    for (int k = 0; k < most; k++) {
+        total += values[k] > 0.0 ? values[k] : 0.0;
+    }
+    for (int k = 0; k < most; k++) {
+        const double root = values[k] > 0.0 ? sqrt(sqrt(values[k] / total)) : 0.0;
+        for (int i = 0; i < size; i++) {
+            scaled[k * size + i] = root * vectors[k * size + i];
+        }
+    }
+    return trace;
+}
+
+/* ---- windows compared (library.windows.index) -------------------------------------------------------------------- */
+
 /* Add a factor times a lane of halves to sums. */
-HELPER void KIND(add)(const Half *restrict lane, float factor, KIND(Floats) *restrict sums) {
+HELPER void KIND(add_lane)(const Half *restrict lane, float factor, KIND(Floats) *restrict sums) {
     for (int j = 0; j < LANE / FLOATS; j++) {
         sums[j] += factor * KIND(widen)(lane + FLOATS * j);
     }
 }
 
-/* Place numbers by a metric: (numbers − origin) axes, to a vector (axes). The numbers are overwritten. */
-HELPER void KIND(place)(const Metric *metric, float *restrict numbers, float *restrict vector) {
-    for (Py_ssize_t i = 0; i < metric->numbers; i++) {
-        numbers[i] -= metric->origin[i];
-    }
-    for (Py_ssize_t begin = 0; begin < metric->stride; begin += LANE) {
+/* Map numbers by a metric: (numbers − origin) axes. numbers (numbers), origin (numbers), axes (numbers, a multiple of LANE),
+ * vector (kept); n: numbers, from one number's axes to the next, kept. */
+KERNEL(place) {
+    const double *restrict numbers = array[0];
+    const float *restrict origin = array[1];
+    const Half *restrict axes = array[2];
+    double *restrict vector = array[3];
+    (void)x;
+    for (Py_ssize_t begin = 0; begin < n[2]; begin += LANE) {
         KIND(Floats) sums[LANE / FLOATS] = {{0.0F}};
-        for (Py_ssize_t i = 0; i < metric->numbers; i++) {
-            KIND(add)(metric->axes + i * metric->stride + begin, numbers[i], sums);
+        for (Py_ssize_t i = 0; i < n[0]; i++) {
+            KIND(add_lane)(axes + i * n[1] + begin, (float)numbers[i] - origin[i], sums);
         }
-        const Py_ssize_t some = metric->kept - begin < LANE ? metric->kept - begin : LANE;
-        memcpy(vector + begin, sums, sizeof(float) * (size_t)some);
+        for (Py_ssize_t k = 0; k < LANE && begin + k < n[2]; k++) {
+            vector[begin + k] = (double)((float *)sums)[k];
+        }
     }
+    return 0.0;
 }
 
-/* Write the matrix Σᵢ sᵢ sᵢᵀ of scaled eigenvectors (count, size) as a vector (size (size + 1) / 2). */
-HELPER void KIND(flatten)(const double *restrict scaled, Py_ssize_t count, Py_ssize_t size, float *restrict vector) {
+/* Write the matrix Σᵢ sᵢ sᵢᵀ of scaled eigenvectors as a vector. scaled (vectors, size), vector (size (size + 1) / 2); n:
+ * vectors, size. */
+KERNEL(flatten) {
+    const double *restrict scaled = array[0];
+    double *restrict vector = array[1];
+    const Py_ssize_t count = n[0], size = n[1];
+    (void)x;
     for (Py_ssize_t i = 0; i < size; i++) {
-        for (Py_ssize_t j = i; j < size; j++) {
-            vector[j - i] = 0.0F;
-        }
+        float sums[MAX_DIRECTIONS] = {0.0F};
         for (Py_ssize_t k = 0; k < count; k++) {
             const double *restrict row = scaled + k * size;
             const float one = (float)(row[i] * sqrt(2.0));
             for (Py_ssize_t j = i; j < size; j++) {
-                vector[j - i] += one * (float)row[j];
+                sums[j - i] += one * (float)row[j];
             }
         }
-        vector[0] *= (float)sqrt(0.5);
-        vector += size - i;
+        sums[0] *= (float)sqrt(0.5);
+        for (Py_ssize_t j = i; j < size; j++) {
+            *vector++ = (double)sums[j - i];
+        }
     }
+    return 0.0;
 }
 
+/* Parts compared as one vector of so many axes, or as the matrices of so many scaled eigenvectors (0: a vector). */
+typedef struct {
+    Py_ssize_t axes, eigenvectors;
+    const Half *windows;  /* (lanes, axes or eigenvectors * axes, LANE) */
+    const float *lengths; /* |b|² + nearest, (lanes, LANE) */
+} KIND(Group);
+
 /* Squared distances of one lane of windows to a vector, given times −2, and a little more. */
-HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const float *restrict vector, float square,
+HELPER void KIND(distances_to)(const KIND(Group) *group, Py_ssize_t lane, const float *restrict vector, float square,
                                float *restrict squared) {
     const Half *windows = group->windows + lane * group->axes * LANE;
     const float *lengths = group->lengths + lane * LANE;
@@ -651,28 +839,28 @@ HELPER void KIND(distances_to)(const Group *group, Py_ssize_t lane, const float 
         sums[j] = *(const KIND(Floats) *)(lengths + FLOATS * j) + square;
     }
     for (Py_ssize_t k = 0; k < group->axes; k++) {
-        KIND(add)(windows + k * LANE, vector[k], sums);
+        KIND(add_lane)(windows + k * LANE, vector[k], sums);
     }
     memcpy(squared, sums, sizeof sums);
 }
 
-/* The same of scaled eigenvectors (EIGENVECTORS, axes), whose matrix is of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩². */
-HELPER void KIND(distances_between)(const Group *group, Py_ssize_t lane, const float *restrict scaled,
+/* The same of scaled eigenvectors (count, axes), whose matrix is of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩². */
+HELPER void KIND(distances_between)(const KIND(Group) *group, int count, Py_ssize_t lane, const float *restrict scaled,
                                     float *restrict squared) {
     for (int begin = 0; begin < LANE / FLOATS; begin += BESIDE) {
-        const Half *windows = group->windows + lane * EIGENVECTORS * group->axes * LANE + FLOATS * begin;
+        const Half *windows = group->windows + lane * count * group->axes * LANE + FLOATS * begin;
         KIND(Floats) squares[BESIDE] = {{0.0F}};
-        for (int i = 0; i < EIGENVECTORS; i++) {
+        for (int i = 0; i < count; i++) {
             KIND(Floats) products[EIGENVECTORS][BESIDE] = {{{0.0F}}};
             for (Py_ssize_t k = 0; k < group->axes; k++, windows += LANE) {
                 for (int j = 0; j < BESIDE; j++) {
                     const KIND(Floats) window = KIND(widen)(windows + FLOATS * j);
-                    for (int q = 0; q < EIGENVECTORS; q++) {
+                    for (int q = 0; q < count; q++) {
                         products[q][j] += scaled[q * group->axes + k] * window;
                     }
                 }
             }
-            for (int q = 0; q < EIGENVECTORS; q++) {
+            for (int q = 0; q < count; q++) {
                 for (int j = 0; j < BESIDE; j++) {
                     squares[j] += products[q][j] * products[q][j];
                 }
@@ -713,107 +901,97 @@ HELPER float KIND(least)(const float *restrict numbers, Py_ssize_t begin, Py_ssi
     return smallest;
 }
 
-/* For each view and class the mean of the two least numbers that different people's windows have in it. */
-HELPER void KIND(agree)(const Table *table, double *restrict agreed) {
-    for (Py_ssize_t v = 0; v < table->views; v++) {
-        const float *restrict numbers = table->products + v * table->lanes * LANE;
-        for (Py_ssize_t c = 0; c < table->classes; c++) {
-            const Py_ssize_t begin = table->class_starts[c], end = table->class_starts[c + 1];
-            float first = INFINITY, second = INFINITY;
-            for (Py_ssize_t b = begin; b < end; b++) {
-                const float least = KIND(least)(numbers, table->block_starts[b], table->block_starts[b + 1]);
-                const float larger = least < first ? first : least;
-                second = larger < second ? larger : second;
-                first = least < first ? least : first;
-            }
-            agreed[v * table->classes + c] = ((double)first + (double)(end - begin < 2 ? first : second)) / 2.0;
-        }
-    }
-}
-
-/* Write a part's numbers in the form of its metric to `room`. */
-HELPER void KIND(prepare)(const Part *part, const double *restrict numbers, float *restrict room) {
-    if (part->directions > 0) {
-        KIND(flatten)(numbers, part->vectors, part->directions, room);
-        return;
-    }
-    for (Py_ssize_t i = 0; i < part->metric.numbers; i++) {
-        room[i] = (float)numbers[i];
-    }
-}
-
-/* Compare a live window's parts with a table's windows, to logs (views, classes). */
-LOOP static void KIND(compare)(const Table *table, const double *const *numbers, double *restrict logs) {
+/* Compare a live window with all windows of a library. groups (groups, 4): axes, eigenvectors or 0, where its vector and its
+ * windows begin; windows; lengths (groups, windows of all lanes); weights (views, groups); block_starts (blocks + 1): where
+ * each person's windows in each class start; class_starts (classes + 1): where each class's blocks start; vectors; products
+ * (views, windows of all lanes), to work on; logs (views, classes); n: groups, halves, windows of all lanes, views, blocks +
+ * 1, classes + 1, numbers of all vectors, classes; x: the least squared distance, and whether negative |inner products| are
+ * weighed in place of log distances. */
+KERNEL(compare) {
+    const Py_ssize_t *restrict groups = array[0], *restrict block_starts = array[4], *restrict class_starts = array[5];
+    const float *restrict weights = array[3], nearest = (float)x[0];
+    const int by_products = x[1] != 0.0;
+    const double *restrict live = array[6];
+    float *restrict products = array[7];
+    double *restrict logs = array[8];
+    const Py_ssize_t count = n[0], every = n[2], views = n[3], classes = n[7];
     float vectors[MAX_PARTS][MAX_AXES], squares[MAX_PARTS] = {0.0F};
-    float(*placed)[MAX_AXES] = table->placed;
-    for (int p = 0; p < table->parts; p++) {
-        if (table->part[p].metric.kept > 0) {
-            KIND(prepare)(&table->part[p], numbers[p], table->room);
-            KIND(place)(&table->part[p].metric, table->room, placed[p]);
-        }
-    }
-    for (int g = 0; g < table->groups; g++) {
-        const Group *group = &table->group[g];
-        const Part *first = &table->part[group->members[0]];
-        Py_ssize_t end = 0;
-        if (group->between) {
-            memset(vectors[g], 0, sizeof vectors[g]);
-            for (Py_ssize_t i = 0; i < first->vectors * first->directions; i++) {
-                vectors[g][i] = (float)numbers[group->members[0]][i];
-            }
-            continue;
-        }
-        float *restrict joined = group->joint.kept > 0 ? table->room : vectors[g];
-        for (int m = 0; m < group->count; m++) {
-            const Py_ssize_t kept = table->part[group->members[m]].metric.kept;
-            memcpy(joined + end, placed[group->members[m]], sizeof(float) * (size_t)kept);
-            end += kept;
-        }
-        if (group->joint.kept > 0) {
-            KIND(place)(&group->joint, joined, vectors[g]);
+    KIND(Group) group[MAX_PARTS];
+    for (Py_ssize_t g = 0; g < count; g++) {
+        const Py_ssize_t axes = groups[4 * g], eigenvectors = groups[4 * g + 1];
+        group[g] = (KIND(Group)){.axes = axes, .eigenvectors = eigenvectors, .windows = (const Half *)array[1] + groups[4 * g + 3],
+                                 .lengths = (const float *)array[2] + g * every};
+        for (Py_ssize_t i = 0; i < axes * (eigenvectors ? eigenvectors : 1); i++) {
+            vectors[g][i] = (float)live[groups[4 * g + 2] + i];
         }
         /* |a − b|² = |a|² − 2 a b + |b|². */
-        for (Py_ssize_t i = 0; i < group->axes; i++) {
+        for (Py_ssize_t i = 0; i < axes && !eigenvectors; i++) {
             squares[g] += vectors[g][i] * vectors[g][i];
             vectors[g][i] *= -2.0F;
         }
     }
-    for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
-        KIND(Floats) views[MAX_VIEWS][LANE / FLOATS] = {{{0.0F}}};
+    for (Py_ssize_t lane = 0; lane < every / LANE; lane++) {
+        KIND(Floats) sums[MAX_VIEWS][LANE / FLOATS] = {{{0.0F}}};
         float squared[LANE];
-        for (int g = 0; g < table->groups; g++) {
-            const Group *group = &table->group[g];
-            if (group->between) {
-                KIND(distances_between)(group, lane, vectors[g], squared);
+        for (Py_ssize_t g = 0; g < count; g++) {
+            if (group[g].eigenvectors == EIGENVECTORS) {
+                KIND(distances_between)(&group[g], EIGENVECTORS, lane, vectors[g], squared);
+            } else if (group[g].eigenvectors) {
+                KIND(distances_between)(&group[g], (int)group[g].eigenvectors, lane, vectors[g], squared);
             } else {
-                KIND(distances_to)(group, lane, vectors[g], squares[g], squared);
+                KIND(distances_to)(&group[g], lane, vectors[g], squares[g], squared);
             }
             /* NaN counts as the farthest. */
             for (int w = 0; w < LANE; w++) {
                 const float one = squared[w] < FARTHEST ? squared[w] : FARTHEST;
-                squared[w] = one > table->nearest ? one : table->nearest;
+                squared[w] = one > nearest ? one : nearest;
+            }
+            for (int w = 0; w < LANE && by_products; w++) {
+                squared[w] = -sqrtf(squared[w] < 2.0F ? 1.0F - squared[w] / 2.0F : 0.0F);
             }
             for (int j = 0; j < LANE / FLOATS; j++) {
-                const KIND(Floats) logs_of = KIND(float_logs)(*(KIND(Floats) *)(squared + FLOATS * j));
-                for (int v = 0; v < table->views; v++) {
-                    views[v][j] += table->weights[v][g] * logs_of;
+                const KIND(Floats) each = *(KIND(Floats) *)(squared + FLOATS * j);
+                const KIND(Floats) logs_of = by_products ? each : KIND(float_logs)(each);
+                for (Py_ssize_t v = 0; v < views; v++) {
+                    sums[v][j] += weights[v * count + g] * logs_of;
                 }
             }
         }
-        for (int v = 0; v < table->views; v++) {
-            memcpy(table->products + (v * table->lanes + lane) * LANE, views[v], sizeof views[v]);
+        for (Py_ssize_t v = 0; v < views; v++) {
+            memcpy(products + v * every + lane * LANE, sums[v], sizeof sums[v]);
         }
     }
-    KIND(agree)(table, logs);
+    /* For each view and class the mean of the two least numbers that different people's windows have in it. */
+    for (Py_ssize_t v = 0; v < views; v++) {
+        for (Py_ssize_t c = 0; c < classes; c++) {
+            const Py_ssize_t begin = class_starts[c], end = class_starts[c + 1];
+            float first = INFINITY, second = INFINITY;
+            for (Py_ssize_t b = begin; b < end; b++) {
+                const float least = KIND(least)(products + v * every, block_starts[b], block_starts[b + 1]);
+                const float larger = least < first ? first : least;
+                second = larger < second ? larger : second;
+                first = least < first ? least : first;
+            }
+            logs[v * classes + c] = ((double)first + (double)(end - begin < 2 ? first : second)) / 2.0;
+        }
+    }
+    return 0.0;
 }
 
-/* Each class's best |inner product| of its windows' leading eigenvectors with another, to scores (classes). */
-LOOP static void KIND(scores)(const Table *table, const double *restrict eigenvector, double *restrict scores) {
-    float *restrict products = table->products;
-    for (Py_ssize_t lane = 0; lane < table->lanes; lane++) {
-        const float *restrict windows = table->eigenvectors + lane * table->directions * LANE;
+/* Each class's best |inner product| of its windows' leading eigenvectors with another. windows (lanes, directions, LANE);
+ * products (windows of all lanes), to work on; starts (classes + 1): where each class's windows start; eigenvector
+ * (directions), scores (classes); n: lanes, directions, LANE, windows of all lanes, classes + 1, classes. */
+KERNEL(scores) {
+    const float *restrict all = array[0];
+    float *restrict products = array[1];
+    const Py_ssize_t *restrict starts = array[2];
+    const double *restrict eigenvector = array[3];
+    double *restrict scores = array[4];
+    (void)x;
+    for (Py_ssize_t lane = 0; lane < n[0]; lane++) {
+        const float *restrict windows = all + lane * n[1] * LANE;
         float sums[LANE] = {0.0F};
-        for (Py_ssize_t k = 0; k < table->directions; k++) {
+        for (Py_ssize_t k = 0; k < n[1]; k++) {
             const float factor = (float)eigenvector[k];
             for (int w = 0; w < LANE; w++) {
                 sums[w] += factor * windows[k * LANE + w];
@@ -824,11 +1002,13 @@ LOOP static void KIND(scores)(const Table *table, const double *restrict eigenve
             products[lane * LANE + w] = -fabsf(sums[w]);
         }
     }
-    for (Py_ssize_t c = 0; c < table->classes; c++) {
-        const Py_ssize_t *starts = table->block_starts;
-        scores[c] = -(double)KIND(least)(products, starts[table->class_starts[c]], starts[table->class_starts[c + 1]]);
+    for (Py_ssize_t c = 0; c < n[5]; c++) {
+        scores[c] = -(double)KIND(least)(products, starts[c], starts[c + 1]);
     }
+    return 0.0;
 }
+
+/* ---- how far a motion is (stream.recognizer.progress) ------------------------------------------------------------ */
 
 /* e to the power of numbers: eˣ = 2ⁿ eʳ with |r| ≤ ln 2 / 2. Below −87 it is e⁻⁸⁷, as good as 0; no number is above 0. */
 HELPER KIND(Floats) KIND(float_exps)(KIND(Floats) numbers) {
@@ -857,8 +1037,17 @@ HELPER KIND(Floats) KIND(float_exps)(KIND(Floats) numbers) {
     return series * power.whole;
 }
 
+/* The moments of the recordings of one class, through which a body is followed, and the constants of a step. */
+typedef struct {
+    Py_ssize_t count, recordings, axes;
+    const double *phases, *beginning, *rounds, *alike; /* (count) each */
+    const Py_ssize_t *bins, *order, *starts;           /* (count), (count), (recordings) */
+    const float *vectors, *lengths;                    /* (axes, count), (count) */
+    double stay, one, two, changes, begins, again, sharpness, near;
+} KIND(Course);
+
 /* Move the probability of every moment on by one step, to `after`. */
-LOOP static void KIND(go_on)(const Course *course, const double *restrict before, double *restrict after) {
+LOOP static void KIND(go_on)(const KIND(Course) *course, const double *restrict before, double *restrict after) {
     const Py_ssize_t count = course->count;
     const double stay = course->stay, one = course->one, two = course->two;
     double mass[MAX_BINS] = {0.0}, beyond = 0.0;
@@ -890,8 +1079,8 @@ LOOP static void KIND(go_on)(const Course *course, const double *restrict before
 
 /* Weigh every moment by how alike the live one is; gives what the probabilities add up to. `room` has room for as many
  * floats as there are moments, and a register more. */
-LOOP static double KIND(weigh)(const Course *course, const float *restrict live, double *restrict belief,
-                               float *restrict room) {
+LOOP static double KIND(weigh)(const KIND(Course) *course, const float *restrict live, double *restrict belief,
+                          float *restrict room) {
     const Py_ssize_t count = course->count;
     memcpy(room, course->lengths, sizeof(float) * (size_t)count);
     for (Py_ssize_t k = 0; k < course->axes; k++) {
@@ -920,56 +1109,80 @@ LOOP static double KIND(weigh)(const Course *course, const float *restrict live,
     return total;
 }
 
-/* Take one step of the filter; what is told: the phase at which half the probability lies below, the probability near it,
- * and the mean of each of some rows of numbers. */
-LOOP static void KIND(follow_phase)(const Course *course, const float *restrict live, double *restrict belief,
-                                    double *restrict after, float *restrict room, double *restrict told) {
-    const Py_ssize_t count = course->count;
-    KIND(go_on)(course, belief, after);
-    const double total = KIND(weigh)(course, live, after, room);
+/* Take one step of the filter. course (4, moments): phases, the probabilities of beginning there and of a next round, one
+ * over the moments in the bin; indices (2, moments): bins, and the moments by their phase; starts (recordings); vectors
+ * (axes, moments), lengths (moments); expected (rows, moments); constants (8): how probable a step by 0, 1 and 2 is, a
+ * change, a beginning, a next round, the weight of a squared distance, which phases are near; live (axes); belief
+ * (moments), after (moments) and room (moments + a register) to work on; found (2 + rows): the phase below which half the
+ * probability lies, the probability near it, and the means of the rows; n: moments, recordings, axes, rows. */
+KERNEL(follow_phase) {
+    const Py_ssize_t count = n[0], *indices = array[1];
+    const double *numbers = array[0], *constants = array[6], *expected = array[5];
+    const float *live = array[7];
+    double *restrict belief = array[8], *restrict after = array[9], *restrict found = array[11];
+    float *restrict room = array[10];
+    const KIND(Course) course = {
+        .count = count, .recordings = n[1], .axes = n[2], .phases = numbers, .beginning = numbers + count,
+        .rounds = numbers + 2 * count, .alike = numbers + 3 * count, .bins = indices, .order = indices + count,
+        .starts = array[2], .vectors = array[3], .lengths = array[4], .stay = constants[0], .one = constants[1],
+        .two = constants[2], .changes = constants[3], .begins = constants[4], .again = constants[5],
+        .sharpness = constants[6], .near = constants[7]};
+    (void)x;
+    KIND(go_on)(&course, belief, after);
+    const double total = KIND(weigh)(&course, live, after, room);
     const double factor = total > 0.0 ? 1.0 / total : 0.0;
     for (Py_ssize_t i = 0; i < count; i++) {
-        belief[i] = total > 0.0 ? after[i] * factor : course->beginning[i];
+        belief[i] = total > 0.0 ? after[i] * factor : course.beginning[i];
     }
     double below = 0.0, near = 0.0;
     Py_ssize_t place = 0;
     for (; place < count - 1; place++) {
-        below += belief[course->order[place]];
+        below += belief[course.order[place]];
         if (below >= 0.5) {
             break;
         }
     }
-    const double phase = course->phases[course->order[place]], far = course->near;
+    const double phase = course.phases[course.order[place]], far = course.near;
 #pragma omp simd reduction(+ : near)
     for (Py_ssize_t i = 0; i < count; i++) {
-        near += fabs(course->phases[i] - phase) <= far ? belief[i] : 0.0;
+        near += fabs(course.phases[i] - phase) <= far ? belief[i] : 0.0;
     }
-    told[0] = phase;
-    told[1] = near;
-    for (Py_ssize_t row = 0; row < course->rows; row++) {
-        const double *restrict numbers = course->expected + row * count;
+    found[0] = phase;
+    found[1] = near;
+    for (Py_ssize_t row = 0; row < n[3]; row++) {
+        const double *restrict numbers = expected + row * count;
         double mean = 0.0;
 #pragma omp simd reduction(+ : mean)
         for (Py_ssize_t i = 0; i < count; i++) {
             mean += belief[i] * numbers[i];
         }
-        told[2 + row] = mean;
+        found[2 + row] = mean;
     }
+    return 0.0;
 }
 
-/* Where a body is and how it moves, whitened, to `live` (width); the squared length of the velocity, `back` points long and
- * times a factor; and the summed variance of points (count, directions). */
-LOOP static void KIND(moving)(const double *restrict points, Py_ssize_t count, Py_ssize_t stride, Py_ssize_t directions,
-                              Py_ssize_t back, double factor, const double *restrict whitening, Py_ssize_t width,
-                              float *restrict live, double *restrict square, double *restrict variance) {
+/* Where a body is and how it moves, whitened. points (points, directions), whitening (2 directions, axes), live (axes), found
+ * (2): the squared length of the velocity, the summed variance of the points; n: points, directions, rows of the whitening,
+ * axes, from one point to the next; x: the factor on the velocity, begin and end of the points that count, and the points
+ * before the newest at which the velocity begins. */
+KERNEL(moving) {
+    const Py_ssize_t begin_at = (Py_ssize_t)x[1], count = (Py_ssize_t)x[2] - begin_at, directions = n[1], width = n[3];
+    const Py_ssize_t stride = n[4], back = (Py_ssize_t)x[3] < count ? (Py_ssize_t)x[3] : count - 1;
+    const double *restrict points = (const double *)array[0] + begin_at * stride, *restrict whitening = array[1];
+    const double factor = x[0];
+    float *restrict live = array[2];
+    double *restrict found = array[3];
+    if (count < 1) {
+        return 0.0;
+    }
     const double *restrict now = points + (count - 1) * stride, *restrict before = now - back * stride;
     double vector[2 * MAX_DIRECTIONS], mean[MAX_DIRECTIONS] = {0.0}, squares[MAX_DIRECTIONS] = {0.0};
-    *square = *variance = 0.0;
+    found[0] = found[1] = 0.0;
     for (Py_ssize_t d = 0; d < directions; d++) {
         const double velocity = factor * (now[d] - before[d]);
         vector[d] = now[d];
         vector[directions + d] = velocity;
-        *square += velocity * velocity;
+        found[0] += velocity * velocity;
     }
     for (Py_ssize_t p = 0; p < count; p++) {
         for (Py_ssize_t d = 0; d < directions; d++) {
@@ -983,7 +1196,7 @@ LOOP static void KIND(moving)(const double *restrict points, Py_ssize_t count, P
         }
     }
     for (Py_ssize_t d = 0; d < directions; d++) {
-        *variance += squares[d] / (double)count;
+        found[1] += squares[d] / (double)count;
     }
     for (Py_ssize_t begin = 0; begin < width; begin += MAX_DIRECTIONS) {
         const Py_ssize_t some = width - begin < MAX_DIRECTIONS ? width - begin : MAX_DIRECTIONS;
@@ -997,12 +1210,18 @@ LOOP static void KIND(moving)(const double *restrict points, Py_ssize_t count, P
             live[begin + k] = (float)sums[k];
         }
     }
+    return 0.0;
 }
 
-/* The steps of a body's joints (frames, joints, 3) from frame to frame, the first from `last` (joints, 3); give the largest
- * sum of squares of a frame's steps about their mean, NaN if there is one. */
-LOOP static double KIND(steps)(const double *restrict positions, Py_ssize_t frames, Py_ssize_t joints,
-                               const double *restrict last, double *restrict steps) {
+/* ---- which joints can be believed (stream.recognizer.joints.plausibility) ----------------------------------------- */
+
+/* The steps of joints from frame to frame, the first from `last`; gives the largest sum of squares of a frame's steps about
+ * their mean, NaN if there is one. positions (frames, joints, 3), last (joints, 3), steps (frames, joints, 3); n: frames,
+ * joints; x: frames. */
+KERNEL(steps) {
+    const double *restrict positions = array[0], *restrict last = array[1];
+    double *restrict steps = array[2];
+    const Py_ssize_t frames = (Py_ssize_t)x[0], joints = n[1];
     double largest = 0.0;
     for (Py_ssize_t f = 0; f < frames; f++) {
         const double *restrict now = positions + f * joints * 3;
@@ -1025,12 +1244,13 @@ LOOP static double KIND(steps)(const double *restrict positions, Py_ssize_t fram
     return largest;
 }
 
-/* Of segments between joints (segments, 2), in some frames (frames, joints, 3): the mean of the least and greatest length,
- * and how far they are apart, (2, segments); and how far each joint moves along an axis at most, (joints). NaN counts only
- * where there is nothing else. */
-LOOP static void KIND(extremes)(const double *restrict positions, Py_ssize_t frames, Py_ssize_t joints,
-                                const Py_ssize_t *restrict ends, Py_ssize_t segments, double *restrict lengths,
-                                double *restrict moved) {
+/* How segments and joints change in some frames: the mean of each segment's least and greatest length, and their
+ * difference; and how far each joint moves along an axis at most. NaN counts only where there is nothing else. positions
+ * (frames, joints, 3), ends (segments, 2), lengths (2, segments), moved (joints); n: frames, joints, segments; x: frames. */
+KERNEL(extremes) {
+    const double *restrict positions = array[0];
+    const Py_ssize_t *restrict ends = array[1], frames = (Py_ssize_t)x[0], joints = n[1], segments = n[2];
+    double *restrict lengths = array[2], *restrict moved = array[3];
     for (Py_ssize_t s = 0; s < segments; s++) {
         double least = (double)NAN, greatest = (double)NAN;
         for (Py_ssize_t f = 0; f < frames; f++) {
@@ -1057,9 +1277,11 @@ LOOP static void KIND(extremes)(const double *restrict positions, Py_ssize_t fra
         }
         moved[j] = most;
     }
+    return 0.0;
 }
 
 #undef HELPER
+#undef KERNEL
 #undef BYTES
 #undef FLOATS
 #undef BESIDE

@@ -112,7 +112,7 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     arrays: dict[str, Any] = _encoded(contents.motions)
     if contents.learned:
         arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in contents.learned.arrays().items()}
-    with _replacing(path) as file:
+    with replacing(path) as file:
         (np.savez_compressed if compressed else np.savez)(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
 
 
@@ -154,7 +154,7 @@ def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[BinaryIO]:
+def replacing(path: Path) -> Iterator[BinaryIO]:
     """Open a file that takes another file's place once it is whole and on the disk."""
     if not path.absolute().parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
@@ -164,7 +164,7 @@ def _replacing(path: Path) -> Iterator[BinaryIO]:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        # mkstemp makes a private file; a library gets the permissions of any new file.
+        # mkstemp makes a private file; ours gets the permissions of any new file.
         mask = os.umask(0)
         os.umask(mask)
         Path(temporary).chmod(0o666 & ~mask)

@@ -2,16 +2,3 @@
 
 from kinespace.library.naming.convention import Convention, ConventionError, convention_named, conventions, spelling
 from kinespace.library.naming.naming import AS_THEY_ARE, AUTO, NamedJoints, Naming, told
-
-__all__ = [
-    "AS_THEY_ARE",
-    "AUTO",
-    "Convention",
-    "ConventionError",
-    "NamedJoints",
-    "Naming",
-    "convention_named",
-    "conventions",
-    "spelling",
-    "told",
-]

@@ -8,21 +8,22 @@ share (`Skeleton 001_Hip`).
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from string import digits
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from kinespace.library.naming import hdm05
+from kinespace.library.naming.checked_toml import Text, read_toml
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
 _ENDING = ".toml"
-_KEYS = ("title", "prefixes", "sides", "absent", "joints")
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 #: The end of a namespace or a path.
 _NAMESPACE = re.compile(r".*[:|]")
@@ -129,6 +130,38 @@ def convention_named(text: str) -> Convention:
     return found
 
 
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    """A convention as written; `sides` is a pair of words for left and right, or a list of such pairs."""
+
+    joints: dict[str, str]
+    title: Text = ""
+    prefixes: tuple[Text, ...] = ()
+    sides: tuple[tuple[Text, Text], ...] = ()
+    absent: tuple[Text, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse joints that HDM05 lacks, and names that have two targets."""
+        targets = dict[str, str]()
+        for name, target in self.targets():
+            if target and target not in hdm05.SKELETON.joints:
+                raise ValueError(f"joints: expected one of HDM05's joints or nothing, got {target!r}")
+            if targets.setdefault(spelling(name), target) != target:
+                raise ValueError(f"joints: expected each name once, got {name!r} twice")
+        if len(set(targets.values()) - {""}) < 2:
+            raise ValueError(f"joints: expected at least two of HDM05's joints, got {self.joints!r}")
+
+    def targets(self) -> list[tuple[str, str]]:
+        """Give each name and its joint, on both sides."""
+        return [each for name, target in self.joints.items() for each in self.both_sides(name, target.strip())]
+
+    def both_sides(self, name: str, target: str = "") -> list[tuple[str, str]]:
+        """Replace `*` by each word for a side."""
+        if _SIDE not in name:
+            return [(name, target)]
+        words = [(word, letter) for pair in self.sides for word, letter in zip(pair, "lr", strict=True)]
+        return [(name.replace(_SIDE, word), target.replace(_SIDE, letter)) for word, letter in words]
+
+
 def parse_convention(text: str, file: str) -> Convention:
     """Read a convention from TOML.
 
@@ -144,67 +177,19 @@ def parse_convention(text: str, file: str) -> Convention:
     ConventionError
         The text is no TOML, or something in it is wrong, missing or unknown.
     """
-    try:
-        table: dict[str, object] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConventionError(f"{file}: expected TOML, got a mistake: {error}") from error
-    if unknown := [key for key in table if key not in _KEYS]:
-        raise ConventionError(f"{file}: expected {', '.join(_KEYS)}, got {unknown[0]}")
+    read = read_toml(text, file, _File, ConventionError, _written_out)
     name = Path(file).name.removesuffix(_ENDING)
-    sides = _sides(table.get("sides", []), file)
-    title = table.get("title", name)
-    if not isinstance(title, str) or not title.strip():
-        raise ConventionError(f"{file}: title: expected a text, got {title!r}")
     return Convention(
         name=name,
-        title=title.strip(),
-        targets=_targets(table.get("joints"), sides, file),
-        prefixes=tuple(map(spelling, _texts(table.get("prefixes", []), "prefixes", file))),
-        absent=frozenset(
-            spelling(each)
-            for pattern in _texts(table.get("absent", []), "absent", file)
-            for each, _ in _both_sides(pattern, "", sides)
-        ),
+        title=read.title.strip() or name,
+        targets={spelling(each): target for each, target in read.targets()},
+        prefixes=tuple(map(spelling, read.prefixes)),
+        absent=frozenset(spelling(each) for pattern in read.absent for each, _ in read.both_sides(pattern)),
     )
 
 
-def _texts(value: object, key: str, file: str) -> list[str]:
-    if not isinstance(value, list) or not all(isinstance(each, str) and each for each in value):
-        raise ConventionError(f"{file}: {key}: expected a list of texts, got {value!r}")
-    return value
-
-
-def _sides(value: object, file: str) -> list[list[str]]:
-    """Read `["Left", "Right"]`, or a list of several such pairs."""
-    pairs = [value] if isinstance(value, list) and value and not isinstance(value[0], list) else value
-    if not isinstance(pairs, list):
-        raise ConventionError(f"{file}: sides: expected a list of left and right, got {value!r}")
-    read = [_texts(pair, "sides", file) for pair in pairs]
-    if any(len(pair) != len("lr") for pair in read):
-        raise ConventionError(f"{file}: sides: expected left and right, got {value!r}")
-    return read
-
-
-def _targets(value: object, sides: list[list[str]], file: str) -> dict[str, str]:
-    if not isinstance(value, dict) or not all(isinstance(target, str) for target in value.values()):
-        raise ConventionError(f"{file}: joints: expected a table with one of HDM05's joints for each name")
-    targets = dict[str, str]()
-    for key, given in cast("dict[str, str]", value).items():
-        for name, target in _both_sides(key, given.strip(), sides):
-            if target and target not in hdm05.SKELETON.joints:
-                raise ConventionError(f"{file}: joints: expected one of HDM05's joints or nothing, got {target!r}")
-            if targets.setdefault(spelling(name), target) != target:
-                raise ConventionError(f"{file}: joints: expected each name once, got {name!r} twice")
-    if len({target for target in targets.values() if target}) < 2:
-        raise ConventionError(f"{file}: joints: expected at least two of HDM05's joints")
-    return targets
-
-
-def _both_sides(name: str, target: str, sides: list[list[str]]) -> Iterator[tuple[str, str]]:
-    """Replace `*` by each word for a side."""
-    if _SIDE not in name:
-        yield name, target
-        return
-    for left, right in sides:
-        yield name.replace(_SIDE, left), target.replace(_SIDE, "l")
-        yield name.replace(_SIDE, right), target.replace(_SIDE, "r")
+def _written_out(table: dict[str, Any]) -> dict[str, Any]:
+    """Write one pair of sides as a list of pairs."""
+    sides = table.get("sides")
+    pair = isinstance(sides, list) and bool(sides) and not isinstance(sides[0], list)
+    return table | {"sides": [sides]} if pair else table

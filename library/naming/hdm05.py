@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from kinespace.library.clip import Clip
 
 #: The name of a motion's source.
 SOURCE = "HDM05"
@@ -66,3 +69,9 @@ def read_clip_name(path: Path) -> ClipName | None:
     if named is None or int(named["rate"]) == 0:
         return None
     return ClipName(named["actor"], named["class"] or "", named["take"] or named["uncut"], float(named["rate"]))
+
+
+def titled(clip: Clip, path: Path) -> Clip:
+    """Give a clip the class, the actor and the take of its file's name, where the file is named like HDM05's."""
+    named = read_clip_name(path)
+    return replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.motion_library import NOTHING
 from kinespace.library.progress.warping import agreed_phases
 
 if TYPE_CHECKING:
@@ -19,9 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
-    from kinespace.library.windows.basis import Basis
-    from kinespace.library.windows.body import Body
-    from kinespace.library.windows.index import WindowIndex
+    from kinespace.library.signature.basis import Basis
+    from kinespace.library.signature.body import Body
 
 #: Moments of a recording that are kept, a second.
 MOMENTS_PER_SECOND = 15.0
@@ -90,25 +87,41 @@ class PhaseTable:
         Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
     basis
         The basis of postures.
+    courses
+        For each class its clips, and their numbers that do not depend on other classes.
     """
 
     classes: Mapping[str, Moments]
     whitening: NDArray[np.float64] = field(repr=False)
     basis: Basis = field(repr=False)
+    courses: Mapping[str, tuple[tuple[Clip, ...], _Courses]] = field(repr=False)
 
     @classmethod
-    def of(cls, motions: Iterable[Clip], body: Body, basis: Basis) -> PhaseTable:
+    def of(cls, motions: Iterable[Clip], body: Body, basis: Basis, known: PhaseTable | None = None) -> PhaseTable:
         """Find the phases of motions that share a skeleton.
 
         Motions shorter than twice `VELOCITY_SECONDS` are left out, because they cannot be followed.
+
+        Parameters
+        ----------
+        motions, body, basis
+            The motions, and the body and basis of their skeleton.
+        known
+            A table of some of the same motions: a class that did not change is not computed again.
         """
         performed: dict[str, list[Clip]] = {}
         for clip in motions:
             if clip.duration >= 2 * VELOCITY_SECONDS:
                 performed.setdefault(clip.class_name, []).append(clip)
-        courses = {name: _courses(tuple(clips), body, basis) for name, clips in performed.items()}
+        before = known.courses if known and known.basis is basis else {}
+        courses = dict[str, _Courses]()
+        for name, clips in performed.items():
+            same, found = before.get(name, ((), None))
+            is_same = len(same) == len(clips) and all(one is other for one, other in zip(same, clips, strict=True))
+            courses[name] = found if found and is_same else _courses(clips, body, basis)
         whitening = _telling(courses.values(), _whitening(courses.values(), 2 * basis.directions.shape[1]))
-        return cls({name: _moments(each, whitening) for name, each in courses.items()}, whitening, basis)
+        moments = {name: _moments(each, whitening) for name, each in courses.items()}
+        return cls(moments, whitening, basis, {name: (tuple(performed[name]), courses[name]) for name in courses})
 
 
 class _Courses(NamedTuple):
@@ -122,9 +135,8 @@ class _Courses(NamedTuple):
     cyclic: bool
 
 
-@lru_cache(maxsize=64)
-def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
-    """Compute the numbers of a class; kept, because a library with one more class keeps its other classes."""
+def _courses(clips: Sequence[Clip], body: Body, basis: Basis) -> _Courses:
+    """Compute the numbers of a class."""
     points = [points_of(clip, body, basis) for clip in clips]
     moving = [with_velocity(each) for each in points]
     scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
@@ -133,13 +145,6 @@ def _courses(clips: tuple[Clip, ...], body: Body, basis: Basis) -> _Courses:
     half = basis.directions.shape[1]
     cyclic = _is_cyclic(points, [each[:, half:] for each in moving])
     return _Courses(moving, phases, [_swings(each) for each in points], actors, cyclic)
-
-
-@lru_cache(maxsize=4)
-def phase_table(index: WindowIndex) -> PhaseTable:
-    """Give the phase table of an opened library; several followers share it."""
-    named = [motion for motion in index.library.motions if motion.class_name != NOTHING]
-    return PhaseTable.of(named, index.body, index.basis)
 
 
 def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:

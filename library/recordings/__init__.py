@@ -14,18 +14,3 @@ from kinespace.library.recordings.reader import (
     read_recordings,
     segments_beside,
 )
-
-__all__ = [
-    "RAW",
-    "ActorIn",
-    "Reading",
-    "RecordingError",
-    "RecordingReader",
-    "find_recordings",
-    "instead_of_recording",
-    "is_recording",
-    "labelled",
-    "performed",
-    "read_recordings",
-    "segments_beside",
-]

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import zipfile
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from kinespace.library.naming import Naming
 from kinespace.library.recordings import memory
-from kinespace.library.recordings.formats import acclaim, bvh, joint_table, utkinect
+from kinespace.library.recordings.formats import acclaim, bvh, joint_table
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import chosen
 from kinespace.library.recordings.formats.labels import labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
-from kinespace.library.recordings.formats.markers.c3d_process import C3dProcess
 from kinespace.library.recordings.formats.units import metres_of
 
 if TYPE_CHECKING:
@@ -23,16 +26,20 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.recordings.formats.labels import Segment
 
-_AMC, _BVH, _C3D = ".amc", ".bvh", ".c3d"
+_AMC, _C3D, _NPZ = ".amc", ".c3d", ".npz"
 #: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
 RAW = ".kinerec"
+_TABLES = (".csv", _NPZ)
 #: Readers of the files that hold their own skeleton, by ending.
-_READERS: dict[str, Callable[..., Clip]] = {_BVH: bvh.read_clip, _C3D: c3d.read_clip, ".trc": trc.read_clip}
-_ENDINGS = (_AMC, *_READERS, RAW)
-_TABLES = (".csv", ".npz")
-_NAMED = f"{', '.join(_ENDINGS)}, a table in {' or '.join(_TABLES)}, or UTKinect's .txt"
-#: Bytes of memory for each byte of text in a file: a number of two characters takes eight. C3D has its own limit.
-_TIMES_TEXT = 4
+_READERS: dict[str, Callable[..., Clip]] = {
+    ".bvh": bvh.read_clip,
+    _C3D: c3d.read_clip,
+    ".trc": trc.read_clip,
+}
+_NAMED = f"{', '.join([_AMC, *_READERS, RAW])}, a table in {' or '.join(_TABLES)}"
+#: Bytes of memory for each byte in a file: a number takes two characters or more, or two bytes in a C3D, and eight in
+#: each of the arrays that are computed one from the other.
+_TIMES, _TIMES_C3D = 4, 10
 
 
 class ActorIn(StrEnum):
@@ -92,9 +99,9 @@ class Reading:
 
 
 def is_recording(path: Path) -> bool:
-    """Say whether a file can be read, by its ending, UTKinect's kind of name, or a table's columns."""
+    """Say whether a file can be read, by its ending or a table's columns."""
     ending = path.suffix.lower()
-    return ending in _ENDINGS or utkinect.is_take(path) or (ending in _TABLES and joint_table.is_joint_table(path))
+    return joint_table.is_joint_table(path) if ending in _TABLES else ending in (_AMC, *_READERS, RAW)
 
 
 def instead_of_recording(path: Path) -> str:
@@ -144,13 +151,11 @@ def read_recordings(paths: Sequence[Path], reading: Reading | None = None) -> It
     OSError
         The file cannot be opened.
     """
-    with RecordingReader(reading) as reader:
-        for path in paths:
-            yield reader.clip(path)
+    yield from map(RecordingReader(reading).clip, paths)
 
 
 class RecordingReader:
-    """Reads recordings of any format; keeps skeletons and the C3D process for the next recording. A context manager.
+    """Reads recordings of any format; keeps skeletons for the next recording.
 
     Parameters
     ----------
@@ -161,13 +166,6 @@ class RecordingReader:
     def __init__(self, reading: Reading | None = None) -> None:
         self._reading = reading or Reading()
         self._bodies = dict[Path, acclaim.AcclaimSkeleton]()
-        self._process = C3dProcess()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.close()
 
     def clips(self, path: Path) -> Sequence[Clip]:
         """Read one recording: one clip, or of a raw recording one clip for each performer.
@@ -183,7 +181,9 @@ class RecordingReader:
             return [self.clip(path)]
         if self._reading.raw is None:
             raise RecordingError(f"{path}: expected a motion file, got a raw recording: kinespace convert makes one")
-        return [self._named(self._chosen(clip, path)) for clip in self._reading.raw(path)]
+        clips = self._reading.raw(path)
+        with _errors_naming(path):
+            return [self._named(_with_joints(clip, self._reading.joints)) for clip in clips]
 
     def clip(self, path: Path) -> Clip:
         """Read one recording of a single performer.
@@ -195,60 +195,30 @@ class RecordingReader:
         OSError
             The file cannot be opened.
         """
-        self._require_recording(path)
-        if path.suffix.lower() == RAW:
+        if not is_recording(path):
+            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
+        ending = path.suffix.lower()
+        if ending == RAW:
             clips = self.clips(path)
             if len(clips) > 1:
                 told = ", ".join(clip.actor for clip in clips)
                 raise RecordingError(f"{path}: the recording has several performers ({told})")
             return clips[0]
-        if path.suffix.lower() != _C3D:
-            self._require_memory(path)
-        if path.suffix.lower() in _TABLES:
-            return self._named(joint_table.read_clip(path, **self._options(path)))
-        if reader := utkinect.read_clip if utkinect.is_take(path) else _READERS.get(path.suffix.lower()):
-            return self._named(reader(path, **self._options(path)))
-        clip = acclaim.read_clip(path, self._body(path), frame_rate=self._reading.frame_rate)
-        return self._named(self._chosen(clip, path))
-
-    def pieces(self, path: Path) -> Iterator[Clip]:
-        """Read one recording as consecutive clips: AMC and BVH some seconds at a time, to save memory.
-
-        C3D and TRC come in one piece, because missing markers are interpolated over the whole recording.
-
-        Raises
-        ------
-        RecordingError, OSError
-            As `clip`, once the place of the mistake is reached.
-        """
-        ending = path.suffix.lower()
-        if ending == _BVH:
-            yield from map(self._named, bvh.read_pieces(path, **self._options(path)))
-        elif ending == _AMC:
-            for piece in acclaim.read_pieces(path, self._body(path), frame_rate=self._reading.frame_rate):
-                yield self._named(self._chosen(piece, path))
-        else:
-            yield self.clip(path)
-
-    def _require_recording(self, path: Path) -> None:
-        if not is_recording(path):
-            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
-
-    @staticmethod
-    def _require_memory(path: Path) -> None:
-        try:
-            memory.require(_TIMES_TEXT * path.stat().st_size, str(path))
-        except ValueError as error:
-            raise RecordingError(str(error)) from error
-
-    def _options(self, path: Path) -> dict[str, Any]:
-        reading = self._reading
-        options = {
-            "metres_per_unit": reading.metres_per_unit,
-            "frame_rate": reading.frame_rate,
-            "joints": reading.joints,
-        }
-        return options | ({"process": self._process} if path.suffix.lower() == _C3D else {})
+        with _errors_naming(path):
+            memory.require(_memory_for(path), "memory")
+            reading = self._reading
+            if ending == _AMC:
+                clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
+                return self._named(_with_joints(clip, reading.joints))
+            read = _READERS.get(ending, joint_table.read_clip)
+            return self._named(
+                read(
+                    path,
+                    metres_per_unit=reading.metres_per_unit,
+                    frame_rate=reading.frame_rate,
+                    joints=reading.joints,
+                )
+            )
 
     def _body(self, path: Path) -> acclaim.AcclaimSkeleton:
         file = self._reading.asf or acclaim.find_asf(path)
@@ -262,9 +232,6 @@ class RecordingReader:
         if named.joints == clip.skeleton.joints:
             return clip
         return replace(clip, skeleton=replace(clip.skeleton, joints=named.joints), naming=named.title)
-
-    def _chosen(self, clip: Clip, path: Path) -> Clip:
-        return _with_joints(clip, self._reading.joints, path) if self._reading.joints else clip
 
 
 def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Clip:
@@ -286,23 +253,40 @@ def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
 
 
 def segments_beside(take: Path) -> tuple[Segment, ...] | None:
-    """Read the labels that lie beside a take: a file with its name, or UTKinect's; None if there are none.
+    """Read the labels in a file beside a take that has its name; None if there are none.
 
     Raises
     ------
-    LabelError, UTKinectError
+    LabelError
         The labels cannot be used.
     """
-    if labels := labels_beside(take):
-        return read_labels(labels[0])
-    if utkinect.is_take(take) and take.with_name(utkinect.LABELS).is_file():
-        return utkinect.read_segments(take)
-    return None
+    labels = labels_beside(take)
+    return read_labels(labels[0]) if labels else None
 
 
-def _with_joints(clip: Clip, wanted: Sequence[str], path: Path) -> Clip:
+@contextmanager
+def _errors_naming(path: Path) -> Iterator[None]:
+    """Name a file in the errors that do not name it yet; numbers too large to compute with are such an error."""
     try:
-        kept = chosen(clip.skeleton.joints, wanted)
-        return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
+    except RecordingError:
+        raise
     except ValueError as error:
         raise RecordingError(f"{path}: {error}") from error
+
+
+def _memory_for(path: Path) -> int:
+    """Give the bytes that a file takes when it is read, at most."""
+    if path.suffix.lower() == _NPZ:
+        with zipfile.ZipFile(path) as archive:
+            return _TIMES * sum(each.file_size for each in archive.infolist())
+    return path.stat().st_size * (_TIMES_C3D if path.suffix.lower() == _C3D else _TIMES)
+
+
+def _with_joints(clip: Clip, wanted: Sequence[str]) -> Clip:
+    """Restrict a clip to the joints that are wanted; ValueError where it lacks one."""
+    if not wanted:
+        return clip
+    kept = chosen(clip.skeleton.joints, wanted)
+    return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.index import WindowIndex
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -34,8 +34,6 @@ _GOOD, _NOT_TOLD = 0.05, 0.5
 _UNLIKE = 2.0
 #: Examples from which on what is unknown is learned anew only when their number has changed by more than this share.
 _MANY, _FEW = 200, 0.05
-#: Sets of fewer joints, and rosters, that stay open.
-_MAX_FEWER = 3
 #: Other examples of a class, and windows of an example, that a check uses, at most.
 _CHECKED, _WINDOWS = 5, 60
 
@@ -138,11 +136,6 @@ class Roster:
         """Give the examples as a library, disabled classes among them; None when there are none."""
         return MotionLibrary.of_clips([each.motion for each in self.examples]) if self.examples else None
 
-    def restricted_to(self, joints: Collection[str]) -> Roster:
-        """Give the examples with some of their joints."""
-        fewer = (replace(each, recording=each.recording.restricted_to(joints)) for each in self.examples)
-        return replace(self, examples=tuple(fewer))
-
     @classmethod
     def of_library(cls, library: MotionLibrary) -> Roster:
         """Take a library's motions as examples, in the order of their takes' numbers if these are numbers."""
@@ -174,9 +167,6 @@ class TaughtWindows:
         self._base, self._beside = base, beside
         self._everything = base
         self._known: dict[tuple[str, float, float, int], Clip] = {}
-        #: The last rosters, by the library of their index; and the windows of bodies with fewer joints.
-        self._rosters: list[tuple[MotionLibrary, Roster]] = []
-        self._fewer: dict[tuple[str, ...], TaughtWindows] = {}
         #: What is unknown, as so many examples taught it.
         self._judged: tuple[int, Rejection | None] = 0, None
 
@@ -185,31 +175,8 @@ class TaughtWindows:
         """Classes that are known without examples."""
         return self._base.library.classes if self._base and self._beside else ()
 
-    def of_fewer(self, library: MotionLibrary, joints: tuple[str, ...]) -> MotionLibrary | WindowIndex:
-        """Give the library of an opened roster as a body of some of its joints shows it; for one thread at a time."""
-        roster = next((each for known, each in self._rosters if known is library), None)
-        is_base = self._base is not None and library is self._base.library
-        if roster is None and not is_base:
-            return library.restricted_to(joints)
-        if joints not in self._fewer:
-            base = self._base and opened(self._base.library.restricted_to(joints))
-            while len(self._fewer) >= _MAX_FEWER:
-                del self._fewer[next(iter(self._fewer))]
-            self._fewer[joints] = TaughtWindows(base, beside=self._beside)
-        fewer = self._fewer[joints]
-        # Before the first example the base is opened, so that the first class is recognised as soon as the next ones.
-        index = fewer.index_of(roster.restricted_to(joints)) if roster else fewer._base  # noqa: SLF001 - its own class
-        return index or library.restricted_to(joints)
-
     def index_of(self, roster: Roster) -> WindowIndex | None:
         """Open a roster; None when there is no motion to compare with."""
-        index = self._opened(roster)
-        if index:
-            # Another thread may read the list meanwhile.
-            self._rosters = [*self._rosters[-_MAX_FEWER:], (index.library, roster)]
-        return index
-
-    def _opened(self, roster: Roster) -> WindowIndex | None:
         enabled = [each for each in roster.examples if each.class_name not in roster.disabled]
         if self._base is None:
             library = Roster(tuple(enabled)).library()
@@ -233,17 +200,17 @@ class TaughtWindows:
         places = [place for place, motion in enumerate(self._everything.library.motions) if id(motion) in wanted]
         if not np.isin(self._everything.motions, places).any():
             return None
-        kept = self._everything.of_some(places)
         # A base taught by strangers tells what is unknown; without one the examples do.
-        index = replace(kept, judged_by=self._base.rejection if self._beside else self._learned(kept, len(enabled)))
-        index.prepare()
-        return index
+        index = self._everything.of_some(places, learns=not self._beside)
+        if not self._beside:
+            index = replace(index, judged_by=self._learned(index, len(enabled)))
+        return index.prepared()
 
     def _learned(self, index: WindowIndex, examples: int) -> Rejection:
         """Learn what is unknown from so many examples; learning is slow, and among many a few more do not matter."""
         count, rejection = self._judged
         if rejection is None or examples < _MANY or abs(examples - count) > _FEW * examples:
-            rejection = replace(index, judged_by=None).rejection
+            rejection = index.rejection
             self._judged = examples, rejection
         return rejection
 
@@ -339,8 +306,8 @@ def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
     mine = index.motions == place
     windows = np.flatnonzero(mine)
     windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]
-    named = index.comparison.weighing.named
-    return np.array([named(index.own_distances(window, mine)) for window in windows.tolist()])
+    named, ask = index.comparison.weighing.named, index.asking()
+    return np.array([named(ask(window, mine)) for window in windows.tolist()])
 
 
 def _is_example(motion: Clip, number: int) -> bool:

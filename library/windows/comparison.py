@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.windows.cutting import FIRST_WINDOW
-from kinespace.library.windows.metric import Lessons, Metric, learned_metric
-from kinespace.library.windows.parts import (
+from kinespace.library.signature.parts import (
     EIGEN_LONG,
     EIGEN_SHORT,
+    EIGENVECTORS,
     PARTS,
     POSTURE,
     SHORT_PARTS,
@@ -27,6 +26,8 @@ from kinespace.library.windows.parts import (
     Part,
     flattened,
 )
+from kinespace.library.windows.cutting import FIRST_WINDOW
+from kinespace.library.windows.metric import Lessons, Metric, learned_metric
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,6 +38,8 @@ Group = tuple[Part, ...]
 
 #: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
+#: Added to 1 − |inner product|² before the logarithm.
+_SAME_PRODUCT = 1e-3
 #: Axes that are kept of each part, and of a group of several parts.
 _PART_AXES, MAX_AXES = 64, 128
 #: Axes of such a group that tell the very classes apart that taught them: the other axes differ between people. Classes
@@ -60,6 +63,16 @@ class Weighing:
         For each view the weight of each group; a view's weights add up to 1.
     first
         Seconds from a motion's start to the end of its first window in the library.
+    eigenvectors
+        Eigenvectors of an eigen part.
+    nearest
+        Added to squared distances before the logarithm: windows at a smaller distance count as the same.
+    is_weighted
+        Whether every moving pair weighs alike in the basis; if not, each weighs as much as it varies.
+    by_products
+        Whether persons agree by their |inner products|, as in the paper, and not by their log distances.
+    judges
+        Whether known motion is told from unknown; if not, a guess is named unless its eigenvector is arbitrary.
 
     Raises
     ------
@@ -70,6 +83,11 @@ class Weighing:
     groups: tuple[Group, ...]
     views: tuple[tuple[float, ...], ...]
     first: float
+    eigenvectors: int = EIGENVECTORS
+    nearest: float = NEAREST
+    is_weighted: bool = True
+    by_products: bool = False
+    judges: bool = True
 
     def __post_init__(self) -> None:
         for view in self.views:
@@ -106,7 +124,10 @@ class Weighing:
     def named(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Give the log distance of each class for naming, from distances by all `weights` (..., classes)."""
         nearest: NDArray[np.float64] = np.minimum.reduce(logs[: len(self.views)])
-        return nearest
+        if not self.by_products:
+            return nearest
+        logs_of: NDArray[np.float64] = np.log1p(_SAME_PRODUCT - np.square(np.maximum(nearest, -1.0)))
+        return logs_of
 
     def alone(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Give the log distances by each group alone, from distances by all `weights`."""
@@ -127,6 +148,24 @@ ACROSS_LABORATORIES = Weighing(
 )
 #: Within a laboratory one metric over all parts also learns how parts vary together between people.
 WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), first=FIRST_WINDOW)
+
+
+def by_paper(seconds: float) -> Weighing:
+    """Compare as Le Naour et al. (2012, section 3) do: the leading eigenvector of one window, by |inner products|.
+
+    With one eigenvector, a squared distance is 2 (1 − inner product²). The log distance of a class is the logarithm of
+    1 − product², of the mean product of its two nearest persons.
+    """
+    return Weighing(
+        groups=((Part(Kind.EIGEN, seconds),),),
+        views=((1.0,),),
+        first=FIRST_WINDOW,
+        eigenvectors=1,
+        nearest=0.0,
+        is_weighted=False,
+        by_products=True,
+        judges=False,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

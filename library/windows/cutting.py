@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.kernels.eigenvectors import eigenpairs
-from kinespace.library.windows.parts import (
-    BASIS_LENGTHS,
-    DISTANCE_LENGTHS,
+from kinespace.library.kernels import bind
+from kinespace.library.signature.parts import (
     EIGENVECTORS,
     PARTS,
     Eigenpairs,
@@ -18,19 +16,20 @@ from kinespace.library.windows.parts import (
     Moments,
     Part,
     eigen,
+    lengths_of,
     posture,
     spread,
     trend,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
-    from kinespace.library.windows.basis import Basis
-    from kinespace.library.windows.body import Body
+    from kinespace.library.signature.basis import Basis
+    from kinespace.library.signature.body import Body
 
 #: Seconds after which a feed is first answered, and at which a motion's first window ends.
 FIRST_WINDOW = 0.15
@@ -60,7 +59,7 @@ def window_ends(clip: Clip, every: float, first: float = FIRST_WINDOW) -> NDArra
 
 
 class CutWindows:
-    """The numbers of all parts of some motions' windows.
+    """The numbers of some motions' windows.
 
     Parameters
     ----------
@@ -70,69 +69,82 @@ class CutWindows:
         For each motion the frames before which its windows end (`window_ends`).
     body, basis
         The body and the basis of the skeleton.
+    parts, eigenvectors
+        The parts that are wanted, and the eigenvectors of an eigen part.
     """
 
-    def __init__(self, clips: Sequence[Clip], ends: Sequence[NDArray[np.intp]], body: Body, basis: Basis) -> None:
-        self._body = body
-        moments: list[list[Moments]] = []
-        eigenpairs: list[list[Eigenpairs]] = []
+    def __init__(  # noqa: PLR0913, PLR0917 - motions, and how windows are read
+        self,
+        clips: Sequence[Clip],
+        ends: Sequence[NDArray[np.intp]],
+        body: Body,
+        basis: Basis,
+        parts: Sequence[Part] = PARTS,
+        eigenvectors: int = EIGENVECTORS,
+    ) -> None:
+        self._parts, self._body = tuple(parts), body
+        of_distances, in_basis = lengths_of(parts)
+        moments: dict[float, list[Moments]] = {seconds: [] for seconds in of_distances}
+        pairs: dict[float, list[Eigenpairs]] = {seconds: [] for seconds in in_basis}
         for clip, end in zip(clips, ends, strict=True):
             rows = distance_rows(clip.positions, clip.skeleton)
-            moments.append(_moments(rows, clip.frame_rate, end))
+            for seconds, found in zip(of_distances, _moments(rows, clip.frame_rate, end, of_distances), strict=True):
+                moments[seconds].append(found)
             points = rows @ basis.directions
-            covariances = (window_covariances(points, clip, end, seconds) for seconds in BASIS_LENGTHS)
-            eigenpairs.append([eigenpairs_of(each) for each in covariances])
+            for seconds, each in pairs.items():
+                each.append(eigenpairs_of(window_covariances(points, clip, end, seconds), eigenvectors))
         self._moments = {
-            seconds: Moments(*_joined(each, ("mean", "deviation", "trend")))
-            for seconds, each in zip(DISTANCE_LENGTHS, zip(*moments, strict=True), strict=True)
+            seconds: Moments(*_joined(each, ("mean", "deviation", "trend"))) for seconds, each in moments.items()
         }
         self.eigenpairs = {
-            seconds: Eigenpairs(*_joined(each, ("values", "vectors")))
-            for seconds, each in zip(BASIS_LENGTHS, zip(*eigenpairs, strict=True), strict=True)
+            seconds: Eigenpairs(*_joined(each, ("values", "vectors"))) for seconds, each in pairs.items()
         }
 
     def moments(self, seconds: float) -> Moments:
-        """Give the moments over one of `DISTANCE_LENGTHS`."""
+        """Give the moments over one of the lengths of distances."""
         return self._moments[seconds]
 
-    def numbers(self, parts: Sequence[Part] = PARTS) -> dict[Part, NDArray[np.float64]]:
-        """Give the numbers of some parts, each (windows, numbers)."""
-        return numbers_of(parts, self._moments, self.eigenpairs, self._body)
-
-
-def numbers_of(
-    parts: Sequence[Part], moments: Mapping[float, Moments], eigenpairs: Mapping[float, Eigenpairs], body: Body
-) -> dict[Part, NDArray[np.float64]]:
-    """Compute parts of some windows from their moments and eigenpairs, by length in seconds.
-
-    Returns
-    -------
-    The numbers of each part, (windows, numbers).
-    """
-    return {
-        part: eigen(eigenpairs[part.seconds])
-        if part.kind is Kind.EIGEN
-        else OF_DISTANCES[part.kind](moments[part.seconds], body)
-        for part in parts
-    }
+    def numbers(self) -> dict[Part, NDArray[np.float64]]:
+        """Give the numbers of the parts, each (windows, numbers)."""
+        return {
+            part: eigen(self.eigenpairs[part.seconds])
+            if part.kind is Kind.EIGEN
+            else _OF_DISTANCES[part.kind](self._moments[part.seconds], self._body)
+            for part in self._parts
+        }
 
 
 #: The function that computes each kind of part from moments.
-OF_DISTANCES = {Kind.SPREAD: spread, Kind.POSTURE: posture, Kind.TREND: trend}
+_OF_DISTANCES = {Kind.SPREAD: spread, Kind.POSTURE: posture, Kind.TREND: trend}
 
 
-def eigenpairs_of(covariances: NDArray[np.float64]) -> Eigenpairs:
-    """Find the leading eigenpairs of covariances (windows, directions, directions)."""
-    return Eigenpairs(*eigenpairs(covariances, EIGENVECTORS))
+def eigenpairs_of(covariances: NDArray[np.float64], most: int = EIGENVECTORS) -> Eigenpairs:
+    """Find the leading eigenpairs of covariances (windows, directions, directions).
+
+    Raises
+    ------
+    ValueError
+        A covariance holds NaN or infinity.
+    """
+    count, size, _ = covariances.shape
+    found = min(most, size)
+    values, vectors = np.empty((count, found)), np.empty((count, found, size))
+    if not bind("eigenpairs", np.ascontiguousarray(covariances), values, vectors)():
+        raise ValueError("covariances: expected finite numbers")
+    return Eigenpairs(values, vectors)
 
 
-def _moments(rows: NDArray[np.float64], frame_rate: float, ends: NDArray[np.intp]) -> list[Moments]:
-    """Compute the moments of all windows of one motion, by length."""
-    found = [Moments(*np.empty((3, len(ends), rows.shape[1]))) for _ in DISTANCE_LENGTHS]
+def _moments(
+    rows: NDArray[np.float64], frame_rate: float, ends: NDArray[np.intp], lengths: Sequence[float]
+) -> list[Moments]:
+    """Compute the moments of all windows of one motion, for each length."""
+    found = [Moments(*np.empty((3, len(ends), rows.shape[1]))) for _ in lengths]
+    if not found:
+        return found
     # Windows that end near each other share most of their frames, so their sums are one matrix product.
     for begin in range(0, len(ends), _TOGETHER):
         some = slice(begin, begin + _TOGETHER)
-        starts = [_starts(ends[some], frame_rate, seconds) for seconds in DISTANCE_LENGTHS]
+        starts = [_starts(ends[some], frame_rate, seconds) for seconds in lengths]
         first, last = min(int(each.min()) for each in starts), int(ends[some][-1])
         frames = np.arange(first, last)
         reference = rows[first:last].mean(axis=0)

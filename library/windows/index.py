@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.kernels.aligned import give_back_memory
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.basis import Basis
-from kinespace.library.windows.body import Body
+from kinespace.library.kernels import plain
+from kinespace.library.memory import give_back_memory
+from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.progress.phase_table import PhaseTable
+from kinespace.library.signature.basis import Basis
+from kinespace.library.signature.body import Body
+from kinespace.library.signature.parts import lengths_of
+from kinespace.library.windows.comparer import Comparer, Laid
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
 from kinespace.library.windows.kept import WEIGHINGS, kept_of, with_kept
-from kinespace.library.windows.laid import Windows
-from kinespace.library.windows.metric import Lessons, rounded
-from kinespace.library.windows.parts import EIGEN_LONG
+from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, typical_evidence
+from kinespace.library.windows.segments import Segments
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
+    from kinespace.library.signature.parts import Part
     from kinespace.library.skeleton import Skeleton
-    from kinespace.library.windows.parts import Part
 
 #: Seconds between two windows that are kept of a motion: in a library of one person, and of several persons.
 _EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4
@@ -39,11 +42,14 @@ _MEASURED_AT = 30.0
 _BASIS_AT = 10.0
 #: Windows from which metrics are learned, at most, and windows whose numbers are in memory at once, about.
 _MAX_LESSONS, _PIECE = 10_000, 4_000
+#: Views by fewer joints that an index keeps.
+MAX_VIEWS = 8
 #: Persons needed to learn metrics: with fewer, metrics are learned from the built-in library's persons.
 _TEACHERS = 3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+# Without slots: what an index computes at first use stays with it.
+@dataclass(frozen=True, eq=False)
 class WindowIndex:
     """The windows of a library's motions, by class and person.
 
@@ -54,42 +60,27 @@ class WindowIndex:
     body, basis, comparison
         How windows are computed and compared.
     vectors
-        For each group the windows' vectors, shape (windows, axes), float32, rounded to half precision.
+        For each group the windows' vectors, shape (windows, axes), or (windows, eigenvectors, directions).
     eigenvectors
         The leading eigenvector of each window over two seconds, in the basis, shape (windows, directions), float32.
     motions
         Index of each window's motion, ascending, shape (windows,).
     judged_by
         The rejection of unknown motions; None when it is learned from the motions at first use.
-    classes
-        The class names of all windows, sorted; `nothing` among them when the library holds such motions.
+    origin
+        The index that this one was derived from, and how; None for the index of a library.
     """
 
     library: MotionLibrary
     body: Body
     basis: Basis
     comparison: Comparison
-    vectors: tuple[NDArray[np.float32], ...] = field(repr=False)
+    vectors: tuple[NDArray[np.float16], ...] = field(repr=False)
     eigenvectors: NDArray[np.float32] = field(repr=False)
     motions: NDArray[np.intp] = field(repr=False)
     judged_by: Rejection | None = field(default=None, repr=False)
-    classes: tuple[str, ...] = field(init=False)
-    blocks: Blocks = field(init=False, repr=False)
-    _windows: Windows = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        names = [self.library.motions[index].class_name for index in self.motions]
-        classes = sorted(set(names))
-        object.__setattr__(self, "classes", tuple(classes))
-        people = [self.library.motions[index].actor for index in self.motions]
-        object.__setattr__(self, "blocks", Blocks.of(np.searchsorted(classes, names), people))
-        windows = Windows(self.comparison, self.vectors, self.eigenvectors, self.blocks)
-        object.__setattr__(self, "_windows", windows)
-
-    @property
-    def rejection(self) -> Rejection:
-        """The rejection of unknown motions; learned from the motions at first use."""
-        return self.judged_by or _rejection(self)
+    origin: Origin | None = field(default=None, repr=False)
+    _views: dict[tuple[str, ...], WindowIndex] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, library: MotionLibrary, teacher: MotionLibrary | None = None, weighing: Weighing | None = None) -> Self:
@@ -117,11 +108,11 @@ class WindowIndex:
             measured = _Measured.of(library, _every(library), weighing.first)
             placed = measured.placed(comparison, body, kept.basis)
             return cls(library, body, kept.basis, comparison, placed.vectors, placed.eigenvectors, measured.motions)
-        basis = learned_basis(teacher)
+        basis = learned_basis(teacher, weighted=weighing.is_weighted)
         taught = _Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
         lessons = taught.thinned(_MAX_LESSONS)
-        cut = CutWindows(lessons.clips, lessons.ends, body, basis)
-        numbers = cut.numbers(weighing.parts)
+        cut = CutWindows(lessons.clips, lessons.ends, body, basis, weighing.parts, weighing.eigenvectors)
+        numbers = cut.numbers()
         comparison = Comparison.learned(weighing, numbers, _lessons(teacher, lessons.motions))
         comparison = comparison.of_taught_classes() if library is teacher else comparison
         again = library is teacher and _every(library) == _EVERY_SEVERAL
@@ -134,6 +125,96 @@ class WindowIndex:
 
     def __len__(self) -> int:
         return len(self.motions)
+
+    @cached_property
+    def classes(self) -> tuple[str, ...]:
+        """The class names of all windows, sorted; `nothing` among them when the library holds such motions."""
+        return tuple(sorted({class_name for class_name, _ in self._whose}))
+
+    @cached_property
+    def _whose(self) -> list[tuple[str, str]]:
+        """The class and the person of each window."""
+        motions = self.library.motions
+        return [(motions[place].class_name, motions[place].actor) for place in self.motions.tolist()]
+
+    @cached_property
+    def laid(self) -> Laid:
+        """The windows as they are compared, for all comparers."""
+        return Laid.of(self.comparison, self.vectors, self.eigenvectors, self._whose)
+
+    @cached_property
+    def rejection(self) -> Rejection:
+        """The rejection of unknown motions; learned from the motions at first use."""
+        if self.judged_by:
+            return self.judged_by
+        learned, weighing = self.library.learned, self.comparison.weighing
+        # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
+        if learned is None or not self.library.judged_by_strangers or weighing != usual_weighing(self.library):
+            return learned_rejection(self)
+        rejection = Rejection.of_kept(learned, len(weighing.groups))
+        fewer = len(self.library.skeleton.joints) < rejection.joints
+        return rejection.moved_to(typical_evidence(self)) if fewer else rejection
+
+    @cached_property
+    def phases(self) -> PhaseTable:
+        """The moments of the motions with their phases, by which progress is followed."""
+        named = [motion for motion in self.framed.motions if motion.class_name != NOTHING]
+        known = self.origin.source.__dict__.get("phases") if self.origin else None
+        return PhaseTable.of(named, self.body, self.basis, known)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """The segments of the motions' bodies."""
+        return Segments.of(self.framed)
+
+    @cached_property
+    def framed(self) -> MotionLibrary:
+        """The motions with all their frames: a view by fewer joints keeps none."""
+        joints = self.origin.joints if self.origin else ()
+        return self.origin.source.framed.restricted_to(joints) if self.origin and joints else self.library
+
+    def by_joints(self, joints: Sequence[str]) -> WindowIndex:
+        """Give the windows as a body of some of the joints shows them; takes a second where the library is large.
+
+        The view's motions keep no frames, only their classes and persons. The last `MAX_VIEWS` views are kept.
+
+        Raises
+        ------
+        ValueError
+            No motion is long enough for a window.
+        SkeletonMismatchError
+            Fewer than five of the joints are the library's.
+        """
+        key = tuple(joints)
+        view = self._views.get(key)
+        if view is None:
+            while len(self._views) >= MAX_VIEWS:
+                self._views.pop(next(iter(self._views)), None)
+            view = self._views[key] = self._viewed_by(key)
+        return view
+
+    def has_view(self, joints: tuple[str, ...]) -> bool:
+        """Whether `by_joints` has these windows open."""
+        return joints in self._views
+
+    def _viewed_by(self, joints: tuple[str, ...]) -> WindowIndex:
+        origin = self.origin
+        if origin and origin.joints:
+            return origin.source.by_joints(joints)
+        if origin and origin.added:
+            fewer = [clip.restricted_to(joints) for clip in origin.added]
+            view = origin.source.by_joints(joints).with_motions(fewer, origin.every)
+        elif origin and origin.kept:
+            view = origin.source.by_joints(joints).of_some(origin.kept, learns=origin.learns)
+        else:
+            weighing = self.comparison.weighing
+            view = WindowIndex.of(self.library.restricted_to(joints), weighing=weighing)
+        bare = (replace(motion, positions=motion.positions[:2].copy()) for motion in view.library.motions)
+        view = replace(
+            view, library=replace(view.library, motions=tuple(bare)), origin=Origin(self, joints=joints)
+        ).prepared()
+        give_back_memory()
+        return view
 
     def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
         """Add clips to the library, each as one motion, and cut their windows.
@@ -156,6 +237,7 @@ class WindowIndex:
         SkeletonMismatchError
             A clip has other joints than the library.
         """
+        clips = tuple(clips)
         library = self.library.with_motions(clips)
         known = {id(motion) for motion in self.library.motions}
         # The motions that were there before keep their order.
@@ -166,29 +248,44 @@ class WindowIndex:
         placed = measured.placed(self.comparison, self.body, self.basis)
         motions = np.concatenate([before[self.motions], added[measured.motions]])
         order = np.argsort(motions, kind="stable")
-        index = replace(
+        # Motions that are added one after another are all added to the first index, so that no chain grows.
+        origin = self.origin if self.origin and self.origin.added and self.origin.every == every else None
+        return replace(
             self,
             library=library,
             vectors=tuple(np.concatenate(each)[order] for each in zip(self.vectors, placed.vectors, strict=True)),
             eigenvectors=np.concatenate([self.eigenvectors, placed.eigenvectors])[order],
             motions=motions[order],
-            judged_by=self.rejection,
-        )
-        index.prepare()
-        return index
+            judged_by=self.rejection if self.comparison.weighing.judges else None,
+            origin=Origin(origin.source, (*origin.added, *clips), every) if origin else Origin(self, clips, every),
+        ).prepared()
 
     def without(self, motions: Sequence[int]) -> WindowIndex:
         """Give the index without the windows of some motions; the metrics stay the same."""
         return self._kept(~np.isin(self.motions, motions))
 
-    def of_some(self, motions: Sequence[int]) -> WindowIndex:
-        """Give the index of some motions alone, in this order, with the numbers of the library that hold for them."""
+    def of_some(self, motions: Sequence[int], *, learns: bool = False) -> WindowIndex:
+        """Give the index of some motions alone, in this order, with the numbers of the library that hold for them.
+
+        Parameters
+        ----------
+        motions
+            Indices of the motions.
+        learns
+            Whether these motions teach what is unknown; else the rejection stays the same.
+        """
         places = np.unique(motions)
         kept = self._kept(np.isin(self.motions, places))
         learned = self.library.learned
         some = tuple(self.library.motions[place] for place in places.tolist())
         library = replace(self.library, motions=some, learned=learned and learned.for_other_motions())
-        return replace(kept, library=library, motions=np.searchsorted(places, kept.motions))
+        return replace(
+            kept,
+            library=library,
+            motions=np.searchsorted(places, kept.motions),
+            judged_by=None if learns else self.judged_by,
+            origin=Origin(self, kept=tuple(places.tolist()), learns=learns),
+        )
 
     def _kept(self, kept: NDArray[np.bool_]) -> WindowIndex:
         return replace(
@@ -198,72 +295,72 @@ class WindowIndex:
             motions=self.motions[kept],
         )
 
+    def comparer(self) -> Comparer:
+        """Give a comparer for the windows of one performer."""
+        return Comparer(self.comparison, self.laid, *self.basis.directions.shape)
+
     def log_distances(self, numbers: Mapping[Part, NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Compare one live window with every window of the library.
+        """Compare one window with every window of the library, as `Comparer` does at each hop.
 
         Parameters
         ----------
         numbers
             The numbers of each part, (numbers,).
-
-        Returns
-        -------
-        For each of the weighing's `weights` and each class the log distance of the nearest window, as the mean over the
-        two nearest persons: shape (weights, classes).
         """
-        return self._windows.compared(numbers)
+        comparer = self.comparer()
+        for part, written in comparer.numbers.items():
+            written[...] = numbers[part]
+        comparer.compare()
+        return comparer.logs
 
-    def distances_of(self, vectors: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
-        """Do the same as `log_distances` for a window that is placed already, by the vector of each group."""
-        return self.blocks.agreed(self.blocks.nearest(self._windows.weighed(vectors)))
+    def prepared(self) -> Self:
+        """Compute now what is otherwise computed at first use, so that the first hop need not wait; give itself."""
+        _ = self.laid, self.rejection if self.comparison.weighing.judges else None
+        return self
 
-    def prepare(self) -> None:
-        """Prepare now, so that the first comparison need not wait."""
-        self._windows.prepare()
+    def asking(self) -> Callable[[int, NDArray[np.bool_]], NDArray[np.float64]]:
+        """Give a function that compares one of the library's own windows with the others, without some of them.
 
-    def own_distances(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Compare one of the library's own windows with the others, without some of them.
-
-        Parameters
-        ----------
-        window
-            Index of the window that asks.
-        left_out
-            The windows that are not compared, as flags, shape (windows,).
-
-        Returns
-        -------
-        For each of the weighing's `weights` the log distance of each class, shape (weights, classes); infinite for a
-        class without windows left.
+        It takes the index of the window that asks, and flags of the windows that are not compared, shape (windows,).
+        It gives for each of the weighing's `weights` the log distance of each class, shape (weights, classes); infinite
+        for a class without windows left.
         """
-        views = self._windows.weighed([each[window] for each in self.vectors])
-        views[:, left_out] = np.inf
-        return self.blocks.agreed(self.blocks.nearest(views))
+        laid, vectors = self.laid, np.zeros(sum(each[0].size for each in self.vectors))
+        lengths = laid.lengths[:, : len(self)]
+        nearest = self.comparison.weighing.nearest
+        weigh = plain.weighing(laid.groups, laid.windows, lengths, laid.weights, vectors, nearest)
+        agreed = plain.agreeing(laid.blocks, laid.classes)
 
-    def eigenvector_scores(self, eigenvector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compare a leading eigenvector alone: each class's best |inner product| (Le Naour et al. 2012, section 3).
+        def ask(window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
+            vectors[:] = np.concatenate([each[window].ravel() for each in self.vectors])
+            weighed = weigh()
+            weighed[:, left_out] = np.inf
+            return agreed(weighed)
 
-        Parameters
-        ----------
-        eigenvector
-            Unit length, in the basis, shape (directions,).
-
-        Returns
-        -------
-        Shape (classes,), 0 to 1.
-        """
-        return self._windows.scores(eigenvector)
+        return ask
 
 
-@lru_cache(maxsize=8)
-def _rejection(index: WindowIndex) -> Rejection:
-    learned, weighing = index.library.learned, index.comparison.weighing
-    # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
-    if learned is None or not index.library.judged_by_strangers or weighing != usual_weighing(index.library):
-        return learned_rejection(index)
-    rejection = Rejection.of_kept(learned, len(weighing.groups))
-    fewer = len(index.library.skeleton.joints) < rejection.joints
-    return rejection.moved_to(typical_evidence(index)) if fewer else rejection
+class Origin(NamedTuple):
+    """How an index was derived from another: with motions added, with some of its motions, or by fewer joints.
+
+    Attributes
+    ----------
+    source
+        The other index.
+    added, every
+        The clips that were added, and the seconds between their windows.
+    kept, learns
+        Indices of the motions that were kept, and whether these teach what is unknown.
+    joints
+        The joints that were kept.
+    """
+
+    source: WindowIndex
+    added: tuple[Clip, ...] = ()
+    every: float | None = None
+    kept: tuple[int, ...] = ()
+    learns: bool = False
+    joints: tuple[str, ...] = ()
 
 
 def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
@@ -278,10 +375,9 @@ def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
 
 
 @lru_cache(maxsize=4)
-def opened(library: MotionLibrary) -> WindowIndex:
+def opened(library: MotionLibrary, weighing: Weighing | None = None) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
-    index = WindowIndex.of(library)
-    index.prepare()
+    index = WindowIndex.of(library, weighing=weighing).prepared()
     give_back_memory()
     return index
 
@@ -368,14 +464,15 @@ def _every(library: MotionLibrary) -> float:
 class Placed(NamedTuple):
     """Windows in the form an index keeps; the fields are as in `WindowIndex`."""
 
-    vectors: tuple[NDArray[np.float32], ...]
+    vectors: tuple[NDArray[np.float16], ...]
     eigenvectors: NDArray[np.float32]
 
     @classmethod
     def of(cls, comparison: Comparison, cut: CutWindows, numbers: Mapping[Part, NDArray[np.float64]]) -> Placed:
         """Map windows with these numbers to vectors."""
-        vectors = tuple(rounded(each) for each in comparison.place(numbers))
-        return cls(vectors, cut.eigenpairs[EIGEN_LONG.seconds].vectors[:, 0].astype(np.float32))
+        vectors = tuple(each.astype(np.float16) for each in comparison.place(numbers))
+        longest = max(lengths_of(comparison.weighing.parts)[1])
+        return cls(vectors, cut.eigenpairs[longest].vectors[:, 0].astype(np.float32))
 
 
 class _Measured(NamedTuple):
@@ -404,8 +501,10 @@ class _Measured(NamedTuple):
         pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
         # With the last motion a piece may be full.
         for end in sorted({*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)}):
-            cut = CutWindows(self.clips[begin:end], self.ends[begin:end], body, basis)
-            pieces.append(Placed.of(comparison, cut, cut.numbers(comparison.weighing.parts)))
+            weighing = comparison.weighing
+            some = self.clips[begin:end], self.ends[begin:end]
+            cut = CutWindows(*some, body, basis, weighing.parts, weighing.eigenvectors)
+            pieces.append(Placed.of(comparison, cut, cut.numbers()))
             begin = end
         vectors = zip(*(piece.vectors for piece in pieces), strict=True)
         return Placed(
@@ -423,53 +522,3 @@ def _lessons(library: MotionLibrary, motions: NDArray[np.intp]) -> Lessons:
     _, classes = np.unique([clip.class_name for clip in library.motions], return_inverse=True)
     _, people = np.unique([clip.actor for clip in library.motions], return_inverse=True)
     return Lessons(classes[motions], people[motions])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Blocks:
-    """The order of the windows: all windows of one person in one class are next to each other.
-
-    Attributes
-    ----------
-    starts
-        Where the windows of each person in each class start, shape (blocks,).
-    class_starts
-        Where the windows of each class start, shape (classes,).
-    places
-        For each class its blocks, filled up with the index of an absent block, shape (classes, most persons).
-    """
-
-    starts: NDArray[np.intp]
-    class_starts: NDArray[np.intp]
-    places: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, classes: NDArray[np.intp], people: Sequence[str]) -> Blocks:
-        """Find the blocks of windows that are sorted by class and, within a class, by person."""
-        actors = np.asarray(people)
-        begins = np.append(True, (classes[1:] != classes[:-1]) | (actors[1:] != actors[:-1]))
-        starts = np.flatnonzero(begins)
-        counts = np.unique(classes[starts], return_counts=True)[1]
-        places = np.full((len(counts), counts.max()), len(starts))
-        places[np.arange(counts.max()) < counts[:, None]] = np.arange(len(starts))
-        return cls(starts, np.flatnonzero(np.diff(classes, prepend=-1)), places)
-
-    def nearest(self, distances: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Take the least of each block's distances, (..., windows) to (..., blocks)."""
-        nearest: NDArray[np.float32] = np.minimum.reduceat(distances, self.starts, axis=-1)
-        return nearest
-
-    def agreed(self, logs: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Take the mean of the two least of each class's blocks, (..., blocks) to (..., classes).
-
-        Where several persons perform a class, the second nearest must agree: one person's way may resemble another
-        motion.
-        """
-        padded = np.full((*logs.shape[:-1], logs.shape[-1] + 1), np.inf)
-        padded[..., :-1] = logs
-        by_person = np.sort(padded.take(self.places, axis=-1), axis=-1)
-        first = by_person[..., 0]
-        if by_person.shape[-1] == 1:
-            return first
-        second = by_person[..., 1]
-        return (first + np.where(np.isfinite(second), second, first)) / 2

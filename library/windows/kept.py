@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library.learned import TAUGHT, Learned
-from kinespace.library.windows.basis import MAX_DIRECTIONS, Basis
+from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
+from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, MAX_AXES, WITHIN_LABORATORY, Comparison
 from kinespace.library.windows.metric import Metric
-from kinespace.library.windows.parts import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

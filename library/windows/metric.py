@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from kinespace.library.kernels.eigenvectors import leading_eigenvectors
+from kinespace.library.signature.leading import leading_eigenvectors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,17 +6,16 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.unpackers import UNPACKERS
-from kinespace.stream.inputs.receiver import datagram_of
-from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.packet import PacketError
-from kinespace.stream.service.status import InputCounts
+from kinespace.stream.packet import datagram_of
+from kinespace.stream.status import InputCounts, Refusals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.frame import Input
-    from kinespace.stream.inputs.receiver import Packet, Sender
+    from kinespace.stream.packet import Packet, Sender
 
 #: Hosts that may send to one port at once.
 MAX_SENDERS = 16

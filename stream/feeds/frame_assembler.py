@@ -372,7 +372,7 @@ class FrameAssembler:
 
     def _moment(self, body: _Body) -> float:
         """Give a frame's time; a frame without a time is as far from its arrival as the frame before."""
-        if not self.preset.sender_clock:
+        if self.preset.clock == "arrival":
             return body.opened
         if body.time is not None:
             body.ahead = body.time - body.opened

@@ -10,7 +10,7 @@ from kinespace.stream.osc.packet import encode_message
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.feeds.preset import Asking, Preset
+    from kinespace.stream.feeds.preset import AskedMessage, Asking, Preset
 
 #: Seconds without a frame after which a sender is silent.
 SILENCE = 1.0
@@ -49,9 +49,9 @@ def farewells(preset: Preset, port: int) -> list[bytes]:
     return _encoded(preset, preset.asking.farewell, port) if preset.asking else []
 
 
-def _encoded(preset: Preset, messages: Sequence[tuple[str, tuple[str | int | float, ...]]], port: int) -> list[bytes]:
+def _encoded(preset: Preset, messages: Sequence[AskedMessage], port: int) -> list[bytes]:
     packets = list[bytes]()
-    for address, arguments in messages:
+    for address, arguments in ((each.address, each.arguments) for each in messages):
         everything = address + "".join(map(str, arguments))
         named = [name for name, target in preset.joint_map.items() if target] if "{joint}" in everything else [""]
         packets += [_message(address, arguments, joint, port) for joint in named]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+#: A number that is neither infinite nor NaN.
+_Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 Vector = tuple[float, float, float]
 #: x, y, z, w.
 Quaternion = tuple[float, float, float, float]
@@ -18,8 +21,7 @@ _UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 _NOT_GIVEN = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Bone:
+class Bone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A bone of a hierarchy.
 
     Attributes
@@ -32,8 +34,8 @@ class Bone:
     """
 
     name: str
-    parent: str
-    offset: Vector
+    parent: str = ""
+    offset: tuple[_Number, _Number, _Number] = (0.0, 0.0, 0.0)
 
 
 def world_positions(

@@ -106,7 +106,10 @@ class Mapper:
         ways = [way for way in ways if way.literals_fit(message.arguments)]
         best: Reading | None = None
         for way in ways:
-            reading = self._read(way, message.arguments)
+            try:
+                reading = self._read(way, message.arguments)
+            except (TypeError, OverflowError):
+                continue
             if reading is None:
                 continue
             if reading.means is not Means.FRAME or len(ways) == 1:
@@ -126,18 +129,12 @@ class Mapper:
         return ways
 
     def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
+        """Read arguments; None, TypeError or OverflowError when they do not fit the roles."""
         if not way.counts_fit(arguments):
             return None
-        try:
-            return self._understood(way, arguments)
-        except (TypeError, OverflowError):
-            return None
-
-    def _understood(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
-        """Read arguments whose number fits; None or TypeError when they do not fit the roles."""
         performer = way.text("performer", arguments, way.performer)
         time = self._time(way, arguments)
-        means = way.rule.means
+        means = way.means
         if means is Means.GONE or way.nobody(arguments):
             return Reading(means, performer, (), time, present=False)
         sightings: list[Sighting] | None = []
@@ -150,7 +147,7 @@ class Mapper:
             sightings = self._whole(way, arguments, performer)
         elif means is Means.JOINT:
             joint = self._known(way.text("joint", arguments, way.joint), performer)
-            sightings = self._listed(self._sighting(way.spots, arguments, 0, joint))
+            sightings = self._sightings(way.spots, arguments, 0, joint)
         return None if sightings is None else Reading(means, performer, sightings, time)
 
     def _learn(self, performer: str | None, way: _Way, arguments: Sequence[object]) -> None:
@@ -183,12 +180,8 @@ class Mapper:
         for index, start in enumerate(starts):
             name = way.group_text("joint", arguments, start) if named else self._order[index]
             joint = self._known(name, performer)
-            sightings += self._listed(self._sighting(way.group_spots, arguments, start, joint))
+            sightings += self._sightings(way.group_spots, arguments, start, joint)
         return sightings
-
-    @staticmethod
-    def _listed(sighting: Sighting | None) -> list[Sighting]:
-        return [] if sighting is None else [sighting]
 
     def _known(self, name: str | None, performer: str | None) -> str | None:
         """Give the preset's name for a joint, None when it has none."""
@@ -216,12 +209,13 @@ class Mapper:
             self.unknown.add(known)
         return found
 
-    def _sighting(self, spots: _Spots, arguments: Sequence[object], start: int, joint: str | None) -> Sighting | None:
+    def _sightings(self, spots: _Spots, arguments: Sequence[object], start: int, joint: str | None) -> list[Sighting]:
+        """Read one joint; nothing of a joint that the preset does not name."""
         if joint is None:
-            return None
+            return []
         numbers = (arguments[start + spots.x], arguments[start + spots.y], arguments[start + spots.z])
         if None in numbers:
-            return Sighting(joint, None)
+            return [Sighting(joint, None)]
         x, y, z = _number(numbers[0]), _number(numbers[1]), _number(numbers[2])
         rotation = None
         # World positions need no rotations.
@@ -231,7 +225,7 @@ class Mapper:
         seen = math.isfinite(x + y + z) and (rotation is None or math.isfinite(sum(rotation)))
         if seen and spots.confidence is not None:
             seen = self._confidence(arguments[start + spots.confidence]) >= self.preset.closings.confidence
-        return Sighting(joint, (x, y, z) if seen else None, rotation if seen else None)
+        return [Sighting(joint, (x, y, z) if seen else None, rotation if seen else None)]
 
     def _confidence(self, argument: object) -> float:
         if isinstance(argument, str):
@@ -262,6 +256,7 @@ class _Way:
 
     def __init__(self, rule: MessageRule, named: dict[str, str]) -> None:
         self.rule = rule
+        self.means = rule.means
         self.joint = named.get("joint")
         self.performer = named.get("performer")
         self.places = {role: place for place, role in enumerate(rule.arguments)}

@@ -7,27 +7,26 @@ A preset lists messages: an address in which `{joint}` and `{performer}` stand f
 from __future__ import annotations
 
 import re
-import tomllib
-from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import lru_cache
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
 
 from kinespace.library.naming import spelling
-from kinespace.stream.feeds.checked_table import CheckedTable, PresetError
-from kinespace.stream.feeds.kinematics import Bone
+from kinespace.library.naming.checked_toml import Text, read_toml
+from kinespace.stream.feeds.kinematics import Bone  # noqa: TC001 - msgspec reads the types
 from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from importlib.resources.abc import Traversable
     from pathlib import Path
 
 __all__ = ["Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
 
 _ENDING = ".toml"
-#: Ten times the longest preset; a longer text might take very long to parse.
-_MAX_CHARACTERS = 32_000
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
 #: The roles of an argument; a role that begins with = is a text that must be there.
@@ -43,7 +42,14 @@ ROLES = (
     "present",
     "skip",
 )
+#: A number above 0 that is neither infinite nor NaN.
+_Length = Annotated[float, Meta(ge=1e-9, le=1e9)]
+_Port = Annotated[int, Meta(ge=1, le=65535)]
 _PLACEHOLDERS = {"joint": "[^/]+", "performer": "[^/]+", "skip": "[^/]+", "any": ".+"}
+
+
+class PresetError(ValueError):
+    """A preset cannot be used; the message has the file, the key, the expectation and the value."""
 
 
 class Means(StrEnum):
@@ -82,33 +88,78 @@ class Closing(StrEnum):
     TIMEOUT = "timeout"
 
 
-@dataclass(frozen=True, slots=True)
-class MessageRule:
+class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The meaning of one kind of message.
 
     Attributes
     ----------
     address
         As written, with placeholders.
-    pattern
-        The same as a regular expression, capitals and small letters alike.
     arguments
         Role of each argument; further arguments are ignored, unless `each` gives their roles.
     each
         Roles of a group of arguments that follows once or several times.
-    means
-        The message's meaning for the frame.
+    given
+        The message's meaning for the frame, if the file says it.
     """
 
-    address: str
-    pattern: re.Pattern[str] = field(repr=False)
-    arguments: tuple[str, ...] = ()
-    each: tuple[str, ...] = ()
-    means: Means = Means.JOINT
+    address: Annotated[str, Meta(pattern="^/")]
+    arguments: tuple[Text, ...] = ()
+    each: tuple[Text, ...] = ()
+    given: Means | None = msgspec.field(name="means", default=None)
+
+    def __post_init__(self) -> None:
+        """Refuse an address or roles that make no sense."""
+        try:
+            _ = self.pattern
+        except KeyError as error:
+            raise ValueError(
+                f"address: expected only {{{'}, {'.join(_PLACEHOLDERS)}}} in braces, got {error}"
+            ) from error
+        except re.error as error:
+            raise ValueError(f"address: expected each of {{joint}} and {{performer}} once, got {error}") from error
+        for key, roles in (("arguments", self.arguments), ("each", self.each)):
+            for role in roles:
+                if role not in ROLES and not role.startswith("="):
+                    raise ValueError(f"{key}: expected roles out of {', '.join(ROLES)} or =text, got {role!r}")
+            named = [role for role in roles if role != "skip" and not role.startswith("=")]
+            if len(set(named)) != len(named):
+                raise ValueError(f"{key}: expected each role but skip once, got {roles!r}")
+        here = {*self.arguments, *self.each, *re.findall(r"\{(\w+)\}", self.address)}
+        needed = _NEEDED.get(self.means, set())
+        if lacking := needed - here:
+            expected = f"{', '.join(sorted(needed))} in a {self.means} message, {min(lacking)} too"
+            raise ValueError(f"arguments: expected {expected}, got {self.arguments!r}")
+        if here & set(_ROTATION) and not set(_ROTATION) <= here:
+            raise ValueError(f"arguments: expected all of qx, qy, qz, qw or none, got {self.arguments!r}")
+
+    @property
+    def means(self) -> Means:
+        """The message's meaning for the frame; by default as its address and its roles say."""
+        if self.given:
+            return self.given
+        if self.each:
+            return Means.FRAME if set(_POSITION) <= set(self.each) else Means.ORDER
+        if "name" in self.arguments:
+            return Means.NAME
+        return Means.JOINT if "joint" in self.arguments or "{joint}" in self.address else Means.TIME
+
+    @property
+    def pattern(self) -> re.Pattern[str]:
+        """The address as a regular expression, capitals and small letters alike."""
+        return _pattern(self.address)
 
 
-@dataclass(frozen=True, slots=True)
-class Closings:
+#: The roles that a message needs for its meaning.
+_NEEDED = {
+    Means.JOINT: {"joint", *_POSITION},
+    Means.FRAME: set(_POSITION),
+    Means.NAME: {"joint", "name"},
+    Means.ORDER: {"joint"},
+}
+
+
+class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The rules for a complete frame, and for absent joints.
 
     Attributes
@@ -126,45 +177,54 @@ class Closings:
         The confidence of words that come in place of a number, in small letters.
     """
 
-    by: frozenset[Closing]
-    timeout: float = 0.1
-    hold: float = 0.2
-    confidence: float = 0.0
-    words: Mapping[str, float] = field(default_factory=dict)
+    by: frozenset[Closing] = msgspec.field(name="close", default=frozenset({Closing.REPEAT, Closing.TIMEOUT}))
+    timeout: Annotated[float, Meta(ge=0.001, le=10)] = 0.1
+    hold: Annotated[float, Meta(ge=0, le=10)] = 0.2
+    confidence: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
+    words: dict[str, float] = {}
+
+    def __post_init__(self) -> None:
+        """Spell the words in small letters."""
+        words = {word.casefold(): value for word, value in self.words.items()}
+        msgspec.structs.force_setattr(self, "words", words)
 
 
-@dataclass(frozen=True, slots=True)
-class Asking:
+class AskedMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A message for a sender: in its arguments `{port}` is our port and `{joint}` each of the preset's joints."""
+
+    address: Annotated[str, Meta(pattern="^/")]
+    arguments: tuple[str | int | float, ...] = ()
+
+
+class Asking(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Messages that a sender must get before it sends, and while it sends.
 
     Attributes
     ----------
     port
         The port on which the sender listens.
+    messages
+        The messages.
+    farewell
+        The messages that are sent when we stop.
     every
         Seconds after which the messages are sent again.
     while_silent
         Whether they are sent only while no frames come.
-    messages, farewell
-        Address and arguments, in which `{port}` is our port and `{joint}` each of the preset's joints in turn; the
-        farewell is sent when we stop.
     """
 
-    port: int
-    every: float
-    while_silent: bool
-    messages: tuple[tuple[str, tuple[str | int | float, ...]], ...]
-    farewell: tuple[tuple[str, tuple[str | int | float, ...]], ...] = ()
+    port: _Port
+    messages: Annotated[tuple[AskedMessage, ...], Meta(min_length=1)] = msgspec.field(name="message")
+    farewell: tuple[AskedMessage, ...] = ()
+    every: Annotated[float, Meta(ge=0.1, le=3600)] = 2.0
+    while_silent: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Preset:
-    """The meaning of a product's messages.
+class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The meaning of a product's messages, as its file gives it.
 
     Attributes
     ----------
-    name
-        The name by which it is asked for.
     product, sender
         The product, and the settings of its sender.
     port
@@ -175,12 +235,12 @@ class Preset:
         The performer's name when the messages have none.
     metres
         Metres of one unit along each of the sender's axes.
-    axes
-        For our x (right of the picture), y (up) and z (towards us) the sender's axis and its sign.
+    turned
+        For our x (right of the picture), y (up) and z (towards us) the sender's axis, each perhaps with a minus.
     packing
         The packing of its messages (`stream.feeds.unpackers`).
-    sender_clock
-        Whether a frame's time is the sender's, when it sends one; else the arrival's.
+    clock
+        Whose clock gives a frame its time; the arrival's too when the sender sends none.
     seconds
         Seconds of one unit of the sender's time.
     closings
@@ -195,34 +255,86 @@ class Preset:
         For positions relative to a parent: the parents, and offsets for bones without a position.
     asking
         The messages for the sender, or None.
-    text
-        The TOML it was read from.
     """
 
-    name: str
-    product: str
-    sender: str
-    port: int
-    rate: float
-    performer: str
-    metres: tuple[float, ...]
-    axes: tuple[tuple[int, float], ...]
-    packing: str
-    sender_clock: bool
-    seconds: float
-    closings: Closings
-    messages: tuple[MessageRule, ...] = field(repr=False)
-    joint_map: Mapping[str, str] = field(repr=False)
-    order: tuple[str, ...] = field(repr=False)
-    order_from: int = 0
-    bones: tuple[Bone, ...] = field(default=(), repr=False)
-    asking: Asking | None = field(default=None, repr=False)
-    text: str = field(default="", repr=False, compare=False)
+    port: _Port
+    messages: tuple[MessageRule, ...] = msgspec.field(name="message")
+    joint_map: dict[str, str] = msgspec.field(name="joints")
+    product: Text = ""
+    sender: Text = "nothing: this is your own preset"
+    rate: Annotated[float, Meta(ge=1, le=1000)] = 30.0
+    performer: Annotated[str, Meta(pattern=r"\S", max_length=32)] = ""
+    metres: tuple[_Length, _Length, _Length] = (1.0, 1.0, 1.0)
+    turned: str = msgspec.field(name="axes", default="x y z")
+    packing: str = "osc"
+    clock: Literal["arrival", "sender"] = "arrival"
+    seconds: _Length = 1.0
+    closings: Closings = msgspec.field(name="frame", default=Closings())
+    order: tuple[Text, ...] = ()
+    order_from: Annotated[int, Meta(ge=0, le=1000)] = 0
+    bones: tuple[Bone, ...] = ()
+    asking: Asking | None = msgspec.field(name="ask", default=None)
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no sense together."""
+        if self.packing not in UNPACKERS:
+            raise ValueError(f"packing: expected one of {', '.join(UNPACKERS)}, got {self.packing!r}")
+        words = self.turned.split()
+        if sorted(word.lstrip("+-") for word in words) != ["x", "y", "z"] or any(len(word) > 2 for word in words):
+            expected = 'x, y and z in some order, each with or without a minus, like "x z -y"'
+            raise ValueError(f"axes: expected {expected}, got {self.turned!r}")
+        self._check_joints()
+        self._check_order()
+        if not any(rule.means in (Means.JOINT, Means.FRAME) for rule in self.messages):
+            raise ValueError("message: expected at least one that holds x, y and z, got none")
+        if self.bones and not any("qx" in rule.arguments + rule.each for rule in self.messages):
+            raise ValueError("message: expected one with qx, qy, qz, qw, because there are [bones], got none")
+
+    def _check_joints(self) -> None:
+        joints = {name: target.strip() for name, target in self.joint_map.items()}
+        msgspec.structs.force_setattr(self, "joint_map", joints)
+        if len(self.joints) < 2:
+            raise ValueError(
+                f"joints: expected at least two joints, each with the library's name for it, got {joints!r}"
+            )
+        if len(set(map(spelling, joints))) != len(joints):
+            raise ValueError(f"joints: expected names that differ in more than capitals and blanks, got {[*joints]!r}")
+        before = {""}
+        for bone in self.bones:
+            if bone.parent not in before:
+                raise ValueError(f"bones, {bone.name}, parent: expected a bone before this one, got {bone.parent!r}")
+            before.add(bone.name)
+        for name, target in joints.items():
+            if self.bones and target and name not in before:
+                raise ValueError(f"joints: expected names that stand in [bones], got {name!r}")
+
+    def _check_order(self) -> None:
+        known, spelt = set(map(spelling, self.joint_map)), [spelling(name) for name in self.order]
+        if len(set(spelt)) != len(spelt):
+            raise ValueError(f"order: expected distinct names, got {self.order!r}")
+        for name in self.order:
+            if spelling(name) not in known:
+                raise ValueError(f"order: expected names that stand in [joints], got {name!r}")
+        whole = any(rule.means is Means.FRAME and "joint" not in rule.each for rule in self.messages)
+        if whole and not self.order:
+            raise ValueError("order: expected the joints' order, because a message holds them without names, got none")
+
+    @property
+    def axes(self) -> tuple[tuple[int, float], ...]:
+        """For each of our axes the index of the sender's axis, and its sign."""
+        return tuple(("xyz".index(word[-1]), -1.0 if word[0] == "-" else 1.0) for word in self.turned.split())
 
     @property
     def joints(self) -> tuple[str, ...]:
         """The motion library's names of the joints that frames of this feed hold, in the frames' order."""
         return tuple(dict.fromkeys(target for target in self.joint_map.values() if target))
+
+
+class Preset(PresetFile, frozen=True, kw_only=True):
+    """A preset: its file, the name by which it is asked for, and the TOML it was read from."""
+
+    name: str
+    text: str
 
 
 def _presets() -> Traversable:
@@ -294,138 +406,28 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
     PresetError
         The text is no TOML, or something in it is wrong, missing or unknown.
     """
-    if len(text) > _MAX_CHARACTERS:
-        raise PresetError(f"{file}: expected at most {_MAX_CHARACTERS} characters, got {len(text)}")
-    try:
-        table = CheckedTable(file, "", tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise PresetError(f"{file}: expected TOML, got a mistake: {error}") from error
-    except RecursionError as error:
-        raise PresetError(f"{file}: expected TOML, got tables or lists nested too deep") from error
-    order = table.texts("order")
-    if len(set(map(spelling, order))) != len(order):
-        raise table.fail("order", "distinct names")
-    preset = Preset(
-        name=name,
-        product=table.text("product", name),
-        sender=table.text("sender", "nothing: this is your own preset"),
-        port=table.integer("port", None, 1, 65535),
-        rate=table.number("rate", 30.0, 1.0, 1000.0),
-        performer=_performer(table, name),
-        metres=_metres(table),
-        axes=_axes(table),
-        packing=table.choice("packing", list(UNPACKERS), "osc"),
-        sender_clock=table.choice("clock", ("arrival", "sender"), "arrival") == "sender",
-        seconds=table.number("seconds", 1.0, 1e-9),
-        closings=_closings(table.table("frame")),
-        messages=_messages(table),
-        joint_map=_joint_map(table),
-        order=order,
-        order_from=table.integer("order_from", 0, 0, 1000),
-        bones=_bones(table),
-        asking=_asking(table.table("ask")) if "ask" in table else None,
-        text=text,
-    )
-    table.table("ask")
-    table.finish()
-    _check_names(table, preset)
-    return preset
+    read = read_toml(text, file, PresetFile, PresetError, _written_out)
+    found = msgspec.structs.asdict(read)
+    found |= {"product": read.product or name, "performer": read.performer or name[:32]}
+    return Preset(**found, name=name, text=text)
 
 
-def _performer(table: CheckedTable, name: str) -> str:
-    performer = table.text("performer", name[:32])
-    if len(performer) > 32:
-        raise table.fail("performer", "at most 32 characters")
-    return performer
+def _written_out(table: dict[str, Any]) -> dict[str, Any]:
+    """Write one number for three axes out, and name each bone in its own table."""
+    bones = table.get("bones", {})
+    if isinstance(bones, dict):
+        named = [(name, _thrice(bone, "offset")) for name, bone in bones.items()]
+        bones = [bone | {"name": name} if isinstance(bone, dict) else bone for name, bone in named]
+    return _thrice(table, "metres") | {"bones": bones}
 
 
-def _metres(table: CheckedTable) -> tuple[float, ...]:
-    metres = table.numbers("metres", 3, (1.0, 1.0, 1.0))
-    if not all(each > 0 for each in metres):
-        raise table.fail("metres", "numbers above 0")
-    return metres
+def _thrice(table: dict[str, Any], key: str) -> dict[str, Any]:
+    one = isinstance(table, dict) and isinstance(table.get(key), (int, float))
+    return table | {key: [table[key]] * 3} if one else table
 
 
-def _axes(table: CheckedTable) -> tuple[tuple[int, float], ...]:
-    words = table.text("axes", "x y z").split()
-    if sorted(word.lstrip("+-") for word in words) != ["x", "y", "z"] or any(len(word) > 2 for word in words):
-        raise table.fail("axes", 'x, y and z in some order, each with or without a minus, like "x z -y"')
-    return tuple(("xyz".index(word[-1]), -1.0 if word[0] == "-" else 1.0) for word in words)
-
-
-def _closings(table: CheckedTable) -> Closings:
-    by = table.texts("close") or (Closing.REPEAT, Closing.TIMEOUT)
-    if unknown := [each for each in by if each not in list(Closing)]:
-        raise table.fail("close", f"some of {', '.join(Closing)} and not {unknown[0]}")
-    words = {word.casefold(): float(str(value)) for word, value in table.pairs("words", float).items()}
-    closings = Closings(
-        by=frozenset(map(Closing, by)),
-        timeout=table.number("timeout", 0.1, 0.001, 10.0),
-        hold=table.number("hold", 0.2, 0.0, 10.0),
-        confidence=table.number("confidence", 0.0, 0.0),
-        words=words,
-    )
-    table.finish()
-    return closings
-
-
-def _messages(table: CheckedTable) -> tuple[MessageRule, ...]:
-    rules = tuple(map(_message, table.tables("message")))
-    if not any(rule.means in (Means.JOINT, Means.FRAME) for rule in rules):
-        raise table.fail("message", "at least one that holds x, y and z")
-    return rules
-
-
-def _message(table: CheckedTable) -> MessageRule:
-    address = table.text("address")
-    if not address.startswith("/"):
-        raise table.fail("address", "an address that begins with /")
-    try:
-        pattern = re.compile(_regular(address), re.IGNORECASE)
-    except KeyError as error:
-        raise table.fail("address", f"only {{{'}, {'.join(_PLACEHOLDERS)}}} in braces") from error
-    except re.error as error:
-        raise table.fail("address", f"each of {{joint}} and {{performer}} once ({error})") from error
-    arguments, each = table.texts("arguments"), table.texts("each")
-    for key, roles in (("arguments", arguments), ("each", each)):
-        for role in roles:
-            if role not in ROLES and not role.startswith("="):
-                raise table.fail(key, f"roles out of {', '.join(ROLES)} or =text, and not {role!r}")
-        named = [role for role in roles if role != "skip" and not role.startswith("=")]
-        if len(set(named)) != len(named):
-            raise table.fail(key, "each role but skip once")
-    means = Means(table.choice("means", list(Means), _meant(address, arguments, each)))
-    rule = MessageRule(address, pattern, arguments, each, means)
-    _check_roles(table, rule)
-    table.finish()
-    return rule
-
-
-def _meant(address: str, arguments: tuple[str, ...], each: tuple[str, ...]) -> Means:
-    if each:
-        return Means.FRAME if set(_POSITION) <= set(each) else Means.ORDER
-    if "name" in arguments:
-        return Means.NAME
-    if "joint" in arguments or "{joint}" in address:
-        return Means.JOINT
-    return Means.TIME
-
-
-def _check_roles(table: CheckedTable, rule: MessageRule) -> None:
-    here = {*rule.arguments, *rule.each, *re.findall(r"\{(\w+)\}", rule.address)}
-    need = {
-        Means.JOINT: {"joint", *_POSITION},
-        Means.FRAME: set(_POSITION),
-        Means.NAME: {"joint", "name"},
-        Means.ORDER: {"joint"},
-    }.get(rule.means, set())
-    if lacking := need - here:
-        raise table.fail("arguments", f"{', '.join(sorted(need))} in a {rule.means} message, {min(lacking)} too")
-    if here & set(_ROTATION) and not set(_ROTATION) <= here:
-        raise table.fail("arguments", "all of qx, qy, qz, qw or none")
-
-
-def _regular(address: str) -> str:
+@lru_cache
+def _pattern(address: str) -> re.Pattern[str]:
     """Turn an address with placeholders into a regular expression; KeyError for an unknown placeholder."""
     parts = re.split(r"\{(\w*)\}", address)
     expression = ""
@@ -436,71 +438,4 @@ def _regular(address: str) -> str:
             expression += f"(?P<{part}>{_PLACEHOLDERS[part]})"
         else:
             expression += f"(?:{_PLACEHOLDERS[part]})"
-    return expression
-
-
-def _joint_map(table: CheckedTable) -> dict[str, str]:
-    names = {name: str(target).strip() for name, target in table.pairs("joints", str).items()}
-    if len({target for target in names.values() if target}) < 2:
-        raise table.fail("joints", "at least two joints, each with the motion library's name for it")
-    spelt = [spelling(name) for name in names]
-    if len(set(spelt)) != len(spelt):
-        raise table.fail("joints", "names that differ in more than capitals, blanks and underscores")
-    return names
-
-
-def _bones(table: CheckedTable) -> tuple[Bone, ...]:
-    bones = list[Bone]()
-    for name in table.pairs("bones", dict):
-        bone = table.table("bones").table(name)
-        parent = bone.text("parent", "-")
-        known = {each.name for each in bones}
-        if parent != "-" and parent not in known:
-            raise bone.fail("parent", "a bone that stands before this one")
-        bones.append(Bone(name, "" if parent == "-" else parent, _offset(bone)))
-        bone.finish()
-    return tuple(bones)
-
-
-def _offset(bone: CheckedTable) -> tuple[float, float, float]:
-    x, y, z = bone.numbers("offset", 3, (0.0, 0.0, 0.0))
-    return x, y, z
-
-
-def _asking(table: CheckedTable) -> Asking:
-    asking = Asking(
-        port=table.integer("port", None, 1, 65535),
-        every=table.number("every", 2.0, 0.1, 3600.0),
-        while_silent=table.flag("while_silent", default=False),
-        messages=tuple(map(_asked, table.tables("message"))),
-        farewell=tuple(map(_asked, table.tables("farewell"))),
-    )
-    if not asking.messages:
-        raise table.fail("message", "at least one [[ask.message]]")
-    table.finish()
-    return asking
-
-
-def _asked(table: CheckedTable) -> tuple[str, tuple[str | int | float, ...]]:
-    address = table.text("address")
-    if not address.startswith("/"):
-        raise table.fail("address", "an address that begins with /")
-    arguments = table.scalars("arguments")
-    table.finish()
-    return address, arguments
-
-
-def _check_names(table: CheckedTable, preset: Preset) -> None:
-    known = set(map(spelling, preset.joint_map))
-    for name in preset.order:
-        if spelling(name) not in known:
-            raise table.fail("order", f"names that stand in [joints], and not {name!r}")
-    bones = {bone.name for bone in preset.bones}
-    for name, target in preset.joint_map.items():
-        if bones and target and name not in bones:
-            raise table.fail("joints", f"names that stand in [bones], and not {name!r}")
-    if preset.bones and not any("qx" in rule.arguments + rule.each for rule in preset.messages):
-        raise table.fail("message", "one with qx, qy, qz, qw, because there are [bones]")
-    whole = any(rule.means is Means.FRAME and "joint" not in rule.each for rule in preset.messages)
-    if whole and not preset.order:
-        raise table.fail("order", "the joints' order, because a message holds them without their names")
+    return re.compile(expression, re.IGNORECASE)

@@ -2,7 +2,5 @@
 
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.decoder import Decoder, OscDecoder, ZmqDecoder
-from kinespace.stream.inputs.receiver import Packet, Receiver, Sender
 from kinespace.stream.inputs.source import Source
-
-__all__ = ["Admission", "Decoder", "OscDecoder", "Packet", "Receiver", "Sender", "Source", "ZmqDecoder"]
+from kinespace.stream.packet import Packet, Receiver, Sender

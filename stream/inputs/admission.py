@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.service.status import AdmissionCounts
+from kinespace.stream.status import AdmissionCounts
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from kinespace.stream.frame import Admitted, Input
-    from kinespace.stream.inputs.receiver import Sender
+    from kinespace.stream.packet import Sender
 
 #: Seconds by which a frame's time may differ both from the last frame's time and from the arrivals.
 MAX_JUMP = 5.0

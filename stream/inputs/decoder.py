@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from kinespace.stream.inputs.receiver import datagram_of, parts_of
-from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.osc.frames import decode as decode_datagram
-from kinespace.stream.service.status import InputCounts
+from kinespace.stream.packet import datagram_of, parts_of
+from kinespace.stream.status import InputCounts, Refusals
 from kinespace.stream.zeromq import single_part
 from kinespace.stream.zeromq.frames import FormatError, SequenceGaps
 from kinespace.stream.zeromq.frames import decode as decode_message
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.frame import Input
-    from kinespace.stream.inputs.receiver import Packet, Sender
+    from kinespace.stream.packet import Packet, Sender
     from kinespace.stream.zeromq.frames import NumberedFrame
 
 
@@ -72,7 +71,7 @@ class OscDecoder:
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode a datagram."""
         self.counts.received += 1
-        received = decode_datagram(datagram_of(packet), arrival)
+        received = decode_datagram(packet if isinstance(packet, bytes) else datagram_of(packet), arrival)
         if received.malformed:
             self.counts.malformed += received.malformed
             self.refusals.note("malformed", received.why_malformed, sender, packet)

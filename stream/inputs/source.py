@@ -1,4 +1,4 @@
-"""A source: a receiver of packets, their decoder, and perhaps a recorder."""
+"""A source: a receiver of packets, their decoder, and perhaps a recorder and a reader of commands."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.inputs.turns import Turns, Waiting
+from kinespace.stream.packet import datagram_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.frame import Admitted, Input
     from kinespace.stream.inputs.admission import Admission
+    from kinespace.stream.inputs.commands import CommandReader
     from kinespace.stream.inputs.decoder import Decoder
-    from kinespace.stream.inputs.receiver import Receiver, Sender
+    from kinespace.stream.inputs.detection import Survey
     from kinespace.stream.inputs.recording.recorder import Recorder
-    from kinespace.stream.service.status import InputCounts
+    from kinespace.stream.packet import Receiver, Sender
+    from kinespace.stream.status import InputCounts
+    from kinespace.stream.teaching.commands import Asked
 
 #: Seconds between two turns of most sources that have work to do even when no packet comes.
 TENDING = 0.02
@@ -47,6 +51,10 @@ class Source:
     ----------
     recorder
         As given; it may change while the source is open.
+    has_put_aside
+        Whether packets were put aside; the socket does not wake the loop for them.
+    commands
+        Reads the commands among the packets; None where nobody may command.
     waited
         Seconds for which the last packet waited before it was taken in.
     """
@@ -60,10 +68,11 @@ class Source:
     ) -> None:
         self.receiver = receiver
         self.decoder = decoder
-        self.recorder = recorder
+        self.recorder: Recorder | Survey | None = recorder
+        self.commands: CommandReader | None = None
         self._admission = admission
         self.waited = 0.0
-        self._turns = Turns()
+        self._turns, self.has_put_aside = Turns(), False
         self._last_was_aside = False
         self._now = 0.0
         #: The sender's name for transports that do not tell senders apart, or have done so themselves.
@@ -78,11 +87,6 @@ class Source:
         return self.receiver.socket
 
     @property
-    def has_put_aside(self) -> bool:
-        """Whether packets were put aside; the socket does not wake the loop for them."""
-        return len(self._turns) > 0
-
-    @property
     def tended_within(self) -> float:
         """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
         return TENDING if self.decoder.expires else math.inf
@@ -92,7 +96,13 @@ class Source:
         """Counts of all that came in; a copy."""
         receiver = self.receiver
         excess = self._turns.thrown_away
-        return replace(self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess)
+        counts = replace(
+            self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess
+        )
+        if self.commands:
+            counts.received += self.commands.received
+            counts.foreign += self.commands.refused
+        return counts
 
     @property
     def notes(self) -> list[str]:
@@ -101,8 +111,8 @@ class Source:
         last = [f"{_named(sender)} sends more than its share: served last" for sender in self._turns.last(self._now)]
         return [*recording, *last[:_MAX_TOLD], *self.decoder.refusals.lines()]
 
-    def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
+    def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
+        """Take in one packet; give its commands and frames in order, or None when no packet waits. Never raises."""
         self._now = arrival
         taken = self._next(arrival)
         if taken is None:
@@ -110,13 +120,16 @@ class Source:
         packet, arrival, self.waited, sender = taken
         known = None if self.decoder.expires else sender
         begun = time.perf_counter()
-        decoded = self.decoder.decode(packet, arrival, sender)
+        asked = self.commands.read(packet, sender) if self.commands else None
+        # A bundle may hold frames beside commands.
+        has_frames = asked is None or datagram_of(packet).startswith(b"#bundle")
+        decoded = self.decoder.decode(packet, arrival, sender) if has_frames else ()
         self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
         admitted = self._admitted(decoded, arrival, known)
         # Answers to senders go by OSC only.
         if self._admission and sender and isinstance(packet, bytes):
             self._admission.replies_go_to(admitted, sender)
-        return admitted
+        return [*asked, *admitted] if asked else admitted
 
     def _next(self, now: float) -> Waiting | None:
         """Take the next packet; packets of senders served last only when nothing else waits, and one in a row."""
@@ -133,11 +146,13 @@ class Source:
                 self._last_was_aside = False
                 return taken
             turns.put_aside(taken)
-        if not turns or self._last_was_aside:
+            self.has_put_aside = True
+        if not turns.aside or self._last_was_aside:
             self._last_was_aside = False
             return None
         self._last_was_aside = True
         taken = turns.take()
+        self.has_put_aside = bool(turns.aside)
         return taken._replace(waited=now - taken.arrival)
 
     def tend(self, now: float) -> Sequence[Admitted]:

@@ -11,7 +11,7 @@ from collections import Counter, deque
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from kinespace.stream.inputs.receiver import Packet, Sender
+    from kinespace.stream.packet import Packet, Sender
 
 #: Share of the time that a sender may take permanently, and seconds that it may take at once.
 SHARE, MAX_AT_ONCE = 0.25, 0.02
@@ -55,6 +55,8 @@ class Turns:
 
     Attributes
     ----------
+    aside
+        The packets that were put aside, the oldest first.
     thrown_away
         Packets that were put aside and then dropped for want of room.
     """
@@ -62,16 +64,13 @@ class Turns:
     def __init__(self) -> None:
         self.thrown_away = 0
         self._accounts: dict[Sender, _Account] = {}
-        self._aside = deque[Waiting]()
+        self.aside = deque[Waiting]()
         self._aside_bytes = 0
         #: How many of each sender's packets are put aside.
         self._aside_of: Counter[Sender] = Counter()
         self._before: Sender = None
         #: When a packet last came from another sender than the packet before, seconds on our clock.
         self._changed = float("-inf")
-
-    def __len__(self) -> int:
-        return len(self._aside)
 
     def comes_last(self, sender: Sender, now: float) -> bool:
         """Note a packet's sender, and say whether the packet is to be put aside; `now` in seconds."""
@@ -96,16 +95,16 @@ class Turns:
 
     def put_aside(self, waiting: Waiting) -> None:
         """Keep a packet until nothing else waits; the oldest packets make room for it."""
-        self._aside.append(waiting)
+        self.aside.append(waiting)
         self._aside_of[waiting.sender] += 1
         self._aside_bytes += _size(waiting.packet)
-        while self._aside_bytes > MAX_ASIDE or len(self._aside) > _MAX_PACKETS:
+        while self._aside_bytes > MAX_ASIDE or len(self.aside) > _MAX_PACKETS:
             self.take()
             self.thrown_away += 1
 
     def take(self) -> Waiting:
         """Take the oldest packet that was put aside."""
-        waiting = self._aside.popleft()
+        waiting = self.aside.popleft()
         self._aside_of[waiting.sender] -= 1
         if not self._aside_of[waiting.sender]:
             del self._aside_of[waiting.sender]

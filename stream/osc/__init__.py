@@ -24,30 +24,3 @@ from kinespace.stream.osc.packet import (
     encode_message,
 )
 from kinespace.stream.osc.udp import OscReceiver, OscSender, is_ours
-
-__all__ = [
-    "MAX_ANSWER",
-    "MAX_FRAMES",
-    "SKELETON",
-    "Message",
-    "OscReceiver",
-    "OscSender",
-    "PacketError",
-    "Received",
-    "address_part",
-    "decode",
-    "decode_answer",
-    "decode_message",
-    "decode_packet",
-    "encode_announcement",
-    "encode_bundle",
-    "encode_classes",
-    "encode_event",
-    "encode_frame",
-    "encode_gone",
-    "encode_message",
-    "encode_progress",
-    "encode_recognition",
-    "encode_status",
-    "is_ours",
-]

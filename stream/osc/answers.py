@@ -20,14 +20,16 @@ import struct
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from kinespace.stream.osc.packet import BUNDLE_START, PacketError, decode_packet, encode_bundle, encode_message, padded
+from pythonosc.osc_packet import OscPacket, ParseError
+
+from kinespace.stream.osc.packet import BUNDLE_START, encode_bundle, encode_message, padded
 from kinespace.stream.recognition import GONE, Answer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.status import Status
+    from kinespace.stream.status import Status
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200
@@ -39,6 +41,9 @@ _MAX_FLOAT = (2 - 2**-23) * 2.0**127
 #: Characters that OSC 1.0 reserves in addresses, and characters that do not print.
 _NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
 
+#: A label's bytes: a performer's answers have the same few.
+_label = lru_cache(maxsize=1024)(padded)
+
 
 def encode_recognition(recognition: Recognition) -> bytes:
     """Encode an answer as one bundle of at most 1200 bytes.
@@ -48,7 +53,7 @@ def encode_recognition(recognition: Recognition) -> bytes:
     class_head, guess_head, label_head, scores_head, progress_head = _answer_heads(
         recognition.performer, len(recognition.scores)
     )
-    label = padded(recognition.label)
+    label = _label(recognition.label)
     parts = [
         BUNDLE_START,
         _SIZE.pack(len(class_head) + _CLASS.size),
@@ -141,10 +146,11 @@ def address_part(performer: str) -> str:
 def decode_answer(datagram: bytes) -> Answer | None:
     """Decode a recognition's bundle, for programs that listen to the answers; None for any other packet."""
     try:
-        found = {message.address.rpartition("/")[2]: message for message in decode_packet(datagram)}
-        index, score, margin = found["class"].arguments
-        (label,) = found["label"].arguments
+        messages = [timed.message for timed in OscPacket(datagram).messages]
+        found = {message.address.rpartition("/")[2]: message for message in messages}
+        index, score, margin = found["class"].params
+        (label,) = found["label"].params
         performer = found["class"].address.split("/")[2]
-        return Answer(performer, int(index), float(score), float(margin), str(label))  # type: ignore[call-overload, arg-type]
-    except (PacketError, KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError):
+        return Answer(performer, int(index), float(score), float(margin), str(label))
+    except (ParseError, KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError):
         return None

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinespace.stream.inputs.receiver import Networks
+    from kinespace.stream.packet import Networks
 
 #: Bytes of waiting datagrams that the system keeps; the usual default holds 0.2 s of a busy feed.
 RECEIVE_BUFFER = 4 << 20

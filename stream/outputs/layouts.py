@@ -1,4 +1,4 @@
-"""Answers in the layouts that other programs understand, as OSC packets.
+"""Answers in the layouts that other programs understand, as OSC packets, and the sinks that send them.
 
 native         the messages of `stream.osc.answers`: class, guess, label, scores and events
 max, puredata, supercollider
@@ -16,19 +16,23 @@ class" when no class is named, and once when a performer has left.
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, TypeVar
 
 from kinespace.stream.osc import answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
+from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching import wire
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from kinespace.stream.inputs.admission import Admission
+    from kinespace.stream.osc.udp import OscReceiver, OscSender
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.status import Status
+    from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
 _Last = TypeVar("_Last", int, float)
@@ -68,12 +72,13 @@ class Layout:
 
 
 class NativeLayout(Layout):
-    """Our own messages."""
+    """Our own messages, perhaps for a program that listens on another port."""
 
     name = "native"
     port = 9311
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "", port: int = 0) -> None:
+        self.name, self.port = name or self.name, port or self.port
         #: The time of each performer's first answer: events carry the seconds since then.
         self._since: dict[str, float] = {}
 
@@ -104,27 +109,6 @@ class NativeLayout(Layout):
     def notice(self, notice: Notice) -> bytes | None:
         """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i`."""
         return wire.encode(notice)
-
-
-class MaxLayout(NativeLayout):
-    """As native."""
-
-    name = "max"
-    port = 7400
-
-
-class PureDataLayout(NativeLayout):
-    """As native."""
-
-    name = "puredata"
-    port = 9312
-
-
-class SuperColliderLayout(NativeLayout):
-    """As native, to sclang's own port."""
-
-    name = "supercollider"
-    port = 57120
 
 
 class TouchDesignerLayout(NativeLayout):
@@ -270,19 +254,12 @@ class VrchatLayout(Layout):
         )
 
 
-#: Layouts by the name they are asked for.
-LAYOUTS: dict[str, type[Layout]] = {
-    layout.name: layout
-    for layout in (
-        NativeLayout,
-        TouchDesignerLayout,
-        MaxLayout,
-        PureDataLayout,
-        SuperColliderLayout,
-        WekinatorLayout,
-        VmcThruLayout,
-        VrchatLayout,
-    )
+#: Programs that read our own messages, and the ports on which they usually listen.
+_NATIVE = {"max": 7400, "puredata": 9312, "supercollider": 57120}
+#: What makes each layout, by the name it is asked for.
+LAYOUTS: dict[str, Callable[[], Layout]] = {
+    **{each.name: each for each in (NativeLayout, TouchDesignerLayout, WekinatorLayout, VmcThruLayout, VrchatLayout)},
+    **{name: partial(NativeLayout, name, port) for name, port in _NATIVE.items()},
 }
 
 
@@ -291,3 +268,102 @@ def _remember(known: dict[str, _Last], performer: str, last: _Last) -> None:
     if len(known) >= _MAX_PERFORMERS:
         known.clear()
     known[performer] = last
+
+
+class LayoutSink(Sink):
+    """Sends answers in some program's layout to one place.
+
+    Parameters
+    ----------
+    layout
+        The messages that the program understands.
+    sender
+        Where to send them; closed by `close`.
+    """
+
+    def __init__(self, layout: Layout, sender: OscSender) -> None:
+        self.layout, self.sender = layout, sender
+
+    def __str__(self) -> str:
+        return f"{self.layout.name} {self.sender}"
+
+    @property
+    def failed(self) -> int:  # type: ignore[override]  # the sender counts
+        """Answers that the system would not send."""
+        return self.sender.failed
+
+    def publish(self, recognition: Recognition) -> None:
+        """Send one recognition."""
+        self._send(self.layout.recognition(recognition), recognition.performer)
+
+    def publish_event(self, event: Event) -> None:
+        """Send one event."""
+        self._send(self.layout.event(event), event.performer)
+
+    def publish_gone(self, performer: str) -> None:
+        """Send that a performer has left."""
+        self._send(self.layout.gone(performer), performer)
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Send the class names."""
+        self._send(self.layout.classes(classes))
+
+    def publish_status(self, status: Status) -> None:
+        """Send the status."""
+        self._send(self.layout.status(status))
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Send a notice of teaching."""
+        self._send(self.layout.notice(notice))
+
+    def _send(self, packet: bytes | None, performer: str | None = None) -> None:  # noqa: ARG002 - all hear all
+        if packet is not None:
+            self.sender.send(packet)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.sender.close()
+
+
+class ReplySink(LayoutSink):
+    """Sends each performer's answers to the performer's own sender, from the port it sent to.
+
+    Messages that concern all performers go to all senders.
+
+    Parameters
+    ----------
+    layout
+        The messages that the senders understand.
+    receiver
+        The port on which frames come in; not closed here.
+    port
+        The port on the sender's host; 0 for the port it sent from.
+    senders
+        Knows the sender of each performer.
+    """
+
+    #: Answers that the system would not send.
+    failed = 0
+
+    def __init__(self, layout: Layout, receiver: OscReceiver, port: int, senders: Admission) -> None:
+        self.layout, self.port = layout, port
+        self._receiver, self._senders = receiver, senders
+
+    def __str__(self) -> str:
+        return f"{self.layout.name} the sender{f':{self.port}' if self.port else ''}"
+
+    def publish_gone(self, performer: str) -> None:
+        """Send nothing: the sender has gone."""
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Send nothing: a sender of frames need not teach."""
+
+    def _send(self, packet: bytes | None, performer: str | None = None) -> None:
+        if packet is None:
+            return
+        targets = self._senders.senders(performer)
+        for host, port in dict.fromkeys((host, self.port or port) for host, port in targets):
+            self.failed += not self._receiver.send_to(packet, (host, port))
+
+    def close(self) -> None:
+        """Leave the receiver open."""

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.status import Status
+    from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
 
@@ -21,9 +21,6 @@ class Sink:
     #: Notes for a person, a line each.
     notes: Sequence[str] = ()
 
-    def watch(self) -> None:
-        """Look at the listeners; called some ten times a second, or more often."""
-
     def publish(self, recognition: Recognition) -> None:
         """Pass on one recognition."""
 
@@ -34,7 +31,7 @@ class Sink:
         """Pass on that a performer has left: nothing more is answered."""
 
     def publish_frame(self, frame: Frame) -> None:
-        """Pass on a frame, before it is recognised; the service calls this only where a sink overrides it."""
+        """Pass on a frame that the recognisers have got; the service calls this only where a sink overrides it."""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Pass on the list of classes."""

@@ -1,21 +1,34 @@
-"""Answers as ZeroMQ messages."""
+"""Answers as ZeroMQ messages, and bodies for programs that draw them."""
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq import answers
+from kinespace.stream.zeromq.bodies import encode_body
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.status import Status
+    from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
     from kinespace.stream.zeromq.sockets import ZmqSender
+
+
+#: Seconds between two bodies of a performer, and the share of it by which a frame may come early.
+EVERY, _EARLY = 1 / 30, 0.01
+#: Bodies between two with the joints that carry the decision, and between two with the skeleton.
+_CARRIED_EVERY, _SKELETON_EVERY = 5, 30
+#: Performers whose pace is remembered, at most.
+_MAX_PERFORMERS = 256
 
 
 class ZmqSink(Sink):
@@ -40,16 +53,6 @@ class ZmqSink(Sink):
     def failed(self) -> int:  # type: ignore[override]  # the sender counts
         """Answers that ZeroMQ would not take."""
         return self.sender.failed
-
-    @property
-    def notes(self) -> list[str]:  # type: ignore[override]  # the sender counts
-        """Note the connections that were ended."""
-        shut = self.sender.shut
-        return [f"{self.sender}: {shut} connections ended, because they asked for too much"] if shut else []
-
-    def watch(self) -> None:
-        """End connections that subscribe to too much."""
-        self.sender.watch()
 
     def publish(self, recognition: Recognition) -> None:
         """Send one recognition."""
@@ -80,3 +83,58 @@ class ZmqSink(Sink):
     def close(self) -> None:
         """Close the socket."""
         self.sender.close()
+
+
+class Followed(Protocol):
+    """The performers whose bodies are sent; `kinespace.stream.recognizer.Performers` is one."""
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the skeleton of a performer's frames."""
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carry the decision on a performer."""
+
+
+@dataclass(slots=True)
+class _Sent:
+    time: float
+    count: int
+
+
+class BodySink(Sink):
+    """Publishes thirty frames a second of each performer on a ZeroMQ endpoint.
+
+    Parameters
+    ----------
+    sender
+        Where to publish; another sink closes it.
+    performers
+        The performers.
+    """
+
+    def __init__(self, sender: ZmqSender, performers: Followed) -> None:
+        self._sender, self._performers = sender, performers
+        self._sent: dict[str, _Sent] = {}
+
+    def __str__(self) -> str:
+        return f"{self._sender} (bodies)"
+
+    def publish_frame(self, frame: Frame) -> None:
+        """Send a frame, unless one was sent less than a thirtieth of a second before."""
+        name, sent = frame.performer, self._sent.get(frame.performer)
+        if sent is None:
+            if len(self._sent) >= _MAX_PERFORMERS:
+                self._sent.clear()
+            sent = self._sent[name] = _Sent(frame.time - EVERY, -1)
+        if 0 <= frame.time - sent.time < EVERY * (1 - _EARLY):
+            return
+        sent.time = frame.time
+        sent.count += 1
+        carried = self._performers.carried(name) if sent.count % _CARRIED_EVERY == 0 else None
+        # One behind the first: at the first frame the performer is not known yet.
+        skeleton = self._performers.skeleton_of(name) if sent.count % _SKELETON_EVERY == 1 else None
+        self._sender.send(encode_body(frame, skeleton, carried))
+
+    def publish_gone(self, performer: str) -> None:
+        """Forget a performer who has left."""
+        self._sent.pop(performer, None)

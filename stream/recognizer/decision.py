@@ -1,145 +1,290 @@
-"""The decision of a hop: which class the guess is and whether it is known, from the distances to the library."""
+"""The decision of a hop: the guess, whether it is known, and when a motion starts and ends.
+
+Each hop the class in front gains its lead over the others, in log distance times thirtieths of a second; when another
+class comes to the front the count begins again (`Hysteresis`). A clear lead takes over at once, a doubtful one takes a
+moment. The guess needs little (`LEAD`), a start event more (`Settings.lead`), so that events come once, without
+flicker.
+
+While no class is named, because the body stands still or the movement is unknown, "no class" gathers lead at a steady
+pace: slowly for the unknown, because a motion that goes on may look strange for a moment, and faster for stillness,
+which never comes by chance.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.rejection import Evidence
-from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer.hysteresis import LEAD, Hysteresis, Judgement
-from kinespace.stream.recognizer.settings import (
-    LEAD_ONE,
-    LEAD_USUAL,
-    SENSITIVITY_LEARNED,
-    SENSITIVITY_ONE,
-    SENSITIVITY_OWN,
-    LiveSignature,
-)
+from kinespace.stream.recognition import Event, EventKind, Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection
 
     import numpy as np
     from numpy.typing import NDArray
 
-    from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer.settings import Settings
+    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recognizer.limits import Limits
+    from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 
+#: The lead after which a class becomes the guess.
+LEAD = 0.6
+#: The unit of leads: log distance times a thirtieth of a second.
+_PER_SECOND = 30.0
 #: Seconds that the first hop counts for.
-FIRST_HOP = 1 / 30
-#: A larger lead counts as this much: the only class of a library leads infinitely.
-_MAX_PACE = 3.0
+_FIRST_HOP = 1 / 30
+#: A larger lead of a guess counts as this much: the only class of a library leads infinitely.
+_MAX_GUESS_PACE = 3.0
+#: Lead, in log distance, at which a class gathers fastest towards its event.
+_MAX_EVENT_PACE = 1.0
+#: A pause between two recognitions that is longer counts as this long (seconds), so that a gap in the feed does not
+#: add lead.
+_MAX_HOP = 0.1
+#: Seconds over which the evidence for a known motion is averaged.
+_KNOWN_OVER = 0.3
+#: The evidence for a named motion may fall this much below the threshold; without this margin a motion at the threshold
+#: would flicker.
+_HELD = 1.5
+#: Seconds of stillness, and of unknown, ambiguous or implausible movement, after which a motion has ended.
+_ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4, Outcome.IMPLAUSIBLE: 0.8}
+#: The name that stands for "no class".
+_NONE = ""
 
 
-class Decided(NamedTuple):
-    """The decision; the fields are as in `stream.recognizer.matcher.Reading`."""
-
-    outcome: Outcome
-    distances: NDArray[np.float64]
-    guess: int
-    lead: float
-    evidence: Evidence
-
-
-class Decision:
-    """Follows one performer's guess, and whether it is known.
+class Hysteresis:
+    """Follows which of several names has been in front for long enough.
 
     Parameters
     ----------
-    index
-        The library's windows.
-    stillness, sensitivity
-        The same as for `stream.recognizer.settings.Settings`.
+    needed
+        Lead after which a name takes over.
+
+    Attributes
+    ----------
+    current
+        The name that took over last; None before the first.
     """
 
-    def __init__(self, index: WindowIndex, *, stillness: float, sensitivity: float | None) -> None:
-        self._stillness, self._sensitivity = stillness, sensitivity
-        self._judgement = Judgement(self._threshold(index))
-        self._hysteresis = Hysteresis(LEAD)
-        self._compare_with(index)
-
-    def _threshold(self, index: WindowIndex) -> float:
-        usual = usual_sensitivity(index.library)
-        return index.rejection.threshold_at(usual if self._sensitivity is None else self._sensitivity)
-
-    def _compare_with(self, index: WindowIndex) -> None:
-        self._classes, self._weighing = index.classes, index.comparison.weighing
-        # Kept here, because the cache behind the index may be full of other libraries.
-        self._rejection = index.rejection
-        self._nothing = index.classes.index(NOTHING) if NOTHING in index.classes else -1
-
-    def exchange(self, index: WindowIndex) -> None:
-        """Go on with the windows of another library."""
-        self._hysteresis.exchange(places_in(self._classes, index.classes))
-        self._judgement.exchange(self._threshold(index))
-        self._compare_with(index)
-
-    def set_sensitivity(self, share: float, index: WindowIndex) -> None:
-        """Go on with another sensitivity and the windows of the same library."""
-        self._sensitivity = share
-        self._judgement.exchange(self._threshold(index))
+    def __init__(self, needed: float) -> None:
+        self.needed = needed
+        self.clear()
 
     def clear(self) -> None:
         """Forget everything, as at the start."""
-        self._hysteresis.clear()
-        self._judgement.clear()
+        self.current: str | None = None
+        self._leader: str | None = None
+        self._lead = 0.0
 
-    def push(self, logs: NDArray[np.float64], movement: float, noise: float, elapsed: float) -> Decided:
+    def keep(self, names: Collection[str]) -> None:
+        """Forget all but these names."""
+        self.current = self.current if self.current in names else None
+        if self._leader not in names:
+            self._leader, self._lead = None, 0.0
+
+    def push(self, leader: str, pace: float, elapsed: float) -> bool:
+        """Take in which name is in front.
+
+        Parameters
+        ----------
+        leader
+            The name in front.
+        pace
+            Its lead in log distance.
+        elapsed
+            Seconds for which the lead counts.
+
+        Returns
+        -------
+        Whether the name took over now.
+        """
+        if leader != self._leader:
+            self._leader, self._lead = leader, 0.0
+        self._lead += pace * elapsed * _PER_SECOND
+        if leader == self.current or self._lead < self.needed:
+            return False
+        self.current = leader
+        return True
+
+
+class Judgement:
+    """Whether the guess is known: averaged evidence against a threshold, which is lower for a named motion.
+
+    Attributes
+    ----------
+    threshold
+        Evidence, as a logit (`library.windows.rejection`), from which a guess is known.
+    average
+        The averaged evidence; NaN before the first.
+    """
+
+    def __init__(self, threshold: float = -math.inf) -> None:
+        self.threshold = threshold
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything, as at the start."""
+        self.average = math.nan
+        self._known = False
+
+    def push(self, logit: float, elapsed: float) -> bool:
+        """Take in the evidence of the newest window, so many seconds after the last; say whether the guess is known."""
+        if math.isnan(self.average):
+            self.average = logit
+        self.average -= math.expm1(-elapsed / _KNOWN_OVER) * (logit - self.average)
+        self._known = self.average >= self.threshold - (_HELD if self._known else 0.0)
+        return self._known
+
+
+class Decided(NamedTuple):
+    """The decision for the windows that end now.
+
+    Attributes
+    ----------
+    outcome
+        Whether the guess is named, else why not.
+    guess
+        The class that is guessed; `nothing` for movement like the library's motions of that name.
+    lead
+        Log distance by which the guess is ahead of all other classes, below 0 while it is held.
+    evidence
+        The evidence for the guess; None where the comparison does not judge.
+    """
+
+    outcome: Outcome
+    guess: str
+    lead: float
+    evidence: Evidence | None
+
+
+class Decision:
+    """Decides for one performer.
+
+    Parameters
+    ----------
+    lead
+        Lead that a class needs before a start event. More is later and surer.
+    going_on
+        The start of a motion that goes on already.
+    """
+
+    def __init__(self, lead: float, going_on: Event | None = None) -> None:
+        self._guess, self._judgement, self._event = Hysteresis(LEAD), Judgement(), Hysteresis(lead)
+        self._active = going_on
+        self._event.current = going_on.label if going_on else None
+        self._decided_at = self._event_at = math.nan
+
+    @property
+    def going_on(self) -> Event | None:
+        """The start of the motion that goes on; None when no motion goes on."""
+        return self._active
+
+    def clear(self) -> None:
+        """Forget the guess and the evidence, as at the start; a motion that goes on stays."""
+        self._guess.clear()
+        self._judgement.clear()
+        self._decided_at = math.nan
+
+    def exchange(self, index: WindowIndex, classes: Collection[str], lead: float, time: float) -> Event | None:
+        """Go on with another library; give the end of the motion that goes on, at a time, if its class is gone.
+
+        Parameters
+        ----------
+        index
+            The library's windows.
+        classes
+            The classes that are answered.
+        lead
+            As in the constructor.
+        time
+            Seconds.
+        """
+        self._guess.keep(index.classes)
+        self._event.needed = lead
+        if self._active and self._active.label not in classes:
+            return self.end(time)
+        self._event.keep({*classes, _NONE})
+        if self._active:
+            self._active = replace(self._active, index=list(classes).index(self._active.label))
+        return None
+
+    def push(self, windows: LiveWindows, seen: Leading, limits: Limits, noise: float, time: float) -> Decided:
         """Decide for the windows that end now.
 
         Parameters
         ----------
-        logs
-            `library.windows.index.WindowIndex.log_distances` of the windows.
-        movement, noise
-            The movement in the longest window, and the standard deviation of a distance's noise, metres.
-        elapsed
-            Seconds since the hop before; `FIRST_HOP` for the first.
+        windows, seen
+            The windows, and what they gave when they were read.
+        limits
+            What a movement needs to be named.
+        noise
+            Standard deviation of a distance's noise, metres.
+        time
+            Seconds, on the clock of the frames.
         """
-        distances = self._weighing.named(logs)
-        guess, lead = followed(self._hysteresis, distances, elapsed)
-        evidence = Evidence.of(self._weighing.alone(logs), guess, noise)
-        known = self._judgement.push(self._rejection.logit(evidence, self._classes[guess]), elapsed)
-        outcome = Outcome.NAMED if known and guess != self._nothing else Outcome.UNKNOWN
-        return Decided(Outcome.STILL if movement < self._stillness else outcome, distances, guess, lead, evidence)
+        elapsed = _FIRST_HOP if math.isnan(self._decided_at) else time - self._decided_at
+        self._decided_at = time
+        index, comparer = windows.index, windows.comparer
+        weighing, classes, distances = index.comparison.weighing, index.classes, comparer.named
+        guess, lead = self._follow(distances, classes, elapsed)
+        known, evidence = True, None
+        if weighing.judges:
+            evidence = Evidence.of(comparer.alone, classes.index(guess), noise)
+            self._judgement.threshold = limits.threshold
+            known = self._judgement.push(index.rejection.logit(evidence, guess), elapsed)
+        outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
+        if not weighing.judges and seen.gap < limits.smallest_gap:
+            outcome = Outcome.AMBIGUOUS
+        if seen.movement < limits.stillness:
+            outcome = Outcome.STILL
+        return Decided(outcome, guess, lead, evidence)
+
+    def _follow(self, distances: NDArray[np.float64], classes: tuple[str, ...], elapsed: float) -> tuple[str, float]:
+        """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
+        # For some ten numbers Python finds the least two before numpy has begun.
+        listed = distances.tolist()
+        nearest, second = sorted([*listed, math.inf])[:2]
+        ahead = second - nearest
+        leader = classes[listed.index(nearest)]
+        self._guess.push(leader, min(ahead, _MAX_GUESS_PACE), elapsed)
+        guess = self._guess.current
+        if guess is None or guess not in classes:
+            guess = self._guess.current = leader
+        return guess, ahead if guess == leader else nearest - listed[classes.index(guess)]
+
+    def events(self, recognition: Recognition) -> tuple[Event, ...]:
+        """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start."""
+        elapsed = recognition.time - self._event_at
+        self._event_at = recognition.time
+        if not 0 <= elapsed <= _MAX_HOP:
+            elapsed = _MAX_HOP if elapsed > 0 else 0.0
+        named = recognition.class_name or _NONE
+        pace = min(max(recognition.lead, 0.0), _MAX_EVENT_PACE)
+        if named == _NONE:
+            pace = self._event.needed / (_ENDED_AFTER[recognition.outcome] * _PER_SECOND)
+        if not self._event.push(named, pace, elapsed):
+            return ()
+        ended = [_event(EventKind.END, recognition, self._active.index)] if self._active else []
+        self._active = _event(EventKind.START, recognition, recognition.class_index) if named else None
+        return (*ended, self._active) if self._active else tuple(ended)
+
+    def end(self, time: float) -> Event | None:
+        """End the motion that is going on, at a time in seconds; None when none is."""
+        begun, self._active = self._active, None
+        self._event.clear()
+        self._event_at = math.nan
+        return replace(begun, kind=EventKind.END, time=time) if begun else None
 
 
-def usual_sensitivity(library: MotionLibrary) -> float:
-    """Give the sensitivity for a library when none is set."""
-    if library.judged_by_strangers:
-        return SENSITIVITY_LEARNED
-    return SENSITIVITY_ONE if _is_one_persons(library) else SENSITIVITY_OWN
-
-
-def needed_lead(library: MotionLibrary, settings: Settings) -> float:
-    """Give the lead that a class of a library needs before a start event."""
-    if settings.lead is not None:
-        return settings.lead
-    one = settings.signature is LiveSignature.WINDOWS and _is_one_persons(library)
-    return LEAD_ONE if one else LEAD_USUAL
-
-
-def _is_one_persons(library: MotionLibrary) -> bool:
-    """Whether one person's own motions teach a library what is unknown."""
-    return not library.judged_by_strangers and len(library.actors) <= 1
-
-
-def followed(hysteresis: Hysteresis, distances: NDArray[np.float64], elapsed: float) -> tuple[int, float]:
-    """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
-    # For some ten numbers Python finds the least two before numpy has begun.
-    listed = distances.tolist()
-    nearest, second = sorted([*listed, math.inf])[:2]
-    leader, ahead = listed.index(nearest), second - nearest
-    hysteresis.push(leader, min(ahead, _MAX_PACE), elapsed)
-    if hysteresis.current is None:
-        hysteresis.current = leader
-    guess = hysteresis.current
-    return guess, ahead if guess == leader else nearest - listed[guess]
-
-
-def places_in(before: Sequence[str], after: Sequence[str]) -> dict[int, int]:
-    """Say at which index of another list each class stands, if it is there."""
-    return {place: after.index(name) for place, name in enumerate(before) if name in after}
+def _event(kind: EventKind, recognition: Recognition, index: int) -> Event:
+    return Event(
+        performer=recognition.performer,
+        kind=kind,
+        label=recognition.classes[index],
+        index=index,
+        score=float(recognition.scores[index]),
+        time=recognition.time,
+    )

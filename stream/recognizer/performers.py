@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Announcement, NewSender
-from kinespace.stream.recognizer.decision import usual_sensitivity
+from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.joints.carried import carried_by
-from kinespace.stream.recognizer.joints.fewer_joints import SentJoints
-from kinespace.stream.recognizer.matcher import library_of
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, require_order
+from kinespace.stream.recognizer.joints.sent import SentJoints
+from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
+from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts, require_order
 from kinespace.stream.recognizer.settings import Settings
 
 if TYPE_CHECKING:
@@ -24,22 +24,15 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.skeleton import Skeleton
-    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
-    from kinespace.stream.recognizer.joints.doubts import LongAgo
-    from kinespace.stream.recognizer.joints.fewer_joints import Opener
+    from kinespace.stream.recognizer.joints.mending import LongAgo
+    from kinespace.stream.recognizer.recognizer import Views
 
 
-#: The joint names of so many times the maximum number of performers are remembered.
-_MAX_REMEMBERED = 4
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
-#: A performer that was not answered for so many seconds makes room for a newcomer that sent so many frames in them: an
-#: answer needs a quarter of a second of feed, and names without a body behind them never get one.
-_STEADY_SECONDS = 1.0
-_STEADY_FRAMES = 12
 
 
 @dataclass(slots=True)
@@ -59,9 +52,11 @@ class PerformerCounts:
 @dataclass(slots=True)
 class _Performer:
     recognizer: Recognizer
-    #: The library that the recogniser compares with: whole, or restricted to the joints that the sender has.
-    library: MotionLibrary
-    heard: float
+    #: The windows that the recogniser compares with: of all joints, or of those that the sender has.
+    index: WindowIndex
+    #: When the newest frame came, and the first, seconds on our clock.
+    newest: float
+    begun: float
     #: The joints in the sender's frames; assumed until the sender names them.
     joints: tuple[str, ...]
     #: The index of each of the library's joints in them; None for the library's own order.
@@ -70,20 +65,22 @@ class _Performer:
     filled: NDArray[np.intp] | None = None
     #: Why frames of the announced joints cannot be used; empty when they can.
     unusable: str = ""
-    #: Whether the library is being restricted to the announced joints.
+    #: Whether the windows of the announced joints are being opened.
     is_waiting: bool = False
     #: Joints of the last frame refused for its joints; 0 when none was refused since the joints were last named.
     refused_size: int = 0
-    #: When the first frame came, seconds on our clock.
-    begun: float = 0.0
 
-    def is_idle(self, now: float) -> bool:
-        """Say whether this performer was never answered, or sends fewer frames a second than any feed has."""
-        counts = self.recognizer.counts
-        return not counts.hops or counts.frames * _STEADY_SECONDS < _STEADY_FRAMES * (now - self.begun)
+    @property
+    def frames_and_answers(self) -> tuple[int, int]:
+        """How many frames were taken in, and how many of them were answered."""
+        return self.recognizer.counts.frames, self.recognizer.counts.hops
+
+    def end(self) -> Event | None:
+        """End the motion that goes on."""
+        return self.recognizer.end()
 
 
-class Performers:
+class Performers(Following[_Performer]):
     """One recogniser per performer.
 
     Parameters
@@ -96,8 +93,8 @@ class Performers:
         Seconds without a frame after which a performer is dropped.
     joints
         The joints that senders are known to have; by default the library's.
-    opener
-        Gives each recogniser the windows of the joints that can be believed.
+    views
+        Gives the windows of the joints that a sender has, and of those that can be believed (`Recognizer`).
     classes
         The classes to answer with, in this order (`Recognizer.exchange`); by default the library's.
 
@@ -117,43 +114,34 @@ class Performers:
         most: int = 32,
         silence: float = 5.0,
         joints: SentJoints | None = None,
-        opener: Opener | None = None,
+        views: Views = WindowIndex.by_joints,
         classes: Sequence[str] = (),
     ) -> None:
-        if most < 1:
-            raise ValueError(f"most: expected at least 1 performer, got {most}")
-        if not (math.isfinite(silence) and silence > 0):
-            raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
-        self._compare_with(library, classes)
+        super().__init__(most, silence)
         self.settings = settings or Settings()
-        self._opener = opener
-        self.most = most
-        self.silence = silence
+        self._compare_with(index_for(library, self.settings), classes)
+        self._views = views
         #: Holds for every performer that names no joints.
         skeleton, joints = self.library.skeleton, joints or SentJoints()
         self._assumed = joints.assumed or skeleton.joints
         self._assumed_order = skeleton.order_from(joints.assumed) if joints.assumed else None
         self._naming = joints.naming
-        self._restricter = joints.restricter
-        #: The sets of joints that the library was restricted to.
+        #: The sets of joints whose windows were asked for.
         self._sets: set[tuple[str, ...]] = set()
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
-        self._counts = PerformerCounts()
-        self._performers: dict[str, _Performer] = {}
-        #: Ends of motions of performers who were dropped to make room, not given out yet.
-        self._ended: list[Event] = []
-        #: Performers who were dropped, not given out yet.
-        self._gone: list[str] = []
-        #: Performers for whom there was no room: since when, and how many frames they have sent.
-        self._waiting: dict[str, tuple[float, int]] = {}
-        # A sender may announce its joints once, so announcements are kept through a silence.
-        self._announced: dict[str, Announcement] = {}
+        self._other_joints = 0
+        #: Counts of recognisers that are no longer needed.
+        self._past = RecognizerCounts()
 
-    def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
-        self._compared, self.library = library, library_of(library)
-        require_order(order, library)
-        self._order = tuple(order)
+    def _compare_with(self, index: WindowIndex, order: Sequence[str]) -> None:
+        require_order(order, index.library)
+        self._index, self._order = index, tuple(order)
+
+    @property
+    def library(self) -> MotionLibrary:
+        """The motions that are compared."""
+        return self._index.library
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -172,17 +160,16 @@ class Performers:
         SkeletonMismatchError
             The library has other joints; nothing is exchanged.
         """
-        self.library.skeleton.require_same(library_of(library).skeleton)
-        before = self.library
-        self._compare_with(library, order)
+        index, before = index_for(library, self.settings), self._index
+        self.library.skeleton.require_same(index.library.skeleton)
+        self._compare_with(index, order)
         self._sets.clear()
         for performer in self._performers.values():
-            if performer.library is before:
-                self._exchange_for(performer, library)
+            if performer.index is before:
+                self._exchange_for(performer, index)
             elif not performer.unusable:
                 self._fit(performer)
-        ended, self._ended = self._ended, []
-        return ended
+        return self._take_ended()
 
     @property
     def sensitivity(self) -> float:
@@ -196,27 +183,22 @@ class Performers:
         for performer in self._performers.values():
             performer.recognizer.set_sensitivity(share)
 
-    def _exchange_for(self, performer: _Performer, library: MotionLibrary | WindowIndex) -> None:
+    def _exchange_for(self, performer: _Performer, index: WindowIndex) -> None:
         """Compare a performer with another library over the same joints."""
-        performer.library = library_of(library)
-        if ended := performer.recognizer.exchange(library, self._order):
+        performer.index = index
+        if ended := performer.recognizer.exchange(index, self._order):
             self._ended.append(ended)
 
     def __len__(self) -> int:
         return len(self._performers)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The performers now followed, in the order of their first frames."""
-        return tuple(self._performers)
-
-    @property
     def counts(self) -> PerformerCounts:
         """Counts of all frames so far, by their fate; a copy."""
-        total = replace(self._counts.recognizers)
+        total = replace(self._past)
         for performer in self._performers.values():
             total.add(performer.recognizer.counts)
-        return replace(self._counts, recognizers=total)
+        return PerformerCounts(self._no_room, self._other_joints, self._dropped, total)
 
     @property
     def refused(self) -> dict[str, str]:
@@ -250,7 +232,7 @@ class Performers:
         given = performer.recognizer.pair_contributions() if performer else None
         if performer is None or given is None:
             return None
-        return carried_by(given, performer.library.skeleton.pairs, performer.order, len(performer.joints))
+        return carried_by(given, performer.index.library.skeleton.pairs, performer.order, len(performer.joints))
 
     def long_ago(self, name: str) -> LongAgo | None:
         """Give the facts for another recogniser that goes on with the last seconds of a performer's feed."""
@@ -273,7 +255,7 @@ class Performers:
             performer.recognizer.keep_time_with(answered)
 
     def _told(self, performer: _Performer) -> str:
-        used, wanted = len(performer.library.skeleton.joints), len(self.library.skeleton.joints)
+        used, wanted = len(performer.index.library.skeleton.joints), len(self.library.skeleton.joints)
         title = self._naming.met(performer.joints, self.library.skeleton.joints).title
         if performer.is_waiting and performer.unusable:
             return f"{f'{title} names: ' if title else ''}{performer.unusable}, which takes some seconds"
@@ -299,9 +281,7 @@ class Performers:
             return
         if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
-        if announcement.performer not in self._announced and len(self._announced) >= _MAX_REMEMBERED * self.most:
-            del self._announced[next(iter(self._announced))]
-        self._announced[announcement.performer] = announcement
+        self._remember(self._announced, announcement.performer, announcement)
         self._learn_joints(performer, announcement)
 
     def _learn_joints(self, performer: _Performer, announcement: Announcement) -> None:
@@ -318,56 +298,50 @@ class Performers:
         wanted = self.library.skeleton.joints
         joints = self._naming.met(performer.joints, wanted).joints
         shared = frozenset(joints).intersection(wanted)
-        as_before = shared == frozenset(performer.library.skeleton.joints)
+        as_before = shared == frozenset(performer.index.library.skeleton.joints)
         performer.is_waiting, performer.unusable, performer.filled = False, "", None
         try:
-            compared = self._compared if len(shared) == len(wanted) else self._restricted_to(shared)
+            index = self._index if len(shared) == len(wanted) else self._viewed_by(shared)
         except ValueError as error:
             performer.unusable = str(error)
             return
         if len(shared) < len(wanted):
             performer.filled = self.library.skeleton.nearest_from(joints)
-        if compared is None:
+        if index is None:
             performer.is_waiting = True
-            # After an exchange the old library serves until the new one is ready, unless a class of it is unknown now.
-            serves = as_before and set(performer.library.classes) <= set(self.classes)
+            # After an exchange the old windows serve until the new ones are open, unless a class is unknown now.
+            serves = as_before and set(performer.index.library.classes) <= set(self.classes)
             performer.unusable = "" if serves else f"the library is being restricted to {len(shared)} of its joints"
         if performer.unusable:
             return
-        compared = compared or performer.library
-        library = library_of(compared)
-        performer.order = None if joints == library.skeleton.joints else library.skeleton.order_from(joints)
-        if performer.library is library:
+        index = index or performer.index
+        skeleton = index.library.skeleton
+        performer.order = None if joints == skeleton.joints else skeleton.order_from(joints)
+        if performer.index is index:
             return
         if as_before:
-            self._exchange_for(performer, compared)
+            self._exchange_for(performer, index)
         else:
-            self._retire(performer.recognizer)
-            performer.recognizer = Recognizer(compared, self.settings, self._opener, self._order)
-            performer.library = library
+            self._retire(performer)
+            performer.recognizer = Recognizer(index, self.settings, self._views, self._order)
+            performer.index = index
 
-    def _restricted_to(self, shared: frozenset[str]) -> MotionLibrary | WindowIndex | None:
-        """Give the library restricted to joints, None while not ready; ValueError when they cannot be compared."""
+    def _viewed_by(self, shared: frozenset[str]) -> WindowIndex | None:
+        """Give the windows of some joints, None while not open; ValueError when they cannot be compared."""
         joints = tuple(name for name in self.library.skeleton.joints if name in shared)
         if len(joints) < MIN_JOINTS:
             compared = len(self.library.skeleton.joints)
             raise ValueError(f"{len(joints)} of them among the {compared} compared, expected {MIN_JOINTS} at least")
         if joints not in self._sets and len(self._sets) >= _MAX_SETS:
             # Sets of performers who have left, or who send other joints now, make room.
-            self._sets &= {each.library.skeleton.joints for each in self._performers.values()}
+            self._sets &= {each.index.library.skeleton.joints for each in self._performers.values()}
         if joints not in self._sets and len(self._sets) >= _MAX_SETS:
             raise ValueError(f"{_MAX_SETS} performers send other sets of joints already")
         self._sets.add(joints)
         try:
-            return self._restricter(self.library, joints)
+            return self._views(self._index, joints)
         except ValueError as error:
             raise ValueError(f"{len(joints)} of them cannot be compared: {error}") from error
-
-    def _retire(self, recognizer: Recognizer) -> None:
-        """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
-        self._counts.recognizers.add(recognizer.counts)
-        if ended := recognizer.end():
-            self._ended.append(ended)
 
     def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
         """Take in frames and announcements that came together, in their order.
@@ -406,17 +380,18 @@ class Performers:
         arrival
             When it came, seconds on our clock.
         """
-        performer = self._performer(frame.performer, arrival)
+        performer = self._performers.get(frame.performer) or self._performer(frame.performer, arrival)
         if performer is None:
-            self._counts.no_room += 1
+            self._no_room += 1
             return None
+        performer.newest = arrival
         if performer.is_waiting:
             self._fit(performer)
             if performer.is_waiting and performer.unusable:
-                self._counts.other_joints += 1
+                self._other_joints += 1
                 return None
         if performer.unusable or len(frame.positions) != len(performer.joints):
-            self._counts.other_joints += 1
+            self._other_joints += 1
             if performer.refused_size != len(frame.positions):
                 performer.refused_size = len(frame.positions)
                 self._tell_refused(frame.performer, performer)
@@ -437,8 +412,6 @@ class Performers:
 
     def _tell_refused(self, name: str, performer: _Performer) -> None:
         """Note the reason why a performer's frames are refused."""
-        if len(self._refused) >= _MAX_REMEMBERED * self.most:
-            del self._refused[next(iter(self._refused))]
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
             why = f"{size} joints whose names were never sent, expected {named}"
@@ -446,77 +419,19 @@ class Performers:
             why = f"{named} joints, {performer.unusable}"
         else:
             why = f"{size} joints, but {named} names were sent"
-        self._refused[name] = why
+        self._remember(self._refused, name, why)
 
-    def _forget(self, name: str) -> None:
-        """Forget a performer; the end of its motion is given out with the ends of silent performers."""
-        performer = self._performers.pop(name, None)
-        if performer is None:
-            return
-        self._retire(performer.recognizer)
-        self._counts.dropped += 1
+    def _retire(self, performer: _Performer) -> None:
+        """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
+        self._past.add(performer.recognizer.counts)
+        super()._retire(performer)
 
-    def drop_silent(self, now: float) -> list[Event]:
-        """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
-        silent = [name for name, performer in self._performers.items() if now - performer.heard > self.silence]
-        for name in silent:
-            self._retire(self._performers.pop(name).recognizer)
-            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
-            self._counts.dropped += 1
-        ended, self._ended = self._ended, []
-        return ended
-
-    def end_paused(self, now: float) -> list[Event]:
-        """Give the ends of the motions of performers who send nothing for now, as their next frames would tell them."""
-        paused = (each for each in self._performers.values() if now - each.heard > MAX_PAUSE)
-        return [event for each in paused if (event := each.recognizer.end())]
-
-    def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since the last call."""
-        gone, self._gone = self._gone, []
-        return gone
-
-    def end(self) -> list[Event]:
-        """Give the ends of all motions going on, because nothing more will come."""
-        ended, self._ended = self._ended, []
-        return [*ended, *(event for each in self._performers.values() if (event := each.recognizer.end()))]
-
-    def _make_room(self, name: str, arrival: float) -> bool:
-        """Drop a performer that is idle, for a newcomer that sends steadily; say whether there is room."""
-        since, frames = self._waiting.get(name, (arrival, 0))
-        if arrival - since > _STEADY_SECONDS:
-            since, frames = arrival, 0
-        if name not in self._waiting and len(self._waiting) >= _MAX_REMEMBERED * self.most:
-            del self._waiting[next(iter(self._waiting))]
-        self._waiting[name] = since, frames + 1
-        if frames + 1 < _STEADY_FRAMES:
-            return False
-        idle = (
-            other
-            for other, each in self._performers.items()
-            if arrival - each.begun > _STEADY_SECONDS and each.is_idle(arrival)
-        )
-        unanswered = next(idle, None)
-        if unanswered is not None:
-            self._forget(unanswered)
-        return unanswered is not None
-
-    def _performer(self, name: str, arrival: float) -> _Performer | None:
-        performer = self._performers.get(name)
-        if performer is None:
-            if len(self._performers) >= self.most:
-                self._ended = self.drop_silent(arrival)
-            if len(self._performers) >= self.most and not self._make_room(name, arrival):
-                return None
-            recognizer = Recognizer(self._compared, self.settings, self._opener, self._order)
-            performer = _Performer(recognizer, self.library, arrival, self._assumed, self._assumed_order, begun=arrival)
-            self._waiting.pop(name, None)
-            self._performers[name] = performer
-            self._gone = [each for each in self._gone if each != name]
-            self._refused.pop(name, None)
-            if name in self._announced:
-                self._learn_joints(performer, self._announced[name])
-        performer.heard = arrival
+    def _begin(self, name: str, now: float) -> _Performer:
+        recognizer = Recognizer(self._index, self.settings, self._views, self._order)
+        performer = _Performer(recognizer, self._index, now, now, self._assumed, self._assumed_order)
+        self._refused.pop(name, None)
+        if name in self._announced:
+            self._learn_joints(performer, self._announced[name])
         return performer
 
 

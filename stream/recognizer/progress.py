@@ -2,26 +2,25 @@
 
 The filter holds the probability of each moment of each recording of the class (a hidden Markov model whose states are
 the moments; Bevilacqua et al. 2010 follow one recording in this way). Each step moves every probability on along its
-recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body.
-The compiled loops compute a step at once, and numpy computes the same.
+recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body
+(`library.kernels.plain.follow_phase`).
 """
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from kinespace.library.kernels import compiled
+from kinespace.library.kernels import bind
+from kinespace.library.kernels.table import REGISTER
 from kinespace.library.progress.phase_table import (
     MOMENTS_PER_SECOND,
     SWING_SECONDS,
     VELOCITY,
     VELOCITY_SECONDS,
     log_swing,
-    moving_point,
 )
 from kinespace.stream.recognition import Progress
 
@@ -60,8 +59,6 @@ _PAST = round(2 * SWING_SECONDS / STEP) + 1
 _ROUNDING = 1e-3
 #: Points before the newest at which a velocity begins.
 _BACK_POINTS = round(VELOCITY_SECONDS / STEP)
-#: Numbers that the compiled loops need beside those of the moments.
-_REGISTER = 16
 
 
 class ProgressFollower:
@@ -75,6 +72,7 @@ class ProgressFollower:
 
     def __init__(self, table: PhaseTable) -> None:
         self._table = table
+        self._courses: dict[str, _Course] = {}
         self._points = np.empty((8 * _PAST, table.basis.directions.shape[1]))
         self.clear()
 
@@ -92,6 +90,7 @@ class ProgressFollower:
             self._points = np.empty((len(self._points), table.basis.directions.shape[1]))
             self.clear()
         self._table, name, self._class_name = table, self._class_name, None
+        self._courses = {}
         self._begin(name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
@@ -117,7 +116,7 @@ class ProgressFollower:
             self._begin(class_name)
         elif self._filter:
             for end in range(self._count - steps + 1, self._count + 1):
-                self.progress = self._filter.step(self._past(end))
+                self.progress = self._filter.step(max(0, end - _PAST), end)
         return self.progress
 
     def _steps_until(self, time: float) -> int:
@@ -142,26 +141,24 @@ class ProgressFollower:
             self._points[self._count : self._count + steps] = before + (point - before) * shares
         self._count += steps
 
-    def _past(self, end: int) -> NDArray[np.float64]:
-        return self._points[max(0, end - _PAST) : end]
-
     def _begin(self, class_name: str | None) -> None:
         """Begin to follow another class, by replaying the last half second into a new filter."""
         self._class_name, self.progress, self._filter = class_name, None, None
         moments = self._table.classes.get(class_name) if class_name else None
         if moments is None:
             return
-        self._filter = _Filter(str(class_name), moments, self._table.whitening)
+        name = str(class_name)
+        course = self._courses.get(name) or self._courses.setdefault(name, _Course.of(moments))
+        self._filter = _Filter(name, moments, course, self._table.whitening, self._points)
         for end in range(max(1, self._count - _REPLAYED), self._count + 1):
-            self.progress = self._filter.step(self._past(end))
+            self.progress = self._filter.step(max(0, end - _PAST), end)
 
 
 class _Course(NamedTuple):
-    """The arrays of one class that a step of the filter reads; as in `Loops.follow_phase`, apart from `ends`."""
+    """The arrays of one class that a step of the filter reads (`library.kernels.table`)."""
 
     course: NDArray[np.float64]
     indices: NDArray[np.intp]
-    ends: NDArray[np.intp]
     expected: NDArray[np.float64]
     constants: NDArray[np.float64]
     lengths: NDArray[np.float32]
@@ -179,109 +176,51 @@ class _Course(NamedTuple):
         return cls(
             np.array([phases, beginning / beginning.sum(), rounds / max(rounds.sum(), 1.0), alike]),
             np.array([bins, phases.argsort(kind="stable")]),
-            np.append(moments.starts[1:], len(phases)) - 1,
             np.array([moments.speeds, moments.usual_speeds, moments.usual_swings]),
             np.array([*_GOES_ON, _CHANGES, _BEGINS, again, _SHARPNESS, _NEAR]),
             np.square(moments.vectors).sum(axis=0),
         )
 
 
-@lru_cache(maxsize=64)
-def _course(moments: Moments) -> _Course:
-    """Give the arrays that followers of a class share."""
-    return _Course.of(moments)
-
-
 class _Filter:
     """The forward filter of one class."""
 
-    def __init__(self, class_name: str, moments: Moments, whitening: NDArray[np.float64]) -> None:
-        self._class_name = class_name
-        self._moments, self._whitening = moments, whitening
-        self._course = _course(moments)
+    def __init__(
+        self,
+        class_name: str,
+        moments: Moments,
+        course: _Course,
+        whitening: NDArray[np.float64],
+        points: NDArray[np.float64],
+    ) -> None:
+        self._class_name, self._cyclic = class_name, moments.cyclic
         count = len(moments.phases)
-        self._belief = self._course.course[1].copy()
-        self._live = np.zeros(len(moments.vectors), dtype=np.float32)
-        # The arrays that the compiled loops write, and their working memory.
-        self._told, self._after = np.zeros(2 + len(self._course.expected)), np.zeros(count)
-        self._room = np.zeros(count + _REGISTER, dtype=np.float32)
+        live = np.zeros(len(moments.vectors), dtype=np.float32)
+        self._moved, self._found = np.zeros(2), np.zeros(2 + len(course.expected))
+        self._move = bind("moving", points, whitening, live, self._moved, VELOCITY)
+        self._follow = bind(
+            "follow_phase",
+            *(course.course, course.indices, moments.starts, moments.vectors, course.lengths, course.expected),
+            *(course.constants, live, course.course[1].copy(), np.zeros(count)),
+            *(np.zeros(count + REGISTER, dtype=np.float32), self._found),
+        )
         self._squares = self._expected = self._usual = self._weight = 0.0
         self._swing = self._swings = 0.0
         self._speed, self._floor = 1.0, _PRIOR_SPEED * float(moments.speeds.mean())
         self._scrub = 0.0
         self._cycles, self._last = 0, 0.0
 
-    def step(self, points: NDArray[np.float64]) -> Progress:
-        """Go on by a step, and weigh by the newest of the points, shape (points, directions)."""
+    def step(self, begin: int, end: int) -> Progress:
+        """Go on by a step, and weigh by the newest of the points from one place to another."""
         span = max(2, round(SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5)))
-        square, swing = self._moved(points[-span:])
+        self._move(max(begin, end - span), end, _BACK_POINTS)
+        square, variance = self._moved.tolist()
         self._follow()
-        phase, sure, expected, usual, usual_swing = self._told.tolist()
+        phase, sure, expected, usual, usual_swing = self._found.tolist()
         self._measure(square, expected, usual)
-        self._swing = _SIZE_KEPT * self._swing + swing - usual_swing
+        self._swing = _SIZE_KEPT * self._swing + log_swing(variance) - usual_swing
         self._swings = _SIZE_KEPT * self._swings + 1
         return self._answer(phase, sure)
-
-    def _moved(self, points: NDArray[np.float64]) -> tuple[float, float]:
-        """Whiten the newest point and its velocity; give the velocity's squared length and the log swing of all."""
-        back = min(_BACK_POINTS, len(points) - 1)
-        loops = compiled.loops
-        if loops and points.shape[1] <= loops.MAX_DIRECTIONS:
-            square, variance = loops.moving(points, back, VELOCITY, self._whitening, self._live)
-        else:
-            vector = moving_point(points[-1 - back], points[-1])
-            velocity = vector[len(vector) // 2 :]
-            self._live[:] = vector @ self._whitening
-            square, variance = float(velocity @ velocity), float(points.var(axis=0).sum())
-        return square, log_swing(variance)
-
-    def _follow(self) -> None:
-        """Take one step of the filter; give the phase, the probability of phases near it, and expected speeds."""
-        course, moments = self._course, self._moments
-        if compiled.loops:
-            compiled.loops.follow_phase(
-                course.course,
-                course.indices,
-                moments.starts,
-                moments.vectors,
-                course.lengths,
-                course.expected,
-                course.constants,
-                self._live,
-                self._belief,
-                self._after,
-                self._room,
-                self._told,
-            )
-            return
-        squares = course.lengths - 2 * (self._live @ moments.vectors)
-        weights = np.exp(-0.5 * course.constants[6] * (squares - squares.min()))
-        belief = self._gone_on() * weights
-        total = float(belief.sum())
-        self._belief = belief = belief / total if total > 0 else course.course[1].copy()
-        phases, order = course.course[0], course.indices[1]
-        middle = int(np.searchsorted(np.cumsum(belief[order[:-1]]), 0.5))
-        phase = phases[order[middle]]
-        self._told[:] = phase, belief[np.abs(phases - phase) <= _NEAR].sum(), *(course.expected @ belief)
-
-    def _gone_on(self) -> NDArray[np.float64]:
-        """Move every probability on by a step."""
-        course, before, starts, ends = self._course, self._belief, self._moments.starts, self._course.ends
-        _, beginning, rounds, alike = course.course
-        stay, one, two, changes, begins, again, *_ = course.constants.tolist()
-        by_one, by_two = before.copy(), before.copy()
-        # A recording's last moments must not go on to the next recording.
-        by_one[ends] = by_two[ends] = by_two[ends - 1] = 0.0
-        after: NDArray[np.float64] = stay * before
-        after[1:] += one * by_one[:-1]
-        after[2:] += two * by_two[:-2]
-        beyond = (one + two) * before[ends] + two * before[ends - 1] * (ends > starts)
-        after[ends] += (1 - again) * beyond
-        after += again * beyond.sum() * rounds
-        bins = course.indices[0]
-        mass = np.bincount(bins, weights=after)
-        moved: NDArray[np.float64] = (1 - changes - begins) * after + changes * alike * mass[bins] + begins * beginning
-        return moved
 
     def _measure(self, square: float, expected: float, usual: float) -> None:
         """Follow the body's speed relative to its likely moments, and relative to its class at that phase."""
@@ -294,7 +233,7 @@ class _Filter:
         self._speed = math.sqrt((self._squares + floor) / beside) if beside > 0 else 1.0
 
     def _answer(self, phase: float, sure: float) -> Progress:
-        if self._moments.cyclic and phase < self._last - 0.5:
+        if self._cyclic and phase < self._last - 0.5:
             self._cycles += 1
             self._scrub = phase
         self._last = phase

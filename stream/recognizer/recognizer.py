@@ -1,8 +1,9 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
-There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts anew after
-gaps, and keeps the hops. A matcher compares the windows, by all parts of the signature or by the paper's eigenvector
-alone.
+There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts again after
+gaps, and keeps the hops. At a hop it asks four others: which joints can be believed (`joints.mending`), what the
+windows show and how near the library's are (`windows`), what that means (`decision`), and how far the motion is
+(`progress`).
 """
 
 from __future__ import annotations
@@ -14,16 +15,17 @@ from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-from kinespace.library.distances import DistanceMeasurer
+from kinespace.library.distances import measure_into
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.windows.body import Body
-from kinespace.library.windows.paper import opened_by_paper
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer.decision import needed_lead, places_in
-from kinespace.stream.recognizer.event_detector import EventDetector
-from kinespace.stream.recognizer.joints.doubts import Doubts
-from kinespace.stream.recognizer.matcher import PaperMatcher, WindowMatcher, index_of, library_of
+from kinespace.library.signature.body import Body
+from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.joints.mending import Joints
+from kinespace.stream.recognizer.limits import index_for, limits_for, needed_lead
+from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 
 if TYPE_CHECKING:
@@ -32,13 +34,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
-    from kinespace.stream.recognizer.joints.doubts import LongAgo
-    from kinespace.stream.recognizer.joints.fewer_joints import Opener
-    from kinespace.stream.recognizer.matcher import Matcher, Reading
+    from kinespace.stream.recognizer.joints.mending import LongAgo
+    from kinespace.stream.recognizer.windows.live_windows import Leading
 
+    #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
+    #: nothing can be compared by these joints.
+    Views = Callable[[WindowIndex, tuple[str, ...]], WindowIndex | None]
 
 _Given = ParamSpec("_Given")
 _Answer = TypeVar("_Answer")
@@ -51,9 +54,9 @@ _MAX_WAITING = 16
 MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
+#: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
+_ASKED_AGAIN = 0.5
 _SECOND_THREAD = "a recogniser is used by one thread at a time: expected none, got a second"
-#: Defaults of the paper's signature.
-_WINDOW, _SMALLEST_GAP = 0.5, 0.02
 
 
 @dataclass(slots=True)
@@ -111,8 +114,8 @@ class Recognizer:
         The motions to compare with, or their windows when the library is opened already.
     settings
         How to recognise; the defaults suit feeds of 20 to 500 frames per second.
-    opener
-        Gives the windows of the library as a body of fewer joints shows it, when some joints cannot be believed. By
+    views
+        Gives the library's windows as a body of fewer joints shows them, when some joints cannot be believed. By
         default they are opened at once, which takes a second for a large library.
     classes
         As `order` of `exchange`.
@@ -123,8 +126,6 @@ class Recognizer:
         Counts of the frames, by their fate.
     classes
         The class names, in the order in which answers count them.
-    library
-        The motions that are compared.
     settings
         How motions are recognised.
 
@@ -138,27 +139,31 @@ class Recognizer:
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
-        opener: Opener | None = None,
+        views: Views = WindowIndex.by_joints,
         classes: Sequence[str] = (),
     ) -> None:
         self.settings = Settings() if settings is None else settings
         if not isinstance(self.settings, Settings):
             raise ValueError(f"settings: expected Settings, got {type(settings).__name__}")  # noqa: TRY004
-        self._matcher = _matcher(library, self.settings)
-        require_order(classes, library)
+        index = index_for(library, self.settings)
+        self._views, self._windows = views, LiveWindows(index)
+        self._limits = limits_for(index, self.settings)
+        require_order(classes, index.library)
         self.counts = RecognizerCounts()
-        self._detector = EventDetector(needed_lead(library_of(library), self.settings))
-        self._compare_with(library, classes)
-        skeleton = self.library.skeleton
+        self._decision = Decision(needed_lead(index.library, self.settings))
+        self._progress = ProgressFollower(index.phases) if self.settings.progress else None
+        self._answer_with(index, classes)
+        skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)
         self._positions = np.empty((_MAX_WAITING, *self._shape))
         self._rows = np.empty((_MAX_WAITING, len(skeleton.pairs)))
-        self._measurer = DistanceMeasurer(skeleton, _MAX_WAITING)
+        self._measure_rows = measure_into(self._positions, skeleton, self._rows)
         self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
         self._times: list[float] = []
-        self._doubts = Doubts(self.library, self._matcher, opener)
-        self._longest_gap = min(self.settings.longest_gap, self._matcher.longest)
+        is_watched = self.settings.plausibility
+        self._joints = Joints(index.segments, skeleton.joints, self._positions, is_watched=is_watched)
         self._early = _EARLY * self.settings.hop
+        self._forget_fewer()
         # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
         # gap.
         self._newest = math.nan
@@ -171,17 +176,28 @@ class Recognizer:
         #: The performer who is followed; None before the first frame.
         self._performer: str | None = None
 
-    def _compare_with(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
-        self.library = library_of(library)
-        classes = self._matcher.classes
-        named = set(self.library.classes)
-        self.classes = tuple(order) or tuple(name for name in classes if name in named)
-        # The index of each class among the matcher's, one behind the last for a class without windows; and the index of
-        # each of the matcher's classes among ours, where `nothing` has none.
+    @property
+    def library(self) -> MotionLibrary:
+        """The motions that are compared."""
+        return self._windows.index.library
+
+    def _answer_with(self, index: WindowIndex, order: Sequence[str]) -> None:
+        """Answer with the classes of an index, in an order."""
+        classes = index.classes
+        self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
+        # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
-        self._some_have_none = bool((self._named == len(classes)).any())
         self._all_named = self.classes == classes
-        self._places = places_in(classes, self.classes)
+        self._longest_gap = min(self.settings.longest_gap, self._windows.longest)
+
+    def _forget_fewer(self) -> None:
+        """Forget the windows of fewer joints."""
+        self._fewer: LiveWindows | None = None
+        self._places: NDArray[np.intp] | None = None
+        #: The joints that were left out when these windows were asked for, and when that was.
+        self._without: tuple[int, ...] = ()
+        self._asked_for: tuple[int, ...] = ()
+        self._asked = -math.inf
 
     @_one_at_a_time
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> Event | None:
@@ -211,28 +227,30 @@ class Recognizer:
         SkeletonMismatchError
             The library has other joints; nothing is exchanged.
         """
-        self.library.skeleton.require_same(library_of(library).skeleton)
-        require_order(order, library)
-        classes = self.classes
-        self._matcher.exchange(library)
-        self._compare_with(library, order)
-        self._doubts.exchange(self.library)
-        lead = needed_lead(self.library, self.settings)
-        return self._detector.exchange(places_in(classes, self.classes), self._last, lead)
+        index = index_for(library, self.settings)
+        self.library.skeleton.require_same(index.library.skeleton)
+        require_order(order, index.library)
+        self._windows.exchange(index)
+        self._limits = limits_for(index, self.settings)
+        self._answer_with(index, order)
+        self._fewer, self._asked_for = None, ()
+        if self._progress:
+            self._progress.exchange(index.phases)
+        return self._decision.exchange(index, self.classes, needed_lead(index.library, self.settings), self._last)
 
     @property
     def doubt(self) -> str:
         """A note on joints that could not be believed, in words; empty while all is well."""
-        return self._doubts.told
+        return self._joints.note
 
     @property
     def long_ago(self) -> LongAgo | None:
         """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
-        return self._doubts.long_ago
+        return self._joints.long_ago
 
     def go_on(self, known: LongAgo) -> None:
         """Go on for another recogniser, whose last frames this one has seen or is about to see."""
-        self._doubts.go_on(known)
+        self._joints.go_on(known)
 
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
@@ -247,14 +265,15 @@ class Recognizer:
     @_one_at_a_time
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
-        if isinstance(self._matcher, WindowMatcher):
+        if self.settings.signature is LiveSignature.WINDOWS:
             self.settings = replace(self.settings, sensitivity=share)
-            self._matcher.set_sensitivity(share)
-            self._doubts.exchange(self.library)
+            self._limits = limits_for(self._windows.index, self.settings)
+            if self._fewer:
+                self._fewer_limits = limits_for(self._fewer.index, self.settings, of_fewer=True)
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
-        return self._matcher.pair_contributions()
+        return self._windows.contributions() if self._windows.has_read else None
 
     @_one_at_a_time
     def reset(self) -> None:
@@ -266,9 +285,9 @@ class Recognizer:
         self._performer = None
 
     def _clear(self) -> None:
-        self._matcher.clear()
-        self._smoother.clear()
-        self._doubts.clear()
+        self._begin_again()
+        self._joints.clear()
+        self._forget_fewer()
         self._times.clear()
         self._newest, self._due, self._compared_from = math.nan, -math.inf, -math.inf
         self._late_in_a_row = 0
@@ -319,11 +338,12 @@ class Recognizer:
             if due and time < self._compared_from:
                 self._set_due(time)
                 return None
-            reading = self._doubts.read(time, self._smoother.noise) if due else None
-            if reading is None:
+            windows = (self._fewer or self._windows) if due else None
+            seen = windows.read() if windows else None
+            if windows is None or seen is None:
                 return None
             self._set_due(time)
-            return self._recognized(frame, reading)
+            return self._recognized(frame, windows, seen)
         finally:
             self._busy = False
 
@@ -334,18 +354,45 @@ class Recognizer:
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
-        times, positions = self._times, self._positions[: len(self._times)]
-        begun = self._doubts.mend(times, positions) if self.settings.plausibility else None
+        times, rows = self._times, self._rows[: len(self._times)]
+        begun = self._joints.mend(times)
+        self._measure_rows(len(times))
         if begun is not None:
-            self._matcher.clear()
-            self._smoother.clear()
-            times, positions = times[begun:], positions[begun:]
-        rows = self._rows[: len(times)]
-        self._measurer.measure(positions, rows)
+            self._begin_again()
+            times, rows = times[begun:], rows[begun:]
+        if self._joints.left_out or self._without:
+            self._leave_out(self._joints.left_out, self._times[-1])
         self._smoother.smooth(times, rows)
-        self._matcher.push(times, rows)
-        self._doubts.push(times, rows)
+        self._windows.push(times, rows)
+        if self._fewer:
+            self._fewer.push(times, rows[:, self._places])
         self._times.clear()
+
+    def _begin_again(self) -> None:
+        """Forget the rows, and what was read off them; a motion that goes on stays."""
+        for each in (self._windows, self._smoother, self._decision, self._fewer, self._progress):
+            if each:
+                each.clear()
+
+    def _leave_out(self, joints: tuple[int, ...], time: float) -> None:
+        """Compare by the joints that are left, once their windows are open; they hold the last seconds at once."""
+        if joints != self._without:
+            self._without, self._fewer = joints, None
+        if self._fewer or not joints or not self._joints.believed:
+            return
+        if joints != self._asked_for:
+            if time - self._asked < _ASKED_AGAIN:
+                return
+            self._asked_for, self._asked = joints, time
+        try:
+            index = self._views(self._windows.index, self._joints.believed)
+        except ValueError:
+            return  # these joints cannot be compared
+        if index is not None:
+            self._fewer, self._fewer_limits = LiveWindows(index), limits_for(index, self.settings, of_fewer=True)
+            self._places = self.library.skeleton.places_of(index.library.skeleton)
+            times, rows = self._windows.recent()
+            self._fewer.push_all(times, rows[:, self._places])
 
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
@@ -356,7 +403,7 @@ class Recognizer:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self._matcher.longest and self._late_in_a_row <= self.settings.patience:
+            if behind <= self._windows.longest and self._late_in_a_row <= self.settings.patience:
                 self.counts.out_of_order += 1
                 return False
             self._restart()
@@ -371,45 +418,48 @@ class Recognizer:
         hop = self.settings.hop
         self._due = self._due + hop if self._due + hop > time else time + hop
 
-    def _recognized(self, frame: Frame, reading: Reading) -> Recognition:
-        """Make the answer to a frame from its windows' reading."""
+    def _recognized(self, frame: Frame, windows: LiveWindows, seen: Leading) -> Recognition:
+        """Make the answer to a frame from what its windows show."""
         self.counts.hops += 1
-        distances = reading.distances
-        if self._some_have_none:
-            distances = np.append(distances, np.inf)  # a class without windows is infinitely far
+        comparer, classes = windows.comparer, windows.index.classes
+        jumped, doubted = self._joints.only_jumps(frame.time), self._joints.doubted
+        limits = self._limits if windows is self._windows else self._fewer_limits
+        decided = self._decision.push(windows, seen, limits, self._smoother.noise, frame.time)
+        outcome, distances = decided.outcome, comparer.named
+        if jumped or (self._joints.left_out and windows is self._windows):
+            outcome = Outcome.IMPLAUSIBLE
         if not self._all_named:
-            distances = distances[self._named]
-        # A window nearest to `nothing` is unknown; its best guess is the nearest class.
-        guess = self._places.get(reading.guess)
-        found = self._places.get(reading.eigenvector_class)
+            # A class without windows is infinitely far.
+            distances = np.append(distances, np.inf)[self._named]
+        best = int(comparer.scores.argmax())
         scores = np.exp(distances)
         scores += 1.0
         recognition = Recognition(
             performer=frame.performer,
             time=frame.time,
-            outcome=reading.outcome,
+            outcome=outcome,
             classes=self.classes,
             scores=np.divide(1.0, scores, out=scores),
-            guess=int(distances.argmin()) if guess is None else guess,
-            movement=reading.movement,
-            lead=reading.lead,
-            eigenvector_class=None if found is None else self.classes[found],
-            eigenvector_score=reading.eigenvector_score,
-            share=reading.share,
-            gap=reading.gap,
-            evidence=reading.evidence,
-            doubted=self._doubts.joints,
+            # A window nearest to `nothing` is unknown; its best guess is the nearest class.
+            guess=self.classes.index(decided.guess) if decided.guess in self.classes else int(distances.argmin()),
+            movement=seen.movement,
+            lead=decided.lead,
+            eigenvector_class=classes[best] if classes[best] in self.classes else None,
+            eigenvector_score=comparer.scores.item(best),
+            share=seen.share,
+            gap=seen.gap,
+            evidence=decided.evidence,
+            doubted=doubted,
         )
-        events = self._detector.push(recognition)
+        events = self._decision.events(recognition)
         if self._ended:
             events, self._ended = (self._ended, *events), None
-        progress = self._matcher.follow(frame.time, self._motion_of(recognition)) if self.settings.progress else None
+        progress = None
+        if self._progress:
+            going_on = self._decision.going_on
+            motion = recognition.class_name or (going_on.label if going_on else None)
+            progress = self._progress.push(frame.time, self._windows.place(), motion)
         return replace(recognition, events=events, progress=progress) if events or progress else recognition
-
-    def _motion_of(self, recognition: Recognition) -> str | None:
-        """Name the motion that is followed: the class named now, else the motion that goes on."""
-        going_on = self._detector.going_on
-        return recognition.class_name or (going_on.label if going_on else None)
 
     @_one_at_a_time
     def end(self) -> Event | None:
@@ -423,29 +473,13 @@ class Recognizer:
 
     def _end(self) -> Event | None:
         ended, self._ended = self._ended, None
-        return ended or self._detector.end(self._last)
+        return ended or self._decision.end(self._last)
 
 
-def require_order(order: Sequence[str], library: MotionLibrary | WindowIndex) -> None:
+def require_order(order: Sequence[str], library: MotionLibrary) -> None:
     """Refuse an order of classes, unless it is empty, that lacks a class of the library or holds one twice."""
     known = set(library.classes) - {NOTHING}
     lacking = sorted(known.difference(order))
     if order and (isinstance(order, str) or lacking or len(set(order)) < len(order)):
         got = f"{len(order)} without {', '.join(lacking[:5])}" if lacking else repr(order)
         raise ValueError(f"classes: expected all of the library's {len(known)}, each once, got {got}")
-
-
-def _matcher(library: MotionLibrary | WindowIndex, settings: Settings) -> Matcher:
-    """Open a library and make the matcher that compares with it."""
-    motions = library_of(library)
-    if settings.signature is LiveSignature.PAPER:
-        window = _WINDOW if settings.window is None else settings.window
-        gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
-        paper = opened_by_paper(motions, window)
-        return PaperMatcher(paper, stillness=settings.stillness, smallest_gap=gap)
-    return WindowMatcher(
-        index_of(library),
-        stillness=settings.stillness,
-        sensitivity=settings.sensitivity,
-        progress=settings.progress,
-    )

@@ -20,7 +20,7 @@ MAX_HOP = 60.0
 class LiveSignature(StrEnum):
     """The signature by which live windows are compared with the library's windows."""
 
-    #: All parts read off the covariance, over several lengths of time (`library.windows.parts`).
+    #: All parts read off the covariance, over several lengths of time (`library.signature.parts`).
     WINDOWS = "windows"
     #: The leading eigenvector of one window, unweighted, by |inner products| (Le Naour et al. 2012).
     PAPER = "paper"

@@ -11,14 +11,16 @@ import zmq
 
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.admission import Admission
+from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.service.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.teaching.commands import Asked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.service.recognising import Recognising
 
 #: Seconds between two statuses, and between two lists of classes.
@@ -75,14 +77,28 @@ class Source(Protocol):
     def notes(self) -> Sequence[str]:
         """Notes on it for a person, a line each."""
 
-    def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Take in one packet; give its frames in order, or None when no packet waits. Never raises."""
+    def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
+        """Take in one packet; give its commands and frames in order, or None when no packet waits. Never raises."""
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""
 
     def close(self) -> None:
         """Close sockets."""
+
+
+class Commanded(Protocol):
+    """Carries out the commands that come in; a sink of the service, too, if it needs frames."""
+
+    @property
+    def answers(self) -> bool:
+        """Whether performers are answered now."""
+
+    def carry_out(self, asked: Asked) -> object:
+        """Carry out a command. Never raises."""
+
+    def tend(self, now: float) -> None:
+        """Do the work that is due by the clock. Never raises."""
 
 
 class _Begun(NamedTuple):
@@ -104,17 +120,20 @@ class Service:
         Where frames come from, and where answers go; closed by `close`, or on leaving the `with` block.
     admission
         The admission of the sources, for the status.
+    control
+        Carries out commands; needed where a source gives any.
     clock
         Seconds; stamps arrivals and paces the status.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all by keyword but three
         self,
         performers: Recognising,
         sources: Sequence[Source],
         sinks: Sequence[Sink],
         *,
         admission: Admission | None = None,
+        control: Commanded | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.performers = performers
@@ -122,6 +141,7 @@ class Service:
         self.sinks = sinks
         self._clock = clock
         self._admission = admission or Admission()
+        self._control = control
         self._hop_times = HopTimes()
         self._rates = Rates(clock())
         self._latest_rates: dict[str, float] = {}
@@ -144,6 +164,9 @@ class Service:
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
         self._tended = [source for source in sources if source.tended_within < math.inf]
+        within = [source.tended_within for source in self._tended]
+        #: Seconds within which work is due by the clock even when no packet comes; inf if there never is any.
+        self._tended_within = min([*within, *([TENDING] if control else [])], default=math.inf)
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
         self._watching = [sink for sink in sinks if type(sink).publish_frame is not Sink.publish_frame]
 
@@ -174,10 +197,7 @@ class Service:
                     self.step(0.0)
         finally:
             self._publish_held(at_once=True)
-            ended = self.performers.end()
-            for sink in self.sinks:
-                for event in ended:
-                    sink.publish_event(event)
+            self._publish_ended(self.performers.end())
             self._tell_gone(self.performers.names)
 
     def _is_over(self) -> bool:
@@ -191,12 +211,10 @@ class Service:
         """Wait at most `longest` seconds for packets, and deal with all that have come."""
         self._tell_time()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
-        if self._tended:
+        if self._tended_within < math.inf:
             self._tend()
-            sleep = min(sleep, *(source.tended_within for source in self._tended))
+            sleep = min(sleep, self._tended_within)
         aside = any(source.has_put_aside for source in self.sources)
-        for sink in self.sinks:
-            sink.watch()
         self._poller.poll(0 if aside else math.ceil(sleep * 1000))
         self._notice_a_stop()
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
@@ -221,8 +239,12 @@ class Service:
             if events is None:
                 wanted, self._together = 0, max(self._together // 2, 1)
                 break
-            taken += events
-            begun += [self._begun(started, source, event, now) for event in events]
+            for event in events:
+                if not isinstance(event, Asked):
+                    taken.append(event)
+                    begun.append(self._begun(started, source, event, now))
+                elif self._control:
+                    self._control.carry_out(event)
             if len(taken) >= _MAX_TOGETHER:
                 break
         else:
@@ -257,17 +279,28 @@ class Service:
             started = time.perf_counter()
             events = source.tend(self._clock())
             self._deal_with(events, [_Begun(started, 0.0)] * len(events))
+        if self._control:
+            self._control.tend(self._clock())
 
     def _deal_with(self, events: Sequence[Admitted], begun: Sequence[_Begun]) -> None:
         """Recognise events and tell the sinks; `begun` has each event's time at which its packet was looked at."""
         if not events:
             return
+        answers = self.performers.push_all(events, self._clock())
+        if self._answers:
+            self._publish_all(answers, begun)
         for event in events:
             if isinstance(event, Frame):
-                self._rates.count(event.performer)
+                self._rates[event.performer] += 1
                 for sink in self._watching:
                     sink.publish_frame(event)
-        answers = self.performers.push_all(events, self._clock())
+
+    @property
+    def _answers(self) -> bool:
+        """Whether performers are answered now."""
+        return self._control is None or self._control.answers
+
+    def _publish_all(self, answers: Sequence[Recognition | None], begun: Sequence[_Begun]) -> None:
         for recognition, (started, waited, until) in zip(answers, begun, strict=True):
             if recognition is None:
                 continue
@@ -279,7 +312,13 @@ class Service:
             for happened in recognition.events:
                 for sink in self.sinks:
                     sink.publish_event(happened)
-            self._hop_times.add(time.perf_counter() - started + waited)
+            self._hop_times.append(time.perf_counter() - started + waited)
+
+    def _publish_ended(self, ended: Sequence[Event]) -> None:
+        """Publish the ends of motions, unless their starts were not published, either."""
+        for event in ended if self._answers else ():
+            for sink in self.sinks:
+                sink.publish_event(event)
 
     def _publish(self, recognition: Recognition) -> None:
         for sink in self.sinks:
@@ -319,9 +358,7 @@ class Service:
             self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and silent performers cannot be told from others.
             paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
-            for ended in (*paused, *self.performers.drop_silent(now)):
-                for sink in self.sinks:
-                    sink.publish_event(ended)
+            self._publish_ended([*paused, *self.performers.drop_silent(now)])
             self._tell_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now, self.performers.names)
             if len(self._lags) > _MAX_LAGS:

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from kinespace.stream.teaching.notices import State
 
 #: Characters of a class's name and of a performer's name, at most.
 MAX_NAME = 64
@@ -184,6 +190,25 @@ Command = (
     | List
     | Record
 )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """A command that came in.
+
+    Attributes
+    ----------
+    command
+        The command; None for one that could not be read, or whose sender may not command.
+    refusal
+        Why there is none.
+    reply
+        Takes the states that follow at once, and the description of classes and settings; None where nobody waits.
+    """
+
+    command: Command | None
+    refusal: str = ""
+    reply: Callable[[Sequence[State], Mapping[str, object]], None] | None = None
 
 
 def require_class(name: str) -> None:

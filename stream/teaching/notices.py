@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from kinespace.library.teaching.examples import Roster
+    from kinespace.stream.recognition import Event
 
 
 class Step(StrEnum):
@@ -103,4 +104,12 @@ class Sensed:
     share: float
 
 
-Notice = State | Taught | Changed | Saving | Running | Sensed
+@dataclass(frozen=True, slots=True)
+class Exchanged:
+    """The recognisers compare with another library: its classes, and the ends of motions whose class is gone."""
+
+    classes: tuple[str, ...]
+    ended: tuple[Event, ...] = ()
+
+
+Notice = State | Taught | Changed | Saving | Running | Sensed | Exchanged

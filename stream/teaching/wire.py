@@ -54,11 +54,6 @@ _ARGUMENTS: dict[str, tuple[Callable[..., Command], tuple[tuple[str, type], ...]
 }
 
 
-def is_teaching(packet: bytes) -> bool:
-    """Whether a packet may hold commands; quick, because hundreds of frames come each second."""
-    return packet.startswith(b"/motion/teach") or (packet.startswith(b"#bundle") and b"/motion/teach" in packet)
-
-
 def decode(packet: bytes) -> list[Command]:
     """Read the commands of an OSC packet.
 

@@ -1,12 +1,12 @@
-"""The messages between a receiving process and its workers, in msgpack: bytes in, checked values out, and back.
+"""The messages between a gateway and its workers, in msgpack: bytes in, checked values out, and back.
 
 A frame is our ZeroMQ message of one part (`kinespace.stream.zeromq.single_part`) with two further fields, and several
-frames travel together as a list. Times named `at` are seconds on the receiving process's clock.
+frames travel together as a list. Times named `at` are seconds on the gateway's clock.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import msgspec
 import numpy as np
@@ -14,15 +14,18 @@ import numpy as np
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
 from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.recognizer.joints.doubts import LongAgo  # noqa: TC001 - msgspec reads annotations
+from kinespace.stream.recognizer.joints.mending import LongAgo  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
 from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, positions_of
 from kinespace.stream.zeromq.single_part import Packed
 
-#: The first byte of a message to a worker: frames; performers whom it takes over, whose frames follow; a question, to
-#: be answered by its number; a wish for a report; another sensitivity. Over a network also its membership, and the end
-#: of its membership.
-FRAMES, TAKE_OVER, ASK, REPORT, SENSE, WELCOME, REJOIN = b"F", b"T", b"A", b"R", b"S", b"W", b"J"
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+#: The first byte of a message to a worker: frames; performers whom it takes over, whose last frames follow; the same
+#: performers, whose next frames it answers; a question, to be answered by its number; the gateway's terms, which have
+#: changed; the worker's membership, and the end of it.
+FRAMES, TAKE_OVER, GO_ON, ASK, TERMS, WELCOME, REJOIN = b"F", b"T", b"G", b"A", b"C", b"W", b"J"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
 #: Seconds of a sender's clock, at most: more are a mistake.
@@ -39,16 +42,16 @@ class SentFrame(Packed, kw_only=True, omit_defaults=True, gc=False):
     ----------
     at
         When its packet came.
-    anew
-        Whether the performer begins anew: the worker forgets an earlier performer of this name.
+    begins
+        Whether the performer begins: the worker forgets an earlier performer of this name.
     asks
-        Whether the next answer must say which joints carry it, and which motion goes on.
+        Whether the next answer must say which joints carry it.
     """
 
     performer: _Name
     t: Annotated[float, msgspec.Meta(ge=-MAX_SECONDS, le=MAX_SECONDS)] = 0.0
     at: float = 0.0
-    anew: bool = False
+    begins: bool = False
     asks: bool = False
 
 
@@ -60,9 +63,7 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     performer
         The performer's name.
     answered
-        The number of the last frame that was answered; answers up to it are not sent again.
-    since
-        The arrival of the first frame that the worker must see before it answers.
+        Whether a frame was answered.
     going_on
         The start of the motion that listeners believe to go on.
     joints
@@ -74,8 +75,7 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
     """
 
     performer: _Name
-    answered: _Seq
-    since: float
+    answered: bool
     going_on: Event | None
     joints: tuple[str, ...] | None
     time: float = 0.0
@@ -83,15 +83,15 @@ class Entry(msgspec.Struct, array_like=True, frozen=True):
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
-    """A recognition, with the number and the arrival of its frame, and the number of the list of classes.
+    """A recognition, with the number and the arrival of its frame, and the number of the terms (`terms.Terms.number`).
 
-    An answer to a frame that asks has the joints that carry it, and in `going_on` the start of the motion that goes on.
+    An answer to a frame that asks has the joints that carry it.
     """
 
     performer: _Name
     seq: _Seq
     at: float
-    book: int
+    terms: int
     time: float
     outcome: Outcome
     scores: bytes
@@ -107,7 +107,6 @@ class Answered(msgspec.Struct, array_like=True, frozen=True):
     doubted: tuple[str, ...]
     long_ago: LongAgo | None = None
     carried: Carried | None = None
-    going_on: tuple[Event, ...] | None = None
 
     def recognition(self, classes: tuple[str, ...]) -> Recognition:
         """Give the recognition; FormatError if it does not fit the classes."""
@@ -144,8 +143,6 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
         Counts of its frames, without the frames of warming up.
     refused, doubted, compared
         The same as in `Performers`.
-    performers
-        The number of performers that it follows.
     dropped
         Frames or messages that were lost on the way or dropped because the worker was busy.
     leaves
@@ -156,31 +153,69 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     refused: dict[str, str]
     doubted: dict[str, str]
     compared: dict[str, str]
-    performers: int = 0
     dropped: int = 0
     leaves: bool = False
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):
-    """The answers and the report that a worker sends back in one message.
+    """A worker's answers and report, which travel together.
 
-    `last` is the number of a question before which it has dealt with everything; 0 where there was no question.
+    Attributes
+    ----------
+    member
+        The number of the worker's membership; a worker without one sends 0 and asks for it.
+    answered, report
+        As they are.
+    last
+        The number of a question before which it has dealt with everything; 0 where there was no question.
     """
 
+    member: int
     answered: list[Answered]
     report: Report | None = None
     last: int = 0
 
 
-_encode = msgspec.msgpack.Encoder().encode
-_read_frames = msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
-_read_entries = msgspec.msgpack.Decoder(list[Entry]).decode
-_read_number = msgspec.msgpack.Decoder(int).decode
-_read_share = msgspec.msgpack.Decoder(Annotated[float, msgspec.Meta(ge=0, le=1)]).decode
-_read_answers = msgspec.msgpack.Decoder(Answers).decode
+_Read = TypeVar("_Read")
+encode = msgspec.msgpack.Encoder().encode
 
 
-def sent_frame(frame: Frame, seq: int, at: float, joints: tuple[str, ...] | None = None, *, anew: bool) -> SentFrame:
+def decoder(decode: Callable[[bytes], _Read]) -> Callable[[bytes], _Read]:
+    """Make a function that decodes a message of one kind; FormatError for any other."""
+
+    def read(message: bytes) -> _Read:
+        try:
+            return decode(message)
+        except (ValueError, RecursionError) as error:
+            raise FormatError(f"message: {error}") from error
+
+    return read
+
+
+_read_frames = decoder(
+    msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
+)
+decode_entries = decoder(msgspec.msgpack.Decoder(list[Entry]).decode)
+#: Of a question or of a membership.
+decode_number = decoder(msgspec.msgpack.Decoder(int).decode)
+decode_answers = decoder(msgspec.msgpack.Decoder(Answers).decode)
+
+
+def decode_frames(message: bytes) -> list[tuple[SentFrame, NumberedFrame]]:
+    """Decode frames; FormatError for a message that is not ours."""
+    return [(each, _numbered(each)) for each in _read_frames(message)]
+
+
+def _numbered(sent: SentFrame) -> NumberedFrame:
+    if sent.seq is None or sent.v != VERSION:
+        raise FormatError(f"v, seq: expected version {VERSION} and a number, got {sent.v}, {sent.seq}")
+    # The gateway has checked the frame and converted its time.
+    frame = Frame.unchecked(sent.performer, sent.t, positions_of(sent, sent.data))
+    announcement = None if sent.joints is None else Announcement(sent.performer, tuple(sent.joints))
+    return NumberedFrame(frame, sent.seq, announcement)
+
+
+def sent_frame(frame: Frame, seq: int, at: float, joints: tuple[str, ...] | None = None, *, begins: bool) -> SentFrame:
     """Make the message of a frame; positions keep their precision."""
     positions = frame.positions
     dtype = "<f8" if positions.dtype.itemsize == 8 else "<f4"
@@ -194,74 +229,17 @@ def sent_frame(frame: Frame, seq: int, at: float, joints: tuple[str, ...] | None
         performer=frame.performer,
         data=positions.astype(dtype, copy=False).tobytes(),
         at=at,
-        anew=anew,
+        begins=begins,
     )
 
 
-def encode_frames(frames: list[SentFrame]) -> bytes:
-    """Encode frames that travel together, in order."""
-    return _encode(frames)
-
-
-def decode_frames(message: bytes) -> list[tuple[SentFrame, NumberedFrame]]:
-    """Decode frames; FormatError for a message that is not ours."""
-    return [(each, _numbered(each)) for each in _read(_read_frames, message)]
-
-
-def _numbered(sent: SentFrame) -> NumberedFrame:
-    if sent.seq is None or sent.v != VERSION:
-        raise FormatError(f"v, seq: expected version {VERSION} and a number, got {sent.v}, {sent.seq}")
-    # The receiving process has checked the frame and converted its time.
-    frame = Frame.unchecked(sent.performer, sent.t, positions_of(sent, sent.data))
-    announcement = None if sent.joints is None else Announcement(sent.performer, tuple(sent.joints))
-    return NumberedFrame(frame, sent.seq, announcement)
-
-
-def encode_entries(entries: list[Entry]) -> bytes:
-    """Encode the performers whom a worker takes over."""
-    return _encode(entries)
-
-
-def decode_entries(message: bytes) -> list[Entry]:
-    """Decode the performers whom a worker takes over; FormatError for a message that is not ours."""
-    entries: list[Entry] = _read(_read_entries, message)
-    return entries
-
-
-def encode_number(number: int) -> bytes:
-    """Encode the number of a question or of a membership."""
-    return _encode(number)
-
-
-def encode_share(share: float) -> bytes:
-    """Encode a sensitivity."""
-    return _encode(share)
-
-
-def decode_share(message: bytes) -> float:
-    """Decode a sensitivity; FormatError for a message that is not ours."""
-    share: float = _read(_read_share, message)
-    return share
-
-
-def decode_number(message: bytes) -> int:
-    """Decode a number; FormatError for a message that is not ours."""
-    number: int = _read(_read_number, message)
-    return number
-
-
-def announcement(entry: Entry) -> Announcement | None:
-    """Give the joints of a performer who is taken over, as an announcement."""
-    return Announcement(entry.performer, entry.joints) if entry.joints else None
-
-
-def answered(recognition: Recognition, seq: int, at: float, book: int, long_ago: LongAgo | None = None) -> Answered:
+def answered(recognition: Recognition, seq: int, at: float, terms: int, long_ago: LongAgo | None = None) -> Answered:
     """Make the message of a recognition, without its evidence, and of the knowledge of the feed."""
     return Answered(
         recognition.performer,
         seq,
         at,
-        book,
+        terms,
         float(recognition.time),
         recognition.outcome,
         recognition.scores.astype("<f8", copy=False).tobytes(),
@@ -277,21 +255,3 @@ def answered(recognition: Recognition, seq: int, at: float, book: int, long_ago:
         recognition.doubted,
         long_ago,
     )
-
-
-def encode_answers(answers: Answers) -> bytes:
-    """Encode a worker's answers and report."""
-    return _encode(answers)
-
-
-def decode_answers(message: bytes) -> Answers:
-    """Decode a worker's answers and report; FormatError for a message that is not ours."""
-    answers: Answers = _read(_read_answers, message)
-    return answers
-
-
-def _read(decode: Any, message: bytes) -> Any:  # noqa: ANN401 - any of our messages
-    try:
-        return decode(message)
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"msgpack: {error}") from error

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import zmq
 
 if TYPE_CHECKING:
-    from kinespace.stream.inputs.receiver import Networks
+    from kinespace.stream.packet import Networks
     from kinespace.stream.zeromq.keys import Keyring
 
 #: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: twice a frame of 4096 joints in
@@ -28,13 +28,24 @@ _THIS_MACHINE = ("localhost", "127.", "[::1]")
 
 
 class Endpoint(NamedTuple):
-    """A ZeroMQ address, and whether to bind or to connect to it."""
+    """A ZeroMQ address.
+
+    Attributes
+    ----------
+    address
+        The address, like `tcp://127.0.0.1:5556`.
+    bind
+        Whether to bind or to connect to it.
+    to_anybody
+        Whether it may be bound where other machines reach it, although neither keys nor networks say who they are.
+    """
 
     address: str
     bind: bool
+    to_anybody: bool = False
 
     @classmethod
-    def parse(cls, text: str, *, bind: bool) -> Endpoint:
+    def parse(cls, text: str, *, bind: bool, to_anybody: bool = False) -> Endpoint:
         """Read an address; "@" before it says bind and ">" connect, as in CZMQ, else `bind` decides.
 
         Raises
@@ -45,13 +56,15 @@ class Endpoint(NamedTuple):
         address = text.lstrip("@>")
         if "://" not in address:
             raise ValueError(f"endpoint: expected an address like tcp://127.0.0.1:5556, got {text!r}")
-        return cls(address, text.startswith("@") or (bind and not text.startswith(">")))
+        return cls(address, text.startswith("@") or (bind and not text.startswith(">")), to_anybody)
 
     @property
     def is_open_to_others(self) -> bool:
         """Whether the other end may be another machine."""
         transport, _, place = self.address.partition("://")
-        return transport not in ("ipc", "inproc") and not place.startswith(_THIS_MACHINE)
+        if transport in ("ipc", "inproc") or not place or place.startswith(_THIS_MACHINE):
+            return False
+        return transport == "tcp" or bool(zmq.has(transport))
 
     def open(self, kind: int, networks: Networks = (), keyring: Keyring | None = None) -> zmq.Socket[bytes]:
         """Make a socket and bind or connect it.
@@ -70,8 +83,14 @@ class Endpoint(NamedTuple):
         OSError
             The address is taken, or impossible; the message names the address.
         ValueError
-            The keyring does not tell whom to connect to.
+            The keyring does not tell whom to connect to; or other machines would reach a bound socket, and nothing says
+            which of them may: libzmq bounds neither a stranger's unfinished message nor a stranger's subscriptions.
         """
+        if self.bind and self.is_open_to_others and not (networks or keyring or self.to_anybody):
+            raise ValueError(
+                f"address: expected --keys, --allow-from or --open with {self.address}, because other machines reach "
+                "it, got none of them"
+            )
         context = keyring.context if keyring else zmq.Context.instance()
         opened: zmq.Socket[bytes] = context.socket(kind)
         opened.linger = 0

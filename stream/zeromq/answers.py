@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.recognition import Event, Progress, Recognition
-    from kinespace.stream.service.status import Status
+    from kinespace.stream.status import Status
 
 #: Digits of a class's score.
 _SCORE_DIGITS = 6

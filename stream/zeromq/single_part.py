@@ -7,18 +7,9 @@ as `data`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import msgspec
-import numpy as np
 
-from kinespace.stream.zeromq.frames import VERSION, FormatError, Header, NumberedFrame, numbered
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.frame import Frame
-
+from kinespace.stream.zeromq.frames import FormatError, Header, NumberedFrame, numbered
 
 #: First bytes of msgpack maps: of up to 15 fields, and of more.
 _MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b"\xdf"])
@@ -64,20 +55,3 @@ def decode(payload: bytes, arrival: float) -> NumberedFrame:
         return numbered(packed.performer, packed, packed.data, arrival)
     except (ValueError, RecursionError) as error:
         raise FormatError(f"msgpack: {error}") from error
-
-
-def encode(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> bytes:
-    """Encode a frame as one msgpack map, positions as float32; with the joint names when they are given."""
-    positions = np.ascontiguousarray(frame.positions, dtype="<f4")
-    described: dict[str, object] = {
-        "v": VERSION,
-        "performer": frame.performer,
-        "seq": seq,
-        "t": frame.time,
-        "shape": list(positions.shape),
-        "dtype": "<f4",
-        "data": positions.tobytes(),
-    }
-    if joints is not None:
-        described["joints"] = list(joints)
-    return msgspec.msgpack.encode(described)

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import os
 import socket
+import struct
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import zmq
 
-from kinespace.stream.inputs.receiver import KEYED
-from kinespace.stream.zeromq.peers import SUBSCRIBED, Peers
-from kinespace.stream.zeromq.reconnection import Connections
+from kinespace.stream.packet import KEYED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.inputs.receiver import Networks, Sender
+    from kinespace.stream.packet import Networks, Sender
     from kinespace.stream.zeromq.address import Endpoint
     from kinespace.stream.zeromq.keys import Keyring
 
@@ -27,6 +27,91 @@ MAX_PARTS = 8
 _MAX_PASSED = 256
 #: ZeroMQ's names for the file number of a message's connection, and for the key shown on it.
 _CONNECTION, _USER = int(zmq.SRCFD), "User-Id"
+#: The beginning of a monitor's message: the event and its value. pyzmq's own reader loads asyncio, which takes long.
+_EVENT = struct.Struct("=HI")
+_BEGUN = (zmq.EVENT_ACCEPTED, zmq.EVENT_CONNECTED)
+_WATCHED = zmq.EVENT_ACCEPTED | zmq.EVENT_CONNECTED | zmq.EVENT_CONNECT_RETRIED | zmq.EVENT_DISCONNECTED
+#: Seconds between two looks at the events.
+_LOOK_EVERY = 0.1
+#: Events that are read in one look, at most: who opens connections without end must not hold up the loop.
+_MAX_EVENTS = 64
+#: Seconds after which ZeroMQ, which tries again after a tenth of a second, has certainly tried again.
+_A_WHILE = 0.5
+
+
+class Connections:
+    """Watches a subscriber's connections: counts the broken ones, and makes them again.
+
+    ZeroMQ ends a connection when a message above the size limit comes, and only its monitor hears of it. A sender that
+    connected to us comes back by itself, without that message. A sender that we connected to does not: ZeroMQ takes the
+    refused message for another protocol, and gives the connection up.
+
+    Parameters
+    ----------
+    socket
+        A socket that is bound or connected already.
+    endpoint
+        Its endpoint, which says whether it is bound or connected.
+
+    Attributes
+    ----------
+    broken
+        Count of the connections that broke while the sender was still there: by a message above the size limit, by a
+        network that fails for a moment, or when a sender begins again within a second.
+    """
+
+    def __init__(self, socket: zmq.Socket[bytes], endpoint: Endpoint) -> None:
+        self.broken = 0
+        self._socket = socket
+        self._endpoint = endpoint
+        self._events: zmq.Socket[bytes] = socket.get_monitor_socket(_WATCHED)
+        #: Connections that ended since the last call, and since the call before: a sender, or ZeroMQ, may take that
+        #: long to come back.
+        self._gone = self._gone_before = 0
+        self._counted = time.monotonic()
+        self._next = 0.0
+
+    def look(self) -> list[int]:
+        """Note the changes of connections, some times a second; give the file numbers of connections that began."""
+        now = time.monotonic()
+        if now < self._next or self._socket.closed:
+            return []
+        self._next = now + _LOOK_EVERY
+        if now >= self._counted + _A_WHILE:
+            self._counted, self._gone_before, self._gone = now, self._gone, 0
+        begun = []
+        with suppress(zmq.Again):
+            for _ in range(_MAX_EVENTS):
+                event, connection = _EVENT.unpack_from(self._events.recv_multipart(zmq.NOBLOCK)[0])
+                self._note(event)
+                if event in _BEGUN:
+                    begun.append(connection)
+        if not self._endpoint.bind and self._gone_before:
+            # ZeroMQ would have tried again by now. Its own attempts are not counted as losses: the sender had gone.
+            self.broken += 1
+            self._gone_before = 0
+            with suppress(zmq.ZMQError):
+                self._socket.disconnect(self._endpoint.address)
+            self._socket.connect(self._endpoint.address)
+        return begun
+
+    def _note(self, event: int) -> None:
+        if event == zmq.EVENT_DISCONNECTED:
+            self._gone += 1
+        elif not self._endpoint.bind:
+            self._gone = self._gone_before = 0
+        elif event == zmq.EVENT_ACCEPTED and self._gone + self._gone_before:
+            self.broken += 1
+            if self._gone_before:
+                self._gone_before -= 1
+            else:
+                self._gone -= 1
+
+    def close(self) -> None:
+        """Stop watching; before the socket is closed."""
+        if not self._socket.closed:
+            self._socket.disable_monitor()
+        self._events.close()
 
 
 class ZmqReceiver:
@@ -60,8 +145,8 @@ class ZmqReceiver:
         self.socket = endpoint.open(zmq.SUB, networks, keyring)
         self.socket.subscribe(topic)
         self._connections = Connections(self.socket, endpoint)
-        #: The connection of a message whose further parts are dropped.
-        self._passing: int | None = None
+        #: Whether the further parts of a message are to be dropped.
+        self._passing = False
         self._keyring = keyring
         self.sender: Sender = None
         #: Senders by connection. They stay when a connection ends, because messages of it may still wait, and until its
@@ -82,8 +167,8 @@ class ZmqReceiver:
         return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     def broken(self) -> int:
-        """Count the connections that broke while the sender was there, or were shut down."""
-        self._look_if_due()
+        """Count the connections that broke while the sender was there."""
+        self._look()
         return self._connections.broken
 
     def receive(self) -> list[bytes] | None:
@@ -91,43 +176,38 @@ class ZmqReceiver:
 
         Of a message with more than `MAX_PARTS` parts only the first are given, which no decoder reads.
         """
-        self._look_if_due()
+        self._look()
         # The parts come together. Each says whether it is the last, which is quicker than asking the socket.
         parts = list[bytes]()
         try:
-            if self._passing is not None and not self._pass_over(self._passing):
+            if self._passing and not self._pass_over():
                 return None
             while len(parts) < MAX_PARTS:
                 part = self.socket.recv(_NOW, copy=False)
                 parts.append(part.bytes)
                 if not part.more:
-                    self._note_sender(part, parts)
+                    self._note_sender(part)
                     return parts
         except zmq.Again:
-            self._connections.peers.drained()
             return None
-        self._passing = self._note_sender(part, parts)
+        self._note_sender(part)
+        self._passing = True
         return parts
 
-    def _look_if_due(self) -> None:
-        if self._connections.peers.is_due:
-            self._connections.look()
-            for connection in self._connections.peers.begun:
-                self._senders.pop(connection, None)
+    def _look(self) -> None:
+        for connection in self._connections.look():
+            self._senders.pop(connection, None)
 
-    def _note_sender(self, part: zmq.Frame, parts: Sequence[bytes]) -> int:
-        """Note the sender of some parts; give the number of its connection, -1 for none."""
+    def _note_sender(self, part: zmq.Frame) -> None:
         try:
             connection: int = part.get(_CONNECTION)
         except zmq.ZMQError:
             # Within a process there are no connections.
             self.sender = None
-            return -1
+            return
         if connection not in self._senders:
             self._senders[connection] = self._named(connection, part)
         self.sender = self._senders[connection]
-        self._connections.peers.read(connection, len(parts), sum(map(len, parts)))
-        return connection
 
     def _named(self, connection: int, part: zmq.Frame) -> Sender:
         """Name the other end of a connection; None for an end in this machine without an address."""
@@ -142,13 +222,11 @@ class ZmqReceiver:
                 return f"{KEYED}{self._keyring.name_of(str(part.get(_USER)))}", port
         return host, port
 
-    def _pass_over(self, connection: int) -> bool:
+    def _pass_over(self) -> bool:
         """Drop some parts of a message that has too many; say whether the last part was among them."""
         for _ in range(_MAX_PASSED):
-            part = self.socket.recv(_NOW, copy=False)
-            self._connections.peers.read(connection, 1, len(part))
-            if not part.more:
-                self._passing = None
+            if not self.socket.recv(_NOW, copy=False).more:
+                self._passing = False
                 return True
         return False
 
@@ -184,7 +262,6 @@ class ZmqSender:
         self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = (), *, asks: bool = False
     ) -> None:
         self.socket = endpoint.open(zmq.XPUB if asks else zmq.PUB, networks, keyring)
-        self._peers = Peers(self.socket, SUBSCRIBED)
         self.failed = self.unheard = 0
         self._asks, self._topics = asks, set[bytes]()
 
@@ -215,17 +292,6 @@ class ZmqSender:
                 (self._topics.add if told[0] else self._topics.discard)(told[1:])
         self.unheard += not any(topic.startswith(each) for each in self._topics)
 
-    def watch(self) -> None:
-        """End connections that subscribe to too much; call it some ten times a second."""
-        if self._peers.is_due:
-            self._peers.look()
-
-    @property
-    def shut(self) -> int:
-        """Count the connections that were ended because they subscribed to too much."""
-        return self._peers.shut
-
     def close(self) -> None:
         """Close the socket."""
-        self._peers.close()
         self.socket.close()

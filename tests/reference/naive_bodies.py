@@ -33,9 +33,11 @@ def squares_about_mean(steps: Posture) -> float:
     return sum(length(step, mean) ** 2 for step in steps)
 
 
-def extremes(postures: Sequence[Posture], parents: Sequence[int]) -> tuple[list[tuple[float, float]], list[float]]:
-    """Give the middle and the change of each segment's length, and how far each joint moves, NaN left out."""
-    lengths = zip(*(segment_lengths(posture, parents) for posture in postures), strict=True)
+def extremes(
+    postures: Sequence[Posture], ends: Sequence[Sequence[int]]
+) -> tuple[list[tuple[float, float]], list[float]]:
+    """Give the middle and the change of the distance between two joints, and how far each joint moves; no NaN."""
+    lengths = ([length(posture[one], posture[other]) for posture in postures] for one, other in ends)
     ranges = [_range(each) for each in lengths]
     places = list(zip(*postures, strict=True))
     on_axes = [[_range([place[axis] for place in joint]) for axis in range(3)] for joint in places]
@@ -46,6 +48,13 @@ def extremes(postures: Sequence[Posture], parents: Sequence[int]) -> tuple[list[
 def _range(numbers: Sequence[float]) -> tuple[float, float]:
     known = [number for number in numbers if not math.isnan(number)]
     return (min(known), max(known)) if known else (math.nan, math.nan)
+
+
+def stretched(posture: Posture, parents: Sequence[int]) -> float:
+    """Compare the mean length of the segments with the root mean square of the distances between all joints."""
+    lengths = segment_lengths(posture, parents)
+    between = [length(one, other) for place, one in enumerate(posture) for other in posture[:place]]
+    return sum(lengths) / len(lengths) / math.sqrt(sum(each**2 for each in between) / len(between))
 
 
 def step_length(before: Posture, after: Posture, jumping: int) -> float:

@@ -106,6 +106,7 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
         "segment_majority": share(majorities),
         "false_starts_per_minute": begun(lambda m: m.event) / unknown_seconds * 60 if unknown else None,
         "takes_found": None,
+        "doubted": 0.0,
     }
 
 

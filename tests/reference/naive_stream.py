@@ -50,31 +50,12 @@ class NaiveWindow:
     ticks: int
     most: int
     rows: list[tuple[int, float]] = field(default_factory=list)
-    entered: list[tuple[int, float]] = field(default_factory=list)
-    left: list[tuple[int, float]] = field(default_factory=list)
 
     def push(self, time: int, mark: float) -> None:
         """Take in a row that holds one mark, and drop rows that are too old or too many."""
         self.rows.append((time, mark))
-        self.entered.append((time, mark))
         while time >= self.rows[0][0] + self.ticks or len(self.rows) > self.most:
-            self._let_go(self.rows.pop(0))
-
-    def _let_go(self, row: tuple[int, float]) -> None:
-        if row in self.entered:
-            self.entered.remove(row)
-        else:
-            self.left.append(row)
-
-    def take_change(self) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:
-        """Say which rows entered and left since the last call."""
-        change = self.entered, self.left
-        self.entered, self.left = [], []
-        return change
-
-    def clear(self) -> None:
-        """Forget everything."""
-        self.rows, self.entered, self.left = [], [], []
+            self.rows.pop(0)
 
 
 # --- a trembling sensor ------------------------------------------------------------------------------------------

@@ -271,42 +271,6 @@ def rank_k_product(first: Matrix, second: Matrix) -> float:
     return float(np.sum(matrices[0] * matrices[1]))
 
 
-def squared_distance(first: Matrix, second: Matrix) -> float:
-    """Take |a − b|² of two vectors; for scaled eigenvectors (k, directions) that of their matrices.
-
-    The first matrix is of length 1, the second but for its rounding; a matrix without movement counts as if it were.
-    """
-    if first.ndim == 1:
-        return float(np.sum((first - second) ** 2))
-    one, other = first.T @ first, second.T @ second
-    return 1.0 + (float(np.sum(other**2)) or 1.0) - 2.0 * float(np.sum(one * other))
-
-
-def log_distances(
-    asked: Sequence[Matrix],
-    windows: Sequence[Sequence[Matrix]],
-    views: Sequence[Sequence[float]],
-    whose: Sequence[tuple[str, str]],
-) -> Matrix:
-    """Compare one window's group vectors with every window's: (views, classes), mean of the two nearest people."""
-    classes, people = zip(*whose, strict=True)
-    logs = [
-        [math.log(max(squared_distance(a, b), 0.0) + NEAREST) for a, b in zip(asked, each, strict=True)]
-        for each in windows
-    ]
-    weighed = [[sum(w * log for w, log in zip(view, each, strict=True)) for each in logs] for view in views]
-    return np.array([list(nearest(each, classes, people).values()) for each in weighed])
-
-
-def best_products(asked: Matrix, eigenvectors: Matrix, classes: Sequence[str]) -> Mapping[str, float]:
-    """Give each class's largest |inner product| with a vector."""
-    best: dict[str, float] = {}
-    for vector, class_name in zip(eigenvectors.tolist(), classes, strict=True):
-        product = abs(sum(a * b for a, b in zip(vector, asked.tolist(), strict=True)))
-        best[class_name] = max(product, best.get(class_name, 0.0))
-    return dict(sorted(best.items()))
-
-
 def logit(  # noqa: PLR0913 - all that a judgement knows
     weights: Sequence[float],
     compared: Sequence[float],

@@ -81,13 +81,6 @@ def test_a_lost_joint_is_no_bad_frame(dtype: type, place: int) -> None:
         Frame("p", 1.0, positions)
 
 
-@pytest.mark.parametrize("shape", [(), (3,), (4, 2), (4, 4), (12,), (3, 4), (1, 4, 3)])
-def test_positions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
-    """Anything but (joints, 3) is refused, the shape that came told."""
-    with pytest.raises(ValueError, match=r"positions: expected \(joints, 3\), got \("):
-        Frame("p", 1.0, np.zeros(shape))
-
-
 @pytest.mark.parametrize("given", [_positions().tolist(), _positions().astype(np.float16), np.arange(12).reshape(4, 3)])
 def test_lists_and_other_numbers_become_doubles(given: object) -> None:
     """Lists, half floats and whole numbers make the frame that doubles make, without a warning."""
@@ -96,54 +89,30 @@ def test_lists_and_other_numbers_become_doubles(given: object) -> None:
     assert np.array_equal(frame.positions, np.asarray(given))
 
 
-@pytest.mark.parametrize(
-    "given",
-    [None, "abc", [[1.0, 2.0, 3.0], [1.0]], *(np.ones((4, 3), kind) for kind in (str, object, complex, bool))],
-    ids=repr,
-)
-def test_positions_that_are_no_numbers_are_refused(given: object) -> None:
-    """Texts, objects, complex numbers and ragged lists are refused."""
-    with pytest.raises(ValueError, match="positions: expected numbers, got"):
-        Frame("p", 1.0, given)  # type: ignore[arg-type]
+_SHAPES = [(), (3,), (4, 2), (4, 4), (12,), (3, 4), (1, 4, 3)]
+_KINDS = (str, object, complex, bool)
+WRONG: list[tuple[str, object, str]] = [
+    *(("positions", np.zeros(shape), r"\(joints, 3\), got \(") for shape in _SHAPES),
+    *(("positions", each, "numbers, got") for each in (None, "abc", [[1.0, 2.0, 3.0], [1.0]])),
+    *(("positions", np.ones((4, 3), kind), "numbers, got") for kind in _KINDS),
+    *(("time", each, "finite seconds, got") for each in ("0", None, [0.0], np.nan, np.inf, -np.inf)),
+    *(("performer", each, "1 to 64 characters, got") for each in (3, None, ["ann"])),
+    *(("performer", each, "1 to 64 characters") for each in ("", "x" * (MAX_PERFORMER_LENGTH + 1))),
+    ("joints", "abc", "several names, got the text 'abc'"),
+    *(("joints", each, "distinct, non-empty names") for each in ((), ("",), ("hip", ""), ("hip", "knee", "hip"))),
+]
 
 
-@pytest.mark.parametrize("time", ["0", None, [0.0]])
+@pytest.mark.parametrize(("name", "value", "expected"), WRONG)
 @pytest.mark.parametrize("positions", [_positions(), _positions().tolist()], ids=["array", "list"])
-def test_a_time_of_another_type_is_refused(time: object, positions: np.ndarray) -> None:
-    """A text is no time."""
-    with pytest.raises(ValueError, match="time: expected finite seconds, got"):
-        Frame("p", time, positions)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("performer", [3, None, ["ann"]])
-def test_a_performer_that_is_no_text_is_refused(performer: object) -> None:
-    """A number or a list is no name."""
-    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters, got"):
-        Frame(performer, 0.0, _positions())  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters, got"):
-        Announcement(performer, ("a", "b"))  # type: ignore[arg-type]
-
-
-def test_a_text_is_no_list_of_joints() -> None:
-    """A bare text is refused, because its letters would be taken for joints."""
-    with pytest.raises(ValueError, match="joints: expected several names, got the text 'abc'"):
-        Announcement("p", "abc")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("time", [np.nan, np.inf, -np.inf])
-def test_a_time_that_is_none_is_refused(time: float) -> None:
-    """A frame's time is finite."""
-    with pytest.raises(ValueError, match="time: expected finite seconds"):
-        Frame("p", time, _positions())
-
-
-@pytest.mark.parametrize("performer", ["", "x" * (MAX_PERFORMER_LENGTH + 1)])
-def test_performers_without_a_name_or_with_a_novel_are_refused(performer: str) -> None:
-    """A performer's name has 1 to 64 characters, in frames and in announcements."""
-    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters"):
-        Frame(performer, 0.0, _positions())
-    with pytest.raises(ValueError, match="performer: expected 1 to 64 characters"):
-        Announcement(performer, ("a", "b"))
+def test_what_is_wrong_is_refused_by_name(name: str, value: object, expected: str, positions: object) -> None:
+    """Other shapes and types, times that are none, impossible names: in frames and in announcements."""
+    frame = {"performer": "p", "time": 0.0, "positions": positions} | {name: value}
+    announced = {"performer": "p", "joints": ("a", "b")} | {name: value}
+    for kind, fields in ((Frame, frame), (Announcement, announced)):
+        if name in getattr(kind, "__slots__", ()):
+            with pytest.raises(ValueError, match=f"{name}: expected {expected}"):
+                kind(**{field: fields[field] for field in kind.__slots__})
 
 
 @pytest.mark.parametrize("performer", ["x", "x" * MAX_PERFORMER_LENGTH, "Jürgen", "p/1", "7"])
@@ -165,10 +134,3 @@ def test_an_unchecked_frame_is_the_same_value() -> None:
     made, checked = Frame.unchecked("p", 2.0, _positions()), Frame("p", 2.0, _positions())
     assert (made.performer, made.time) == (checked.performer, checked.time)
     assert np.array_equal(made.positions, checked.positions)
-
-
-@pytest.mark.parametrize("joints", [(), ("",), ("hip", ""), ("hip", "knee", "hip")])
-def test_joints_are_distinct_names(joints: tuple[str, ...]) -> None:
-    """An announcement without joints, with a nameless one or with one twice is refused."""
-    with pytest.raises(ValueError, match="joints: expected distinct, non-empty names"):
-        Announcement("p", joints)

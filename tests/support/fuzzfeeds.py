@@ -11,23 +11,28 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
+import singlepart
 from golden import LAYOUTS, Moment, bundle, message
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import zeromq
+from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import Source, ZmqDecoder
+from kinespace.stream.inputs.feed_source import FeedSource
+from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.zeromq import single_part
+from kinespace.stream.zeromq.bodies import decode_body, encode_body
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from kinespace.stream.feeds import Preset
+    from kinespace.stream.frame import Input
 
 #: Bytes with a meaning in OSC are tried more often than others.
 _TELLING = (b"\0", b",", b"/", b"#", b"#bundle\0", b"f", b"s", b"i", b"[", b"]", b"\xff\xff\xff\xff", b"\x7f\xc0\0\0")
@@ -35,17 +40,17 @@ _VALUES = (0, 1, -1, 2**31 - 1, -(2**31), 0.0, -0.0, 1.0, 1e30, 3e38, float("nan
 
 
 class NoSocket:
-    """Takes a receiver's place and gives the packets that a test puts in."""
+    """Takes the place of a receiver of either transport, and gives the packets that a test puts in."""
 
     def __init__(self) -> None:
-        self.packet: bytes | None = None
+        self.packet: bytes | list[bytes] | None = None
         self.sender: tuple[str, int] | None = ("10.0.0.7", 5000)
         self.kernel_drops = 0
         self.waited = 0.0
         self.address = ("127.0.0.1", 7000)
         self.socket = self
 
-    def receive(self) -> bytes | None:
+    def receive(self) -> bytes | list[bytes] | None:
         """Give the packet once."""
         packet, self.packet = self.packet, None
         return packet
@@ -156,51 +161,34 @@ def run(preset: Preset, packets: int, seed: int) -> FeedSource:
     return source
 
 
-class NoSubscription:
-    """Takes a ZeroMQ receiver's place and gives the messages that a test puts in."""
-
-    def __init__(self) -> None:
-        self.parts: list[bytes] | None = None
-        self.address, self.sender, self.kernel_drops = "tcp://127.0.0.1:7000", None, 0
-        self.waited = 0.0
-        self.socket = self
-
-    def receive(self) -> list[bytes] | None:
-        """Give the message once."""
-        parts, self.parts = self.parts, None
-        return parts
-
-    def broken(self) -> int:
-        """Have no connections."""
-        return 0
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
 def golden_messages() -> list[list[bytes]]:
     """Give our ZeroMQ messages, of three parts and of one, and OSC packets as they are."""
     generator = np.random.default_rng(2)
     frames = [Frame("jan", 1.0 + number / 30, generator.normal(size=(31, 3))) for number in range(3)]
     made = [zeromq.encode_frame(frame, number, SKELETON.joints) for number, frame in enumerate(frames)]
-    made += [[single_part.encode(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
+    made += [[singlepart.encode(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
     return made + [[packet] for packet in golden_packets("native")]
+
+
+def broken_parts(golden: list[list[bytes]], generator: np.random.Generator) -> Iterator[list[bytes]]:
+    """Give messages without end: of their parts one broken, or every; or parts missing, repeated, in another order."""
+    most = max(map(len, golden))
+    streams = [broken([each[place] for each in golden if place < len(each)], generator) for place in range(most)]
+    while True:
+        good = golden[generator.integers(len(golden))]
+        parts = [next(streams[place]) if generator.integers(2) else part for place, part in enumerate(good)]
+        if not generator.integers(4):
+            parts = [parts[place] for place in generator.integers(len(parts), size=generator.integers(1, 5))]
+        yield parts
 
 
 def run_messages(messages: int, seed: int) -> Source:
     """Push so many broken ZeroMQ messages through our source; give the source as it is afterwards."""
-    generator = np.random.default_rng(seed)
-    receiver = NoSubscription()
-    source = Source(receiver, ZmqDecoder())
-    golden = golden_messages()
-    streams = [broken([each[place] for each in golden if place < len(each)], generator) for place in range(3)]
-    for number in range(messages):
-        good = golden[generator.integers(len(golden))]
-        # One part broken, or every part; or parts missing, repeated or in another order.
-        parts = [next(streams[place]) if generator.integers(2) else part for place, part in enumerate(good)]
-        if not generator.integers(4):
-            parts = [parts[place] for place in generator.integers(len(parts), size=generator.integers(1, 5))]
-        receiver.parts = parts
+    receiver = NoSocket()
+    source = Source(receiver, ZmqDecoder())  # type: ignore[arg-type]  # a stand-in
+    stream = broken_parts(golden_messages(), np.random.default_rng(seed))
+    for number, parts in zip(range(messages), stream, strict=False):
+        receiver.packet = parts
         try:
             events = source.take(number / 100)
             assert events is not None
@@ -213,17 +201,65 @@ def run_messages(messages: int, seed: int) -> Source:
     return source
 
 
+_NAMED = Recognition("jan", 4.0, Outcome.NAMED, ("bow", "wave"), np.array([0.25, 0.75], np.float32), 0.2)
+
+
+class Reader(NamedTuple):
+    """What a codec reads: good messages, the function that reads one, and the error with which it refuses."""
+
+    golden: list[list[bytes]]
+    read: Callable[[list[bytes]], object]
+    error: type[Exception] | tuple[()] = ()
+
+
+def _frames_of(packet: bytes) -> list[Input]:
+    received = osc.decode(packet, 1.0)
+    if not received.events:
+        assert received.malformed + received.foreign or packet.startswith(b"#bundle")
+    return received.events
+
+
+#: Every codec of one message.
+READERS = {
+    "OSC": Reader([[each] for each in golden_packets("vmc")], lambda parts: decode_packet(parts[0]), PacketError),
+    "OSC frames": Reader([[each] for each in golden_packets("native")], lambda parts: _frames_of(parts[0])),
+    "OSC answers": Reader([[osc.encode_recognition(_NAMED)]], lambda parts: osc.decode_answer(parts[0])),
+    "ZeroMQ frames": Reader(golden_messages()[:3], lambda parts: zeromq.decode(parts, 1.0), zeromq.FormatError),
+    "ZeroMQ answers": Reader([zeromq.encode_recognition(_NAMED)], zeromq.decode_answer),
+    "ZeroMQ in one part": Reader(
+        golden_messages()[3:6], lambda parts: single_part.decode(parts[0], 1.0), zeromq.FormatError
+    ),
+    "bodies": Reader([encode_body(Frame("jan", 1.0, np.ones((31, 3))), SKELETON)], decode_body),
+}
+
+
+def read_broken(name: str, messages: int, seed: int) -> tuple[int, int]:
+    """Read so many broken messages with a codec; give how many were a value, and how many were refused."""
+    codec, read = READERS[name], 0
+    for parts, _ in zip(broken_parts(codec.golden, np.random.default_rng(seed)), range(messages), strict=False):
+        try:
+            read += bool(codec.read(parts))
+        except codec.error:
+            pass
+        except BaseException:
+            print(f"{name}, seed {seed}: {parts!r}", file=sys.stderr)  # noqa: T201 - a person looks at it
+            raise
+    return read, messages - read
+
+
 def main() -> int:
     """Push packets through every preset in turn, and as many messages through ZeroMQ's source."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--packets", type=int, default=1_000_000, help="in all (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the first preset (default %(default)s)")
     parsed = parser.parse_args()
-    each = -(-parsed.packets // (len(builtin_names()) + 1))
+    each = -(-parsed.packets // (len(builtin_names()) + 1 + len(READERS)))
     for place, name in enumerate(builtin_names()):
         counts = run(builtin_preset(name), each, parsed.seed + place).counts
         print(f"{name}: {counts}")  # noqa: T201 - a program's output
     print(f"ZeroMQ: {run_messages(each, parsed.seed).counts}")  # noqa: T201 - as above
+    for name in READERS:
+        print(f"{name}: {read_broken(name, each, parsed.seed)[0]} read")  # noqa: T201 - as above
     return 0
 
 

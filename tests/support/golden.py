@@ -8,6 +8,7 @@ them.
 from __future__ import annotations
 
 import json
+import re
 import struct
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -42,10 +43,10 @@ def text(value: str) -> bytes:
 
 
 def message(address: str, tags: str = "", *arguments: object) -> bytes:
-    """Give an OSC message of arguments i, f, d, s and N."""
+    """Give an OSC message of arguments i, h, f, d and s; T, N, [ and ] stand for themselves."""
     packed = b""
-    for tag, argument in zip(tags.replace("N", ""), arguments, strict=True):
-        packed += text(str(argument)) if tag == "s" else struct.pack(f">{tag}", argument)
+    for tag, argument in zip(re.sub(r"[TN\[\]]", "", tags), arguments, strict=True):
+        packed += text(str(argument)) if tag == "s" else struct.pack(">" + tag.replace("h", "q"), argument)
     return text(address) + text("," + tags) + packed
 
 

@@ -1,4 +1,4 @@
-"""Recordings that tests write: BVH, TRC and C3D of made-up bodies, and BVH made of Acclaim files."""
+"""Recordings that tests write: every format with a made-up body, and BVH made of Acclaim files."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import naive
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from synthetic import METRE, TinyBody, TinyBone, amc_text
 
-from kinespace.library.recordings.formats import acclaim
+from kinespace.library.recordings.formats.units import METRES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -57,45 +58,6 @@ def bvh_text(root: Node, frames: Sequence[Sequence[float]], period: str = "0.01"
     return f"HIERARCHY\n{root.text()}MOTION\nFrames: {len(frames)}\nFrame Time: {period}\n{motion}"
 
 
-def bvh_of_acclaim(asf: Path, amc: Path, *, scale: float = 1.0) -> tuple[str, dict[str, str]]:
-    """Write an Acclaim motion as BVH.
-
-    A bone of an ASF ends where it turns its children; a joint of a BVH begins there. So each bone becomes a joint at
-    its parent's end, and bones without children end in an End Site.
-
-    Returns
-    -------
-    The text, lengths in metres times `scale`, and for each Acclaim joint the BVH joint at the same place.
-    """
-    body = acclaim.read_asf(asf)
-    motion = acclaim._read_amc(amc, body)  # noqa: SLF001 - the test needs the angles
-    channels = acclaim._in_si(body, motion)  # noqa: SLF001 - as above
-    places = acclaim._channel_places(body)  # noqa: SLF001 - as above
-    names = body.skeleton.joints
-    nodes = [Node(name, (0.0, 0.0, 0.0), TURNS) for name in names]
-    nodes[0].channels = (*MOVES, *TURNS)
-    stands = {"root": "root"}
-    for joint, parent in enumerate(body.skeleton.parents):
-        if parent >= 0:
-            nodes[joint].offset = tuple(body.bones[parent].offset * scale) if parent else (0.0, 0.0, 0.0)
-            nodes[parent].children.append(nodes[joint])
-            stands.setdefault(names[parent], names[joint])
-    for joint, name in enumerate(names):
-        if joint not in body.skeleton.parents:
-            nodes[joint].children.append(Node(f"{name}_end", tuple(body.bones[joint].offset * scale)))
-            stands[name] = f"{name}_end"
-    turns = {}
-    for bone in body.bones:
-        own = channels[:, places[bone.name]] if bone.channels else channels[:, :0]
-        local = bone.axis @ acclaim._rotation(bone, own) @ bone.axis.T  # noqa: SLF001 - as above
-        turns[bone.name] = Rotation.from_matrix(local).as_euler("ZYX", degrees=True)
-    root = body.bones[0]
-    moved = (root.offset + acclaim._translation(root, channels[:, places["root"]])) * scale  # noqa: SLF001 - as above
-    columns = [moved, *(turns[node.name] for node in nodes[0].all() if node.channels)]
-    period = repr(1 / 120)
-    return bvh_text(nodes[0], np.concatenate(columns, axis=1).tolist(), period), stands
-
-
 def trc_text(
     labels: Sequence[str], positions: NDArray[np.float64], *, rate: float = 100.0, unit: str = "mm", missing: str = ""
 ) -> str:
@@ -127,11 +89,11 @@ def write_c3d(  # noqa: PLR0913 - parameters of a C3D file
 ) -> None:
     """Write a C3D: positions (frames, points, 3) in its unit, NaN as points of residual -1."""
     try:
-        import ezc3d  # noqa: PLC0415 - an extra
-    except ImportError:
+        import ezc3d  # noqa: PLC0415 - not on every machine
+    except ImportError:  # it reads no file for us: it is the other program that writes C3D
         if os.environ.get("KINESPACE_COMPLETE") == "1":
-            pytest.fail("no ezc3d, and KINESPACE_COMPLETE=1 says that the tests run with the extra c3d", pytrace=False)
-        pytest.skip("no ezc3d, an extra")
+            pytest.fail("no ezc3d, and KINESPACE_COMPLETE=1 says that all that tests need is there", pytrace=False)
+        pytest.skip("no ezc3d")
     file = ezc3d.c3d()
     file["parameters"]["POINT"]["RATE"]["value"] = [rate]
     file["parameters"]["POINT"]["LABELS"]["value"] = tuple(labels)
@@ -144,3 +106,113 @@ def write_c3d(  # noqa: PLR0913 - parameters of a C3D file
     if angles:
         file.add_parameter("POINT", "ANGLES", list(angles))
     file.write(str(path))
+
+
+def csv_table(labels: Sequence[str], positions: NDArray[np.float64], *, rate: float = 100.0) -> str:
+    """Give a table of joints: positions (frames, joints, 3) in its unit, NaN as empty fields."""
+    heads = ["time", *(f"{label}_{axis}" for label in labels for axis in "xyz")]
+    rows = [[number / rate, *frame.ravel().tolist()] for number, frame in enumerate(positions)]
+    return "".join(
+        ",".join("" if value != value else str(value) for value in row) + "\n"  # noqa: PLR0124 - only NaN differs from itself
+        for row in [heads, *rows]
+    )
+
+
+@dataclass(frozen=True)
+class Written:
+    """A recording that a test wrote, and the motion that is in it: positions (frames, joints, 3) in metres."""
+
+    path: Path
+    joints: tuple[str, ...]
+    positions: NDArray[np.float64]
+    rate: float = 100.0
+
+
+def written(  # noqa: PLR0913 - a recording may differ in many ways
+    ending: str,
+    folder: Path,
+    generator: np.random.Generator,
+    *,
+    frames: int = 12,
+    unit: str = "m",
+    shuffled: bool = False,
+) -> Written:
+    """Write a recording of a made-up body, its numbers in a unit, its joints perhaps in another order.
+
+    Where the format is a hierarchy, the slow twin says where the joints stand.
+    """
+    path, metres = folder / f"take.{ending}", METRES[unit]
+    if ending == "amc":
+        return _written_amc(path, generator, frames, metres, shuffled=shuffled)
+    if ending == "bvh":
+        return _written_bvh(path, generator, frames, metres)
+    labels = ("hip", "knee", "heel", "toe", "wrist")
+    start = generator.uniform(-0.5, 1.5, (5, 3))
+    positions = start + np.cumsum(generator.normal(0.01, 0.005, (frames, 5, 3)), axis=0)
+    order = generator.permutation(5) if shuffled else np.arange(5)
+    names, numbers_ = [labels[index] for index in order], positions[:, order] / metres
+    match ending:
+        case "trc":
+            path.write_text(trc_text(names, numbers_, unit=unit))
+        case "c3d":
+            write_c3d(path, names, numbers_, unit=unit)
+        case "csv":
+            path.write_text(csv_table(names, numbers_))
+        case _:
+            times, parents = np.arange(frames) / 100.0, np.array([-1, 0, 0, 0, 0])
+            np.savez(
+                path, time=times, positions=numbers_, joints=np.array(names), parents=parents, performer=np.array("ann")
+            )
+    return Written(path, labels, positions)
+
+
+def _written_amc(path: Path, generator: np.random.Generator, frames: int, metres: float, *, shuffled: bool) -> Written:
+    def triple(most: float) -> tuple[float, ...]:
+        return tuple(np.round(generator.uniform(-most, most, 3), 3).tolist())
+
+    bones: list[TinyBone] = []
+    for index in range(int(generator.integers(2, 6))):
+        parent = generator.choice(["root", *(bone.name for bone in bones)])
+        dof = tuple(generator.permutation(["rx", "ry", "rz"])[: generator.integers(0, 4)].tolist())
+        order, length = "".join(generator.permutation(list("XYZ"))), float(generator.uniform(0.0, 0.5) / metres)
+        bones.append(TinyBone(f"bone{index}", str(parent), triple(1.0), length, triple(180.0), order, dof))
+    body = TinyBody(
+        tuple(bones),
+        length=METRE / metres,
+        root_order=" ".join(generator.permutation(["TX", "TY", "TZ", "RX", "RY", "RZ"])),
+        root_axis="".join(generator.permutation(list("XYZ"))),
+        position=triple(1.0 / metres),
+        orientation=triple(180.0),
+    )
+    sizes = {"root": 6} | {bone.name: len(bone.dof) for bone in bones if bone.dof}
+    names = [generator.permutation(list(sizes)) if shuffled else list(sizes) for _ in range(frames)]
+    motion = [{str(name): generator.uniform(-180, 180, sizes[name]).tolist() for name in each} for each in names]
+    asf = path.with_suffix(".asf")
+    asf.write_text(body.asf())
+    path.write_text(amc_text(motion, header=":DEGREES\n:SAMPLES-PER-SECOND 100"))
+    return Written(path, tuple(naive.read_asf(asf).joints), naive.clip_positions(asf, path))
+
+
+def _written_bvh(path: Path, generator: np.random.Generator, frames: int, metres: float) -> Written:
+    def offset() -> tuple[float, ...]:
+        return tuple((generator.uniform(0.1, 0.5, 3) / metres).tolist())
+
+    nodes: list[Node] = []
+    for index in range(int(generator.integers(2, 6))):
+        moves = index == 0 or generator.random() < 0.3
+        names = generator.permutation([*TURNS, *(MOVES if moves else ())])
+        nodes.append(Node(f"joint {index}", offset(), tuple(names[: generator.integers(1, len(names) + 1)].tolist())))
+        if index:
+            nodes[int(generator.integers(index))].children.append(nodes[-1])
+    for node in nodes:
+        if not node.children:
+            node.children.append(Node(f"{node.name}_end", offset()))
+    joints = list(nodes[0].all())
+    scales = [0.5 / metres if name in MOVES else 180.0 for node in joints for name in node.channels]
+    motion = [(generator.uniform(0.1, 1.0, len(scales)) * scales).tolist() for _ in range(frames)]
+    path.write_text(bvh_text(nodes[0], motion))
+    places = [
+        naive.bvh_places(nodes[0].offset, nodes[0].channels, nodes[0].children, iter(frame), np.zeros(3), np.eye(3))
+        for frame in motion
+    ]
+    return Written(path, tuple(node.name for node in joints), np.array(places) * metres)

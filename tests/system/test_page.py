@@ -13,13 +13,13 @@ import pytest
 from PIL import Image
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
-from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.evaluation.evaluate_stream import replay
-from kinespace.tools.page.report import write_report
+from kinespace.tools.evaluation.evaluate_stream import course
+from kinespace.tools.evaluation.report import write_report
+from kinespace.tools.evaluation.takes import takes_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -253,10 +253,8 @@ def plays(page: Page) -> None:
 def test_an_evaluation_is_scrubbed_through(tmp_path: Path, small_library: MotionLibrary) -> None:
     """The page of an evaluation shows what was performed and answered at any second, and the body moves."""
     motion, complaints = small_library.motions[0], list[str]()
-    segments = (Segment(0.0, motion.duration, motion.class_name),)
-    classes = small_library.classes
-    course = replay(motion, segments, library=small_library, classes=classes, settings=Settings())
-    write_report(tmp_path / "out.html", [(course, motion)], classes)
+    (take,), classes = takes_of([motion]), small_library.classes
+    write_report(tmp_path / "out.html", [(course(take, small_library, classes, Settings()), motion)], classes)
     with opened((tmp_path / "out.html").as_uri(), complaints) as page:
         before = page.evaluate("document.querySelector('#body').toDataURL()")
         page.evaluate(f"go({motion.duration / 2})")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
@@ -26,6 +26,39 @@ OSC_IN = "127.0.0.1:9310"
 PAGE = "127.0.0.1:8010"
 #: The name of the built-in library wherever a library may be named.
 BUILT_IN = Path("built-in")
+
+
+#: Options that several programs have, by name.
+_SHARED: dict[str, dict[str, Any]] = {
+    "--osc-in": {
+        "metavar": "[HOST:]PORT",
+        "help": f"listen for OSC here (default {OSC_IN}, or the port of --feed, unless --zmq-in is given)",
+    },
+    "--zmq-in": {"metavar": "ENDPOINT", "help": "subscribe to ZeroMQ, like tcp://127.0.0.1:9320"},
+    "--keys": {
+        "type": Path,
+        "metavar": "DIR",
+        "help": "ZeroMQ with keys, made by kinespace keys: let in only keys whose .key file is there",
+    },
+    "--open": {"action": "store_true", "help": "let anybody reach a ZeroMQ endpoint bound beyond this machine"},
+    "--page": {
+        "nargs": "?",
+        "const": PAGE,
+        "metavar": "[HOST:]PORT",
+        "help": f"show a page in the browser (default {PAGE})",
+    },
+    "--sender": {"metavar": "HOST", "default": "127.0.0.1", "help": "host to ask for frames, for feeds that ask"},
+    "--feed": {
+        "metavar": "NAME",
+        "help": "read a .kinerec as this product's packets, see kinespace feeds; or FILE.toml (default: as recorded)",
+    },
+}
+
+
+def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
+    """Add options that several programs have."""
+    for option in options:
+        parser.add_argument(option, **_SHARED[option])
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -54,40 +87,6 @@ def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
         default=AUTO,
         metavar="NAME",
         help=f"how the {whose} name joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
-    )
-
-
-def add_inputs(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the addresses that packets come in on."""
-    parser.add_argument(
-        "--osc-in",
-        metavar="[HOST:]PORT",
-        help=f"listen for OSC here (default {OSC_IN}, or the port of --feed, unless --zmq-in is given)",
-    )
-    parser.add_argument("--zmq-in", metavar="ENDPOINT", help="subscribe to ZeroMQ, like tcp://127.0.0.1:9320")
-
-
-def add_keys(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the keys of ZeroMQ endpoints."""
-    parser.add_argument(
-        "--keys",
-        type=Path,
-        metavar="DIR",
-        help="ZeroMQ with keys, made by kinespace keys: let in only keys whose .key file is there",
-    )
-
-
-def add_page(parser: argparse.ArgumentParser) -> None:
-    """Add the option for a page in the browser."""
-    parser.add_argument(
-        "--page", nargs="?", const=PAGE, metavar="[HOST:]PORT", help=f"show a page in the browser (default {PAGE})"
-    )
-
-
-def add_sender(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the host that is asked for frames."""
-    parser.add_argument(
-        "--sender", metavar="HOST", default="127.0.0.1", help="host to ask for frames, for feeds that ask"
     )
 
 
@@ -155,44 +154,6 @@ def add_subjects(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {told}")
 
 
-def add_recorded_feed(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the product that a raw recording's packets came from."""
-    parser.add_argument(
-        "--feed",
-        metavar="NAME",
-        help="read a .kinerec as this product's packets, see kinespace feeds; or FILE.toml (default: as recorded)",
-    )
-
-
-def add_changes(parser: argparse.ArgumentParser) -> None:
-    """Add the options that leave motions out of a library and rename its classes."""
-    parser.add_argument(
-        "--without",
-        action="extend",
-        type=names,
-        default=[],
-        metavar="CLASS|PERSON,...",
-        help="leave these classes or persons out",
-    )
-    parser.add_argument(
-        "--rename",
-        nargs="+",
-        action="extend",
-        type=mapping,
-        default=[],
-        metavar="OLD=NEW",
-        help="rename these classes",
-    )
-    parser.add_argument(
-        "--nothing",
-        action="append",
-        type=Path,
-        default=[],
-        metavar="FOLDER",
-        help='recordings whose motions are to be answered "unknown"',
-    )
-
-
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add `--json`, for output that another program reads."""
     parser.add_argument(
@@ -257,8 +218,8 @@ def naming_of(parsed: argparse.Namespace) -> Naming:
 
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
-    from kinespace.tools.feeding.raw_takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
-    from kinespace.tools.programs.feeds import preset_named  # noqa: PLC0415 - as above
+    from kinespace.stream.inputs.recording.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
+    from kinespace.tools.cli.preset import preset_named  # noqa: PLC0415 - as above
 
     return read_raw(path, preset_named(feed) if feed else None)
 
@@ -289,6 +250,12 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="say with each answer how far the motion is, how fast, how large; windows only",
     )
+    parser.add_argument(
+        "--no-plausibility",
+        dest="plausibility",
+        action="store_false",
+        help="believe every joint of every frame, also of a body that moves as no body can",
+    )
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
@@ -307,7 +274,16 @@ def settings_of(parsed: argparse.Namespace) -> Settings:
         hop=parsed.hop,
         sensitivity=parsed.sensitivity,
         progress=parsed.progress,
+        plausibility=parsed.plausibility,
     )
+
+
+def arguments_of(settings: Settings) -> list[str]:
+    """Write settings as arguments, as `settings_of` reads them."""
+    numbers = {"--sensitivity": settings.sensitivity, "--window": settings.window, "--hop": settings.hop}
+    words = ["--signature", str(settings.signature), *(["--progress"] if settings.progress else [])]
+    words += [] if settings.plausibility else ["--no-plausibility"]
+    return words + [word for name, number in numbers.items() if number is not None for word in (name, str(number))]
 
 
 def _number(text: str) -> float:

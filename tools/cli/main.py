@@ -38,10 +38,8 @@ PROGRAMS: Programs = {
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure the cost of every step, and of other methods"),
     "keys": ("programs.keys", "make keys, so that ZeroMQ lets in only known keys"),
-    "chaos": ("chaos.run", "attack a recogniser in many ways, and measure the effect on a performer"),
     "feeds": ("programs.feeds", "list the products whose feeds kinespace understands, and their settings"),
     "listen": ("programs.listen", "show the packets on a port, guess the feed, name the missing joints"),
-    "completion": ("programs.completion", "print a script that completes these commands in a shell"),
 }
 #: The experiments of `kinespace evaluate`.
 EXPERIMENTS: Programs = {
@@ -156,7 +154,7 @@ class _ProgramParser(_Parser):
 
 
 def whole_parser() -> argparse.ArgumentParser:
-    """Make the parser with the arguments of all programs, for the completion in a shell."""
+    """Make the parser with the arguments of all programs: shtab makes the completion for a shell of it."""
     return _parser(filled=True)
 
 

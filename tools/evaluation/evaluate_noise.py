@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import math
-from dataclasses import asdict, dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library import MotionLibrary
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import (
     add_clips,
     add_json,
@@ -21,65 +17,29 @@ from kinespace.tools.cli.arguments import (
     reading_of,
     settings_of,
 )
-from kinespace.tools.evaluation.scoring.bootstrap import Interval, Ratio
-from kinespace.tools.evaluation.scoring.stream_tables import interval, percent
+from kinespace.tools.evaluation.faults import noisy
+from kinespace.tools.evaluation.harness import Feed, add_skeleton, answers_to, print_json, print_table, written
+from kinespace.tools.evaluation.scoring.answers import counted, shares
+from kinespace.tools.evaluation.scoring.bootstrap import intervals_of, values_of
+from kinespace.tools.evaluation.scoring.stream_score import basis_of
+from kinespace.tools.evaluation.scoring.stream_tables import interval, rests_on
+from kinespace.tools.evaluation.takes import takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.named_joints import read_labelled
-from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections import Counter
 
-    from kinespace.library import Clip, Reading
-    from kinespace.stream.recognition import Recognition
-
-#: Frames per second of noisy sensors.
-FRAME_RATE = 30.0
-
-
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """The answers to one motion: their number, and in how many the class named and the best guess were right."""
-
-    person: str
-    seconds: float
-    answers: int
-    named: int
-    guessed: int
-    last_named: bool
-    last_guessed: bool
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseScore:
-    """How right the answers under one noise were. Shares are 0 to 1; an answer without a class is not right.
-
-    Attributes
-    ----------
-    noise_mm
-        Standard deviation of each coordinate, millimetres.
-    answers_right, answers_guessed
-        The shares of all answers that name the class performed, and that have it as best guess, named or not.
-    clips_right, clips_guessed
-        The same shares of the motions' last answers; a motion without an answer counts as wrong.
-    seconds, clips, persons
-        The basis of the figures; persons None when they are not known.
-    intervals
-        Ends of the 95 % interval of each share, by its name: bootstrap over motions.
-    """
-
-    noise_mm: float
-    answers_right: float | None
-    answers_guessed: float | None
-    clips_right: float | None
-    clips_guessed: float | None
-    seconds: float
-    clips: int
-    persons: int | None
-    intervals: dict[str, Interval | None]
+#: Of each figure what is counted, and among what: answers that name the class performed, and that have it as best
+#: guess, named or not; and the same of the motions' last answers. A motion without an answer counts as wrong.
+_SHARES = {
+    "answers_right": ("right", "answers"),
+    "answers_guessed": ("guessed", "answers"),
+    "clips_right": ("last_right", "takes"),
+    "clips_guessed": ("last_guessed", "takes"),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,169 +49,58 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "are left out of the library in groups, so that no motion is named by itself."
     )
     add_clips(parser, "the built-in library's motions")
-    parser.add_argument(
-        "--noise",
-        nargs="+",
-        type=not_negative,
-        default=[0.0, 10.0, 20.0, 30.0],
-        metavar="MM",
-        help="standard deviations on each coordinate (default: 0 10 20 30)",
-    )
+    text, usual = "standard deviations on each coordinate (default: 0 10 20 30)", [0.0, 10.0, 20.0, 30.0]
+    parser.add_argument("--noise", nargs="+", type=not_negative, default=usual, metavar="MM", help=text)
     parser.add_argument("--groups", type=count, default=12, help="number of groups, at least two (default %(default)s)")
     parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
-    parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
+    add_skeleton(parser)
     add_settings(parser)
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return evaluate(
-        options.folder,
-        reading=reading_of(options),
-        noises=options.noise,
-        groups=options.groups,
-        every=options.every,
-        seed=options.seed,
-        skeleton=options.skeleton,
-        settings=settings_of(options),
-        as_json=options.json,
-    )
-
-
-def evaluate(
-    places: Sequence[Path],
-    *,
-    reading: Reading,
-    noises: Sequence[float],
-    groups: int,
-    every: int,
-    seed: int,
-    skeleton: str | None,
-    settings: Settings,
-    as_json: bool,
-) -> int:
-    """Replay motions under each noise, and print how right the answers were.
-
-    Parameters
-    ----------
-    places
-        Clips, or folders of them; the built-in library's motions when there are none.
-    reading
-        How to read them.
-    noises
-        Standard deviations of each coordinate, millimetres.
-    groups
-        The number of groups; each group is left out of the library that names its motions.
-    every
-        Every so many motions one is played; all stay in the groups.
-    seed
-        The seed of the noise.
-    skeleton
-        Name of a joint set to which motions are restricted; all joints when not given.
-    settings
-        The recogniser's settings.
-    as_json
-        Print one JSON object and nothing else.
-    """
-    library = _library(places, reading)
-    if skeleton:
-        library = library.restricted_to(joints_of(skeleton))
-    left_out = _groups(library, groups)
-    heard: dict[float, dict[int, Heard]] = {noise: {} for noise in noises}
-    for group in progress(left_out, "Replaying", len(left_out)):
+    """Play motions under each noise, and print how right the answers were; return the exit status."""
+    clips = read_labelled(options.folder, reading_of(options)) if options.folder else []
+    library, settings = MotionLibrary.of_clips(clips) if clips else MotionLibrary.builtin(), settings_of(options)
+    if options.skeleton:
+        library = library.restricted_to(joints_of(options.skeleton))
+    takes, groups = takes_of(library.motions), _groups(len(library), options.groups)
+    counts: dict[float, dict[int, Counter[str]]] = {noise: {} for noise in options.noise}
+    for group in progress(groups, "Playing", len(groups)):
         others = library.without(motions=[library.motions[index] for index in group])
-        for noise in noises:
-            for index in (each for each in group if each % every == 0):
-                generator = np.random.default_rng([seed, index])
-                heard[noise][index] = _heard(library.motions[index], others, settings, noise / 1000, generator)
-    scores = [scored(noise, [each[index] for index in sorted(each)]) for noise, each in heard.items()]
-    if as_json:
-        print(json.dumps({"groups": len(left_out), "noise": [asdict(score) for score in scores]}))
-    else:
-        _print(scores, len(left_out))
+        played = [index for index in group if index % options.every == 0]
+        for noise, index in product(options.noise, played):
+            feed = Feed.of(takes[index].clip, library.skeleton)
+            noised = noisy(noise / 1000)(feed, np.random.default_rng([options.seed, index]))
+            counts[noise][index] = counted(takes[index], others.classes, answers_to(noised, others, settings))
+    asked = sorted({index for each in counts.values() for index in each})
+    basis = basis_of([takes[each].clip.duration for each in asked], [takes[each].person for each in asked])
+    found = {noise: shares([each[index] for index in asked], _SHARES) for noise, each in counts.items()}
+    values = {noise: values_of(each) for noise, each in found.items()}
+    ends = {noise: intervals_of(each) for noise, each in found.items()}
+    if options.json:
+        basis["clips"] = basis.pop("segments")
+        scores = [{"noise_mm": each, **values[each], **basis, "intervals": ends[each]} for each in found]
+        print_json({"groups": len(groups), "noise": scores})
+        return 0
+    rows = [
+        row
+        for noise in found
+        for row in (
+            (f"{noise:g} mm", *map(written, values[noise].values())),
+            ("", *map(interval, ends[noise].values())),
+        )
+    ]
+    caption = f"{rests_on(basis, 'motion')}; left out in {len(groups)} groups; 95 % below"
+    headings = ("noise", "answers right", "guessed right", "last answer right", "last guess right")
+    title = "Motions with white noise on every coordinate, 30 frames per second"
+    print_table(headings, rows, title, caption, names=0)
     return 0
 
 
-def _library(places: Sequence[Path], reading: Reading) -> MotionLibrary:
-    if not places:
-        return MotionLibrary.builtin()
-    return MotionLibrary.of_clips(read_labelled(places, reading))
-
-
-def _groups(library: MotionLibrary, groups: int) -> list[range]:
+def _groups(motions: int, groups: int) -> list[range]:
     """Distribute motions, which are sorted by class and person, so that each group has some of every class."""
-    if not 2 <= groups <= len(library):
-        raise ValueError(f"--groups: expected 2 to {len(library)}, the motions there are, got {groups}")
-    return [range(first, len(library), groups) for first in range(groups)]
-
-
-def _heard(
-    motion: Clip, library: MotionLibrary, settings: Settings, noise: float, generator: np.random.Generator
-) -> Heard:
-    """Play a motion with noise in metres, and count its answers."""
-    seen = seen_with(motion, noise, generator)
-    recognizer = Recognizer(library, settings)
-    pushed = (recognizer.push(Frame("clip", *each)) for each in zip(seen.times.tolist(), seen.positions, strict=True))
-    answers = [answer for answer in pushed if answer is not None]
-    named = [answer.class_name == motion.class_name for answer in answers]
-    guessed = [_guess(answer) == motion.class_name for answer in answers]
-    return Heard(
-        motion.actor,
-        motion.duration,
-        len(answers),
-        sum(named),
-        sum(guessed),
-        last_named=bool(named and named[-1]),
-        last_guessed=bool(guessed and guessed[-1]),
-    )
-
-
-def seen_with(motion: Clip, noise: float, generator: np.random.Generator) -> Clip:
-    """Give a motion as a sensor of `FRAME_RATE` sees it, with white noise in metres on every coordinate."""
-    every = max(round(motion.frame_rate / FRAME_RATE), 1)
-    positions = motion.positions[::every]
-    positions = positions + noise * generator.standard_normal(positions.shape)
-    return replace(motion, positions=positions, frame_rate=motion.frame_rate / every)
-
-
-def _guess(answer: Recognition) -> str | None:
-    return answer.classes[answer.guess_index] if answer.guess_index >= 0 else None
-
-
-def scored(noise: float, heard: Sequence[Heard]) -> NoiseScore:
-    """Score the answers under one noise, in millimetres."""
-    answers, one = [each.answers for each in heard], [1] * len(heard)
-    shares = {
-        "answers_right": Ratio([each.named for each in heard], answers),
-        "answers_guessed": Ratio([each.guessed for each in heard], answers),
-        "clips_right": Ratio([each.last_named for each in heard], one),
-        "clips_guessed": Ratio([each.last_guessed for each in heard], one),
-    }
-    persons = {each.person for each in heard}
-    return NoiseScore(
-        noise_mm=noise,
-        **{name: share.value() for name, share in shares.items()},
-        seconds=math.fsum(each.seconds for each in heard),
-        clips=len(heard),
-        persons=None if "" in persons else len(persons),
-        intervals={name: share.interval() for name, share in shares.items()},
-    )
-
-
-def _print(scores: Sequence[NoiseScore], groups: int) -> None:
-    first = scores[0]
-    persons = "persons not told" if first.persons is None else f"{first.persons} persons"
-    table = narrow_table(
-        "Motions with white noise on every coordinate, 30 frames per second",
-        f"{first.seconds:.0f} s, {first.clips} motions, {persons}; left out in {groups} groups; 95 % below",
-    )
-    for heading in ("noise", "answers right", "guessed right", "last answer right", "last guess right"):
-        table.add_column(heading, justify="right")
-    shares = ("answers_right", "answers_guessed", "clips_right", "clips_guessed")
-    for score in scores:
-        values = [getattr(score, name) for name in shares]
-        table.add_row(f"{score.noise_mm:g} mm", *("-" if value is None else percent(value) for value in values))
-        table.add_row("", *(interval(score.intervals[name], percent) for name in shares))
-    console.print(table)
+    if not 2 <= groups <= motions:
+        raise ValueError(f"--groups: expected 2 to {motions}, the motions there are, got {groups}")
+    return [range(first, motions, groups) for first in range(groups)]

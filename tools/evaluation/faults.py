@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.stream.recognizer.joints.plausibility import mirrored_places
+from kinespace.library.windows.segments import mirrored_places
+from kinespace.tools.evaluation.harness import Feed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
-
-    from kinespace.library.skeleton import Skeleton
 
 #: The joints of the left arm, in HDM05's names; a skeleton has some of them.
 LEFT_ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
@@ -22,14 +21,6 @@ LEFT_ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
 NOISE, DROPPED = 0.02, 0.5
 #: One in so many frames is searched for the posture farthest from the first.
 _EVERY = 12
-
-
-class Feed(NamedTuple):
-    """Frames of a take: times (frames,), seconds, and positions (frames, joints, 3), metres, of a skeleton."""
-
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    skeleton: Skeleton
 
 
 def _frozen(feed: Feed, _: np.random.Generator) -> Feed:
@@ -99,10 +90,15 @@ def _order(feed: Feed, generator: np.random.Generator) -> Feed:
     return feed._replace(positions=feed.positions[:, generator.permutation(len(feed.skeleton.joints))])
 
 
-def _noise(feed: Feed, generator: np.random.Generator) -> Feed:
-    step = max(1, round(1 / 30 / float(np.median(np.diff(feed.times)))))
-    positions = feed.positions[::step]
-    return Feed(feed.times[::step], positions + NOISE * generator.standard_normal(positions.shape), feed.skeleton)
+def noisy(metres: float) -> Callable[[Feed, np.random.Generator], Feed]:
+    """Make the fault of a sensor of 30 frames per second with white noise, metres, on every coordinate."""
+
+    def fault(feed: Feed, generator: np.random.Generator) -> Feed:
+        step = max(1, round(1 / 30 / float(np.median(np.diff(feed.times)))))
+        positions = feed.positions[::step]
+        return Feed(feed.times[::step], positions + metres * generator.standard_normal(positions.shape), feed.skeleton)
+
+    return fault
 
 
 def _drops(feed: Feed, generator: np.random.Generator) -> Feed:
@@ -124,6 +120,6 @@ FAULTS: dict[str, Callable[[Feed, np.random.Generator], Feed]] = {
     "hand at 0, 0, 0": _zeros,
     "joints in another order": _order,
     "none": lambda feed, _: feed,
-    "noise of 20 mm, 30 Hz": _noise,
+    "noise of 20 mm, 30 Hz": noisy(NOISE),
     "half the frames dropped": _drops,
 }

@@ -7,7 +7,6 @@ who were left out of the fitting; the saved numbers are fitted on all subjects.
 
 from __future__ import annotations
 
-import json
 import math
 from collections import defaultdict
 from dataclasses import dataclass, replace
@@ -16,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from rich.table import Table
 from scipy.optimize import minimize
 from scipy.special import expit
 
@@ -24,9 +22,8 @@ from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.index import WindowIndex, keeping_lessons
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stand_in, typical_evidence
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.stream.recognizer.hysteresis import Judgement
+from kinespace.stream.recognizer import Settings
+from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli.arguments import (
     add_json,
     add_overwrite,
@@ -36,9 +33,10 @@ from kinespace.tools.cli.arguments import (
     library_at,
     reading_of,
 )
-from kinespace.tools.evaluation.evaluate_noise import seen_with
+from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.faults import noisy
 from kinespace.tools.evaluation.takes import Sources, read_takes
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
@@ -47,7 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from kinespace.library import Clip, Reading
+    from kinespace.library import Clip
     from kinespace.tools.evaluation.takes import Take
 
 #: Seconds between two windows that take part in learning.
@@ -69,6 +67,13 @@ _LEFT_OUT_COUNT, _STRANGERS_COUNT = 0.5, 2.0
 _FOLDS = 4
 #: The cost of weights of either sign: they must pay on many windows.
 _SHRINKING = 0.005
+
+_COLUMNS = (
+    ("sensitivity", "{rate:g}"),
+    ("unknown time named", "{unknown_named:.1%}"),
+    ("starts a minute", "{starts_per_minute:.1f}"),
+    ("takes whose motion is named", "{takes_found:.0%}"),
+)
 
 #: The evidence and the guess of some windows.
 Evidenced = list[tuple[Evidence, str]]
@@ -127,58 +132,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return learn(
-        options.library,
-        options.output,
-        Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects),
-        reading=reading_of(options),
-        overwrite=options.overwrite,
-        as_json=options.json,
-    )
-
-
-def learn(source: Path, output: Path, sources: Sources, *, reading: Reading, overwrite: bool, as_json: bool) -> int:
-    """Learn, save the library with the learned numbers, and print their figures.
-
-    Parameters
-    ----------
-    source, output
-        The library's file, and the file to write.
-    sources, reading
-        The takes, and how to read them.
-    overwrite
-        Whether a file that is there may be written over.
-    as_json
-        Print one JSON object and nothing else.
-    """
-    require_place_for(output, overwrite=overwrite)
-    library = library_at(source)
-    takes = read_takes(sources, reading)
+    """Learn, save the library with the learned numbers, and print their figures; return the exit status."""
+    require_place_for(options.output, overwrite=options.overwrite)
+    library = library_at(options.library)
+    sources = Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects)
+    takes = read_takes(sources, reading_of(options))
     if all(take.labels for take in takes):
         raise ValueError("takes: expected some in which nothing known happens, got none")
-    own = _own_courses(library)
-    index = _index(library)
+    own, index = _own_courses(library), _index(library)
     courses = [_Course(take, _windows(index, take.clip)) for take in progress(takes, "Strangers", len(takes))]
-    typical = typical_evidence(index)
-    lessons = _own_lessons(own)
+    typical, lessons = typical_evidence(index), _own_lessons(own)
 
     def fit(courses: Sequence[_Course]) -> Rejection:
         return fitted([*lessons, *_lessons(courses)], library.classes, typical)
 
+    def judged(fits: Sequence[Rejection]) -> list[tuple[_Course, Rejection]]:
+        """Pair each take with the rejection that was fitted without its subject."""
+        pairs = zip(folds, fits, strict=True)
+        return [(each, fit) for fold, fit in pairs for each in courses if each.take.person in fold]
+
     folds = _folds(courses)
     fits = [fit([each for each in courses if each.take.person not in fold]) for fold in folds]
     clean = [each for each in own if not each.noise]
-    usual = _threshold(clean, _judged(folds, fits, courses), _USUAL)
+    usual = _threshold(clean, judged(fits), _USUAL)
     # Every class is named at the usual sensitivity, also a class that resembles strangers' everyday movement.
-    judged = _judged(folds, [_raised(each, clean, usual) for each in fits], courses)
-    thresholds = [_threshold([], judged, rate) for rate in RATES]
+    named = judged([_raised(each, clean, usual) for each in fits])
+    thresholds = [_threshold([], named, rate) for rate in RATES]
     raised = _raised(fit(courses), clean, usual)
     rejection = replace(raised, thresholds=np.array(thresholds), joints=len(library.skeleton.joints))
-    keeping_lessons(replace(library, learned=rejection.kept())).save(output)
-    rows = [_figures(judged, threshold) for threshold in thresholds]
-    if as_json:
-        print(json.dumps([{"rate": rate} | row for rate, row in zip(RATES, rows, strict=True)]))
+    keeping_lessons(replace(library, learned=rejection.kept())).save(options.output)
+    rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
+    if options.json:
+        harness.print_json(rows)
     else:
         _print(rows, courses)
     return 0
@@ -201,20 +186,17 @@ def _own_courses(library: MotionLibrary) -> list[_Own]:
             left = index.without([place for place, each in enumerate(others) if each.class_name == name])
             asking = [place for place, each in own if each.class_name == name]
             for place, noise in product(asking, _NOISES):
-                seen = seen_with(library.motions[place], noise, np.random.default_rng(place))
-                found.append(_Own(name, noise, _windows(index, seen), _windows(left, seen) if len(left) else []))
+                asked = library.motions[place], noise, place
+                found.append(_Own(name, noise, _windows(index, *asked), _windows(left, *asked) if len(left) else []))
     return found
 
 
-def _windows(index: WindowIndex, clip: Clip) -> Evidenced:
-    """Push a clip through the recogniser; give the evidence and the guess of its windows."""
-    clip = clip.as_of(index.library.skeleton)
-    recognizer = Recognizer(index, Settings(hop=_HOP))
-    answers = (
-        recognizer.push(Frame("take", time, positions))
-        for time, positions in zip(clip.times.tolist(), clip.positions, strict=True)
-    )
-    return [(each.evidence, each.classes[each.best]) for each in answers if each is not None and each.evidence]
+def _windows(index: WindowIndex, clip: Clip, noise: float = 0.0, seed: int | None = None) -> Evidenced:
+    """Push a clip through the recogniser, as a noisy sensor sees it if asked; give its windows."""
+    feed = harness.Feed.of(clip, index.library.skeleton)
+    feed = feed if seed is None else noisy(noise)(feed, np.random.default_rng(seed))
+    answers = harness.answers_to(feed, index, Settings(hop=_HOP))
+    return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence]
 
 
 def _folds(courses: Sequence[_Course]) -> list[set[str]]:
@@ -268,13 +250,6 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
         if window[1] == name:
             highest = max(highest, judgement.average)
     return highest
-
-
-def _judged(
-    folds: Sequence[set[str]], fits: Sequence[Rejection], courses: Sequence[_Course]
-) -> list[tuple[_Course, Rejection]]:
-    """Pair each take with the rejection that was fitted without its subject."""
-    return [(each, fit) for fold, fit in zip(folds, fits, strict=True) for each in courses if each.take.person in fold]
 
 
 def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArray[np.float64]) -> Rejection:
@@ -362,14 +337,8 @@ def _print(rows: Sequence[dict[str, float]], courses: Sequence[_Course]) -> None
     minutes = sum(take.clip.duration for take in unknown) / 60
     containing = sum(bool(each.take.contains) for each in courses)
     people = len({each.take.person for each in courses})
-    table = Table(
-        title=f"{len(unknown)} unknown takes ({minutes:.1f} minutes), {containing} with a known motion; {people} "
-        "subjects, each judged by numbers fitted on others",
-        title_justify="left",
+    rests_on = (
+        f"{len(unknown)} unknown takes ({minutes:.1f} minutes), {containing} with a known motion; {people} subjects"
     )
-    for heading in ("sensitivity", "unknown time named", "starts a minute", "takes whose motion is named"):
-        table.add_column(heading, justify="right")
-    for rate, row in zip(RATES, rows, strict=True):
-        shares = (f"{row['unknown_named']:.1%}", f"{row['starts_per_minute']:.1f}", f"{row['takes_found']:.0%}")
-        table.add_row(f"{rate:g}", *shares)
-    console.print(table)
+    title = f"{rests_on}, each judged by numbers fitted on others"
+    harness.print_scores(rows, _COLUMNS, title=title, names=0)

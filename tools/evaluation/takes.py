@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.library import NOTHING, find_recordings
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings import labelled, performed, segments_beside
-from kinespace.library.recordings.formats import utkinect
+from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats.labels import (
     LabelError,
     Segment,
@@ -20,9 +19,10 @@ from kinespace.library.recordings.formats.labels import (
     read_labels,
     renamed,
 )
+from kinespace.tools.feeding import utkinect
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import progress_console
-from kinespace.tools.terminal.named_joints import read_and_tell
+from kinespace.tools.terminal.console import progress, progress_console
+from kinespace.tools.terminal.named_joints import NameTeller
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -145,8 +145,11 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     """
     entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
-    read = read_and_tell([each.path for each in wanted], reading)
-    takes = [_take(clip, entry, reading) for clip, entry in zip(read, wanted, strict=True)]
+    reader, tell = RecordingReader(reading), NameTeller()
+    takes = [
+        _of_utkinect(entry) if utkinect.is_take(entry.path) else _take(tell(reader.clip(entry.path)), entry, reading)
+        for entry in progress(wanted, "Reading", len(wanted))
+    ]
     takes = [take for take in takes if sources.wants(take.person)]
     for take in takes:
         for line in oddities(take.clip, take.segments) if take.is_known else ():
@@ -167,14 +170,15 @@ def takes_of(motions: Sequence[Clip]) -> list[Take]:
 
 
 def _labelled(sources: Sources) -> Iterator[_Entry]:
-    paths = find_recordings(sources.places) if sources.places else []
+    found = [path for place in sources.places for path in utkinect.takes_in(place) or find_recordings([place])]
+    paths = list(dict.fromkeys(found))
     if sources.labels and len(sources.labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
     for index, path in enumerate(paths):
         segments = read_labels(sources.labels[index]) if sources.labels else segments_beside(path)
         named = hdm05.read_clip_name(path)
-        if segments:
-            yield _Entry(path, segments)
+        if segments or utkinect.is_take(path):
+            yield _Entry(path, segments or ())
         elif not sources.labels and (sources.clips or (named and named.class_name)):
             yield _Entry(path, None)
         else:
@@ -220,8 +224,12 @@ def _take(clip: Clip, entry: _Entry, reading: Reading) -> Take:
         clip = replace(clip, actor=entry.person)
     if entry.contains == (NOTHING,):
         return Take(clip, _throughout(clip, NOTHING))
-    frames = utkinect.read_frames(entry.path).numbers if utkinect.is_take(entry.path) else None
-    return Take(clip, entry.segments, entry.contains, None if frames is None else frames - frames[0])
+    return Take(clip, entry.segments, entry.contains)
+
+
+def _of_utkinect(entry: _Entry) -> Take:
+    clip, segments, delivered = utkinect.read_take(entry.path)
+    return Take(clip, entry.segments or segments, delivered=delivered)
 
 
 def _throughout(clip: Clip, label: str) -> tuple[Segment]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Clip
-    from kinespace.stream.zeromq import Endpoint, Keyring
 
 #: Seconds between two announcements of the skeleton: live senders repeat it for receivers that start later.
 ANNOUNCE_EVERY = 1.0
@@ -200,90 +199,46 @@ class FrameSender(Protocol):
     def announce(self, announcement: Announcement) -> None:
         """Send the names of the joints."""
 
-    def encode(self, cue: Cue) -> Packet:
+    def encode(self, cue: Cue) -> Any:  # noqa: ANN401 - each sender's own kind of packet
         """Make the packet of a frame."""
 
-    def send(self, packet: Packet) -> None:
+    def send(self, packet: Any, /) -> None:  # noqa: ANN401 - as above
         """Send a packet that `encode` made."""
 
     def close(self) -> None:
         """Give sockets back."""
 
 
-class OscFrameSender:
-    """Sends frames as OSC datagrams; `asks` as `stream.osc.OscSender`."""
-
-    def __init__(self, host: str, port: int, *, asks: bool = False) -> None:
-        self._sender = osc.OscSender(host, port, asks=asks)
-
-    @property
-    def failed(self) -> int:
-        """Datagrams that the system would not send."""
-        return self._sender.failed
-
-    @property
-    def unheard(self) -> int:
-        """Datagrams known to have reached no program."""
-        return self._sender.unheard
+class OscFrameSender(osc.OscSender):
+    """Sends frames as OSC datagrams."""
 
     def announce(self, announcement: Announcement) -> None:
         """Send `/motion/skeleton`."""
-        self._sender.send(osc.encode_announcement(announcement))
+        self.send(osc.encode_announcement(announcement))
 
-    def encode(self, cue: Cue) -> Packet:
+    def encode(self, cue: Cue) -> bytes:
         """Make a `/motion/frame`."""
         return osc.encode_frame(cue.frame)
 
-    def send(self, packet: Packet) -> None:
-        """Send one datagram."""
-        self._sender.send(packet)  # type: ignore[arg-type]  # made by encode
 
-    def close(self) -> None:
-        """Close the socket."""
-        self._sender.close()
+class ZmqFrameSender(zeromq.ZmqSender):
+    """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement."""
 
-
-class ZmqFrameSender:
-    """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement.
-
-    It `asks` as `stream.zeromq.ZmqSender`.
-    """
-
-    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None, *, asks: bool = False) -> None:
-        self._sender = zeromq.ZmqSender(endpoint, keyring, asks=asks)
-        self._announced: Sequence[str] | None = None
-
-    @property
-    def failed(self) -> int:
-        """Messages that ZeroMQ would not send."""
-        return self._sender.failed
-
-    @property
-    def unheard(self) -> int:
-        """Messages without a subscriber."""
-        return self._sender.unheard
+    _announced: Sequence[str] | None = None
 
     def greet(self) -> None:
         """Send an empty message, to find out whether it arrives."""
-        self._sender.send([b"hello/", b""])
+        self.send([b"hello/", b""])
 
     def announce(self, announcement: Announcement) -> None:
         """Put the joint names into the next frame's header."""
         self._announced = announcement.joints
 
-    def encode(self, cue: Cue) -> Packet:
+    def encode(self, cue: Cue) -> list[bytes]:
         """Make the message of a frame, with the joint names when they were just announced."""
         parts = zeromq.encode_frame(cue.frame, cue.seq, self._announced)
         self._announced = None
         return parts
-
-    def send(self, packet: Packet) -> None:
-        """Publish one message."""
-        self._sender.send(packet)  # type: ignore[arg-type]  # made by encode
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._sender.close()
 
 
 class Pace:
@@ -296,10 +251,11 @@ class Pace:
         """Give the `time.perf_counter` reading for so many seconds after the start."""
         return self._start + due
 
-    def put_off(self, seconds: float) -> float:
-        """Shift the rest of the schedule by so many seconds; give the seconds."""
-        self._start += seconds
-        return seconds
+    def put_off(self, due: float) -> float:
+        """Shift the rest of the schedule so that a moment that is past is now; give the seconds."""
+        late = max(time.perf_counter() - self.moment(due), 0.0)
+        self._start += late
+        return late
 
     def wait_for(self, due: float) -> None:
         """Sleep until so many seconds after the start; return at once if that is past.

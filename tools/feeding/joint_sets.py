@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from kinespace.library.naming import spelling
-from kinespace.library.recordings.formats import utkinect
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.tools.cli.choice import one_of
-from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.cli.preset import preset_named
 
+#: The joints that Kinect 1 tracks, in HDM05's names.
+KINECT_1 = (
+    *("root", "upperback", "lowerneck", "head"),
+    *("lclavicle", "lhumerus", "lradius", "lhand", "rclavicle", "rhumerus", "rradius", "rhand"),
+    *("lhipjoint", "lfemur", "ltibia", "ltoes", "rhipjoint", "rfemur", "rtibia", "rtoes"),
+)
 #: Joint sets that no preset has: the joints of Kinect 1's own tools.
-_FURTHER = {"kinect20": utkinect.SKELETON.joints}
+_FURTHER = {"kinect20": KINECT_1}
 #: The names that conventions of joint names have for the sensors.
 _ALSO = {"kinect1": "kinect20", "kinect2": "kinectv2"}
 

@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs.recording.kinerec import RawFile
-from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.feeding.feed import Pace, told_unheard
 from kinespace.tools.terminal.console import console, progress
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterator
     from pathlib import Path
 
     from kinespace.stream.inputs.recording.kinerec import RawPacket
+    from kinespace.stream.zeromq import Endpoint
 
 #: Seconds for ZeroMQ peers to connect before the first message.
 _MEETING = 0.5
@@ -27,18 +29,7 @@ _MEETING = 0.5
 Senders = dict[str, osc.OscSender | zeromq.ZmqSender]
 
 
-def replay(
-    path: Path,
-    *,
-    osc_to: str | None,
-    zmq_to: str | None,
-    keys: Path | None,
-    speed: float,
-    loop: bool,
-    begin: float,
-    end: float | None,
-    as_json: bool,
-) -> int:
+def replay(path: Path, osc_to: str | None, zmq_to: Endpoint | None, options: argparse.Namespace) -> int:
     """Send a recording's packets at the times of their arrivals.
 
     Parameters
@@ -47,16 +38,10 @@ def replay(
         The recording.
     osc_to, zmq_to
         Where its datagrams and its ZeroMQ messages go; packets of a kind without an address are counted and left out.
-    keys
-        Folder of the keys of the other end of ZeroMQ; None for none.
-    speed
-        The factor on the speed.
-    loop
-        Begin again after the last, until interrupted.
-    begin, end
-        Only packets between these seconds from the recording's first packet are sent; the end is not part of them.
-    as_json
-        Print one JSON object and nothing else.
+    options
+        The keys of ZeroMQ (`keys`), the factor on the `speed`, the seconds from the recording's first packet between
+        which packets are sent (`begin`, and `end`, which is not part of them), whether to begin again after the last
+        until interrupted (`loop`), and whether to print one `json` object and nothing else.
 
     Raises
     ------
@@ -66,26 +51,26 @@ def replay(
     recording = RawFile(path)
     counts: Counter[str] = Counter()
     with ExitStack() as opened:
-        senders = open_senders(opened, recording, osc_to, zmq_to, keys)
+        senders = open_senders(opened, recording, osc_to, zmq_to, options.keys)
         # Ctrl-C ends the feed, not the report.
         with suppress(KeyboardInterrupt):
             pace, start = Pace(), 0.0
             while True:
                 last = start
-                for due, packet in progress(cut(recording.packets(), begin, end), "Sending", None):
-                    last = start + due / speed
+                for due, packet in progress(cut(recording.packets(), options.begin, options.end), "Sending", None):
+                    last = start + due / options.speed
                     pace.wait_for(last)
                     counts[send_packet(packet, recording, senders)] += 1
                 if not counts:
                     raise ValueError(_nothing_to_send(recording))
-                if not loop:
+                if not options.loop:
                     break
                 start = last
         failed = sum(sender.failed for sender in senders.values())
         unheard = {str(sender): sender.unheard for sender in senders.values()}
     every = sum(unheard.values())
     told = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
-    if as_json:
+    if options.json:
         print(json.dumps({**told, "lost_from": recording.lost_from}))
     else:
         console.print(
@@ -127,7 +112,7 @@ def _kind(recording: RawFile, source: int) -> str:
 
 
 def open_senders(
-    opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: str | None, keys: Path | None
+    opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: Endpoint | None, keys: Path | None
 ) -> Senders:
     """Open the senders of a recording's kinds of packets; ValueError when none of them has an address."""
     kinds = [_kind(recording, source) for source in range(len(recording.header.sources))]
@@ -137,7 +122,7 @@ def open_senders(
         opened.callback(senders["osc"].close)
     if zmq_to and "zmq" in kinds:
         keyring = opened.enter_context(Keyring(keys)) if keys else None
-        senders["zmq"] = zeromq.ZmqSender(Endpoint.parse(zmq_to, bind=False), keyring, asks=True)
+        senders["zmq"] = zeromq.ZmqSender(zmq_to, keyring, asks=True)
         opened.callback(senders["zmq"].close)
         time.sleep(_MEETING)
     if not senders:

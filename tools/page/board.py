@@ -17,7 +17,7 @@ import msgspec
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching.notices import Step
 from kinespace.stream.zeromq.bodies import decode_body
-from kinespace.tools.terminal.live_table import refused_frames
+from kinespace.tools.terminal.live_table import counted, refused_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,27 +31,6 @@ _KEPT = SHOWN + 5.0
 _MAX_NOTICES = 32
 #: Characters of a name, at most; longer ones are cut.
 _MAX_NAME = 64
-
-#: The counters of a status, by the words that `live` has for them (`tools.terminal.live_table.counts`), and the path to
-#: each. After the first eight, the page shows only counters above 0.
-COUNTERS = (
-    ("received", "inputs.received"),
-    ("malformed", "inputs.malformed"),
-    ("foreign", "inputs.foreign"),
-    ("overrun", "inputs.overrun"),
-    ("missing", "inputs.missing"),
-    ("out of order", "outcomes.recognizers.out_of_order"),
-    ("other joints", "outcomes.other_joints"),
-    ("no room", "outcomes.no_room"),
-    ("from other senders", "admission.other_sender"),
-    ("not let in", "admission.not_allowed"),
-    ("odd times", "admission.odd_times"),
-    ("incomplete", "inputs.incomplete"),
-    ("dropped from senders served last", "inputs.thrown_away"),
-    ("connections broken", "inputs.broken"),
-    ("answers not sent", "unsent"),
-)
-_ALWAYS = 8
 
 
 class _Answer(msgspec.Struct, rename={"label": "class"}):
@@ -129,7 +108,6 @@ class _Motion:
     end: float | None
     number: int
     mark: str = ""
-    meant: str = ""
 
 
 @dataclass(slots=True)
@@ -280,7 +258,7 @@ class Board:
         self._further = {name: heard for name, heard in self._further.items() if heard >= now - _SILENT}
         told = {
             "at": now,
-            "counters": list(_counted(msgspec.to_builtins(status))),
+            "counters": list(counted(msgspec.to_builtins(status))),
             "rates": status.performers,
             "frames": status.frames_per_second,
             "hop": [status.hop_p50, status.hop_p99],
@@ -319,28 +297,6 @@ class Board:
         if described != self._player.told:
             self.number += 1
             self._player = _Noted(described, self.number)
-
-    def bar(self, performer: str, key: int, now: float) -> tuple[str, float, float] | None:
-        """Find a bar of the timeline: its class, its seconds, and how many seconds ago it ended; None when it is gone.
-
-        A motion is named some time after it began: the bar begins with the guess that led to it.
-        """
-        shown = self._performers.get(performer)
-        motion = next((each for each in shown.motions if each.key == key), None) if shown else None
-        if shown is None or motion is None:
-            return None
-        end, begin = now if motion.end is None else motion.end, motion.begin
-        before = [guess for guess in shown.guesses if guess[1] <= motion.begin]
-        if before and before[-1][2] == motion.class_name:
-            begin = before[-1][1]
-        return motion.class_name, end - begin, now - end
-
-    def mark_wrong(self, performer: str, key: int, meant: str) -> None:
-        """Mark a bar of the timeline as wrong."""
-        self.number += 1
-        for motion in self._performers[performer].motions if performer in self._performers else ():
-            if motion.key == key:
-                motion.mark, motion.meant, motion.number = "wrong", meant, self.number
 
     def newest_answer(self) -> float:
         """Say when the newest answer came, on our clock; 0 before the first."""
@@ -386,16 +342,7 @@ class Board:
         for name, each in self._performers.items():
             for motion in each.motions:
                 if motion.number > seen:
-                    yield name, motion.key, motion.class_name, motion.begin, motion.end, motion.mark, motion.meant
-
-
-def _counted(status: dict[str, Any]) -> Iterator[tuple[str, int]]:
-    for place, (words, path) in enumerate(COUNTERS):
-        value: Any = status
-        for part in path.split("."):
-            value = value.get(part, 0) if isinstance(value, dict) else 0
-        if place < _ALWAYS or value:
-            yield words, value
+                    yield name, motion.key, motion.class_name, motion.begin, motion.end, motion.mark
 
 
 def _notes_of(status: _Status) -> Iterator[str]:

@@ -6,14 +6,14 @@ import threading
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.feeding.packets import cut, open_senders, send_packet
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from kinespace.tools.page.requests import Play
 
 #: Seconds without a change after which a file is listed: a file that grows is being recorded.
@@ -23,20 +23,29 @@ _MAX_LISTED = 50
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
-    """Where recordings are, and where their packets go.
+class PagePlan:
+    """A page to be served.
 
     Attributes
     ----------
-    folder
-        The folder of the recordings.
+    source
+        The ZeroMQ endpoint on which a recogniser publishes.
+    address
+        HOST:PORT of the page.
+    control
+        The ZeroMQ endpoint of the recogniser's control door; None: pages only look.
+    recordings
+        The folder of recordings that may be played; None: none may.
     osc_to, zmq_to
-        HOST:PORT for datagrams, and the endpoint for ZeroMQ messages; None for none.
+        Where their packets go: the addresses on which the recogniser listens.
     keys
-        Folder of the keys of ZeroMQ; None for none.
+        Folder of the keys of all ZeroMQ; None for none.
     """
 
-    folder: Path
+    source: str
+    address: str
+    control: str | None = None
+    recordings: Path | None = None
     osc_to: str | None = None
     zmq_to: str | None = None
     keys: Path | None = None
@@ -47,12 +56,12 @@ class Player:
 
     Parameters
     ----------
-    stage
+    plan
         Where recordings are, and where they go.
     """
 
-    def __init__(self, stage: Stage) -> None:
-        self._stage = stage
+    def __init__(self, plan: PagePlan) -> None:
+        self._plan, self._folder = plan, plan.recordings or Path()
         self._lengths: dict[tuple[str, int, float], float] = {}
         self._name, self._at, self._speed = "", 0.0, 0.0
         self._stopped = threading.Event()
@@ -70,7 +79,7 @@ class Player:
         }
 
     def _listed(self) -> list[tuple[str, float]]:
-        found = [(path.name, path.stat()) for path in self._stage.folder.glob(f"*{ENDING}")]
+        found = [(path.name, path.stat()) for path in self._folder.glob(f"*{ENDING}")]
         settled = [each for each in found if each[1].st_mtime < time.time() - _SETTLED]
         newest = sorted(settled, key=lambda each: -each[1].st_mtime)[:_MAX_LISTED]
         return [(name, self._length(name, told.st_size, told.st_mtime)) for name, told in newest]
@@ -79,7 +88,7 @@ class Player:
         key = name, size, changed
         if key not in self._lengths:
             try:
-                arrivals = [packet.arrival for packet in RawFile(self._stage.folder / name).packets()]
+                arrivals = [packet.arrival for packet in RawFile(self._folder / name).packets()]
             except (OSError, ValueError):
                 arrivals = []
             self._lengths[key] = arrivals[-1] - arrivals[0] if arrivals else 0.0
@@ -100,11 +109,12 @@ class Player:
         return ""
 
     def _run(self, stopped: threading.Event) -> None:
-        stage, begin, speed = self._stage, self._at, self._speed
+        plan, begin, speed = self._plan, self._at, self._speed
         try:
             with ExitStack() as opened:
-                recording = RawFile(stage.folder / self._name)
-                senders = open_senders(opened, recording, stage.osc_to, stage.zmq_to, stage.keys)
+                recording = RawFile(self._folder / self._name)
+                zmq_to = Endpoint.parse(plan.zmq_to, bind=False) if plan.zmq_to else None
+                senders = open_senders(opened, recording, plan.osc_to, zmq_to, plan.keys)
                 begun = 0.0
                 for due, packet in cut(recording.packets(), begin, None):
                     begun = begun or time.monotonic() - due / speed

@@ -27,14 +27,6 @@ _Short = Annotated[str, msgspec.Meta(max_length=256)]
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 
 
-class Wrong(msgspec.Struct, forbid_unknown_fields=True):
-    """Says that a bar of the timeline was wrong: the motion had another class, or was `nothing`."""
-
-    performer: _Short
-    bar: _Count
-    meant: _Short
-
-
 class Play(msgspec.Struct, forbid_unknown_fields=True):
     """Plays a recording from a second on, with a speed; speed 0 pauses."""
 
@@ -52,13 +44,12 @@ class Message(msgspec.Struct, forbid_unknown_fields=True):
         The number of the message that has been drawn.
     ask
         A command for the control door.
-    wrong, play
-        As their types say.
+    play
+        A recording to be played.
     """
 
     ack: _Count | None = None
     ask: Annotated[dict[_Short, _Short | float | bool], msgspec.Meta(max_length=8)] | None = None
-    wrong: Wrong | None = None
     play: Play | None = None
 
 
@@ -71,7 +62,7 @@ def read_message(text: str | bytes) -> Message:
     Raises
     ------
     ValueError
-        It is no text, too long, no JSON, or holds anything but one of the four.
+        It is no text, too long, no JSON, or holds anything but one of the three.
     """
     if not isinstance(text, str) or len(text) > MAX_MESSAGE:
         raise ValueError(f"message: expected text of at most {MAX_MESSAGE} characters, got {len(text)} of another kind")
@@ -79,8 +70,8 @@ def read_message(text: str | bytes) -> Message:
         message = _read(text)
     except RecursionError as error:
         raise ValueError("message: expected flat JSON") from error
-    if sum(each is not None for each in (message.ack, message.ask, message.wrong, message.play)) != 1:
-        raise ValueError("message: expected one of ack, ask, wrong, play")
+    if sum(each is not None for each in (message.ack, message.ask, message.play)) != 1:
+        raise ValueError("message: expected one of ack, ask, play")
     return message
 
 

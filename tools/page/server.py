@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from kinespace.tools.page.link import ControlDoor, Subscription
     from kinespace.tools.page.player import Player
-    from kinespace.tools.page.requests import Message, Wrong
+    from kinespace.tools.page.requests import Message
 
 #: Open pages, at most.
 MAX_PAGES = 16
@@ -217,8 +217,6 @@ class PageServer:
 
     async def _do(self, message: Message) -> dict[str, Any]:
         """Carry out a page's request; give the reply."""
-        if message.wrong is not None:
-            return await self._correct(message.wrong)
         if message.ask is not None:
             return await self._ask(message.ask)
         if self._player is None or message.play is None:
@@ -226,18 +224,6 @@ class PageServer:
         why = await asyncio.to_thread(self._player.play, message.play)
         await self._list_recordings(at_once=True)
         return {"states": [_refused(why)] if why else []}
-
-    async def _correct(self, wrong: Wrong) -> dict[str, Any]:
-        """Teach that a bar of the timeline was another class."""
-        found = self.board.bar(wrong.performer, wrong.bar, self._clock())
-        if found is None:
-            return {"states": [_refused("this motion is too long ago")]}
-        _, seconds, ago = found
-        command = {"do": "last", "performer": wrong.performer, "seconds": seconds, "class": wrong.meant, "ago": ago}
-        reply = await self._ask(command)
-        if all(state.get("state") != "refused" for state in reply["states"]):
-            self.board.mark_wrong(wrong.performer, wrong.bar, wrong.meant)
-        return reply
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
         """Ask the control door; tell every page the changes."""

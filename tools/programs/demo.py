@@ -25,12 +25,11 @@ from rich.text import Text
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.cli.arguments import add_json, add_page, positive
+from kinespace.tools.cli.arguments import add_json, add_shared, positive
 from kinespace.tools.feeding.feed import Pace, clip_cues
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
 from kinespace.tools.loopback.service_process import BackgroundService
-from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import score_shown
 from kinespace.tools.terminal.output_path import require_place_for
@@ -87,59 +86,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seconds", type=positive, default=30.0, help="maximum length of the demo (default %(default)s)"
     )
     parser.add_argument("--transport", choices=("osc", "zmq"), default="osc")
-    add_page(parser)
+    add_shared(parser, "--page")
     parser.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return demonstrate(
-        options.transport,
-        seconds=options.seconds,
-        picture=options.picture,
-        page=options.page,
-        as_json=options.json,
-    )
-
-
-def demonstrate(
-    transport: Transport, *, seconds: float, picture: Path | None, as_json: bool, page: str | None = None
-) -> int:
-    """Play a motion of every class and show the answers.
-
-    Raises
-    ------
-    ValueError
-        There are too few seconds for a motion of every class.
-    OSError
-        The picture cannot be written.
-    """
+    """Play a motion of every class and show the answers; return the exit status."""
+    picture, page = options.picture, options.page
     if picture:
         require_place_for(picture)
     whole, settings = MotionLibrary.builtin(), Settings()
-    motions = chosen(whole, seconds)
+    motions = chosen(whole, options.seconds)
     library = whole.without(motions=motions)
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     matcher = AnswerMatcher(expected_answers(cues, library, settings))
     with ExitStack() as opened:
-        watched = page is not None
         service = opened.enter_context(
-            BackgroundService(transport, library=library, settings=settings, watched=watched)
+            BackgroundService(options.transport, library=library, settings=settings, page=page)
         )
         if page:
-            shown = opened.enter_context(PageProcess(PagePlan(service.watched_at, page)))
-            console.print(f"page: {shown.address}", soft_wrap=True)
+            console.print(f"page: {service.page}", soft_wrap=True)
             time.sleep(_OPENING)
         sender, receiver = service.connect()
-        show = _Show([_Played(motion.class_name) for motion in motions], matcher, transport)
+        show = _Show([_Played(motion.class_name) for motion in motions], matcher, options.transport)
         with closing(sender), closing(Listener(receiver)) as listener:
             sender.announce(Announcement(PERFORMER, library.skeleton.joints))
-            if as_json:
+            if options.json:
                 _play(cues, sender, listener, show)
             else:
                 _play_watched(cues, sender, listener, show)
-    if as_json:
+    if options.json:
         print(json.dumps(show.as_json()))
     else:
         console.print(show.tally())

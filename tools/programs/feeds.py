@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from kinespace.stream.feeds import Preset, PresetError, builtin_names, builtin_preset, load_preset
-from kinespace.tools.cli.choice import one_of
+from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset
+from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
     import argparse
 
-_ENDING = ".toml"
+    from kinespace.stream.feeds import Preset
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +49,7 @@ def tell(name: str | None) -> int:
         console.print(Text.assemble((each, "bold"), f"  {described(preset)}"), soft_wrap=True)
         console.print(f"    {preset.sender}", soft_wrap=True)
     console.print(
-        f"\nkinespace live --feed NAME uses one; kinespace feeds NAME > my{_ENDING} copies it for --feed my{_ENDING}.\n"
+        "\nkinespace live --feed NAME uses one; kinespace feeds NAME > my.toml copies it for --feed my.toml.\n"
         "A sender on another machine: --osc-in 0.0.0.0:PORT. No packets: kinespace listen PORT.",
         soft_wrap=True,
     )
@@ -62,18 +61,3 @@ def tell(name: str | None) -> int:
 def described(preset: Preset) -> str:
     """Describe a preset in a line: its port, its number of joints, its rate and its product."""
     return f"port {preset.port}, {len(preset.joints)} joints, some {preset.rate:g} Hz: {preset.product}"
-
-
-def preset_named(text: str) -> Preset:
-    """Load a preset by its name, or from a user's file, which ends in .toml.
-
-    Raises
-    ------
-    ValueError
-        There is none of that name, or something in the file is wrong; the message begins with `--feed` or the file.
-    OSError
-        The file cannot be read.
-    """
-    if text.casefold().endswith(_ENDING):
-        return load_preset(Path(text))
-    return builtin_preset(one_of("--feed", text, builtin_names(), f" or a {_ENDING} file"))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.stream.cluster.bus import LISTEN, open_session
-from kinespace.stream.cluster.gateway import Gateway
+from kinespace.stream.workers.bus import LISTEN, open_session
+from kinespace.stream.workers.gateway import Gateway
+from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.programs.live import program as live
 from kinespace.tools.programs.live.recognisers import Where
 from kinespace.tools.terminal.console import console
@@ -15,9 +16,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from kinespace.library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.recognizer import SentJoints
+    from kinespace.tools.programs.live.recognisers import Known
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,25 +56,18 @@ def run(options: argparse.Namespace) -> int:
     if Path(options.naming).suffix:
         raise ValueError(f"--names: expected a convention by its name, which workers know, too, got {options.naming}")
 
-    def make(
-        library: MotionLibrary | WindowIndex,
-        settings: Settings,
-        *,
-        most: int,
-        joints: SentJoints,
-        classes: Sequence[str] = (),  # noqa: ARG001 - a library's own, because a gateway does not teach
-    ) -> Gateway:
+    def make(options: argparse.Namespace, library: Known, joints: SentJoints, _: Sequence[str]) -> Gateway:
         listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
         session = open_session(listen, options.connect, options.zenoh)
         gateway = Gateway(
             session,
-            library,  # type: ignore[arg-type]  # not opened
-            settings,
-            most=most,
+            library,
+            settings_of(options),
+            most=options.performers,
             joints=joints,
             naming=options.naming,
             connect=options.connect,
-            tell=lambda line: console.print(line, soft_wrap=True),
+            show=lambda line: console.print(line, soft_wrap=True),
         )
         where.sources.append(gateway.source)
         where.sinks += [gateway.sink()] if options.zenoh_out else []

@@ -9,16 +9,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.tools.cli.arguments import add_keys, add_settings, positive, settings_of
+from kinespace.tools.cli.arguments import add_settings, add_shared, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, Pace, without_pause
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
 from kinespace.tools.loopback.service_process import BackgroundService, Echo
 from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
     import argparse
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+    from rich.table import Table
 
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.loopback.answer_listener import Heard
@@ -203,50 +204,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--transport", choices=("osc", "zmq", "both"), default="both")
     parser.add_argument("--rate", type=positive, default=120.0, help="frames per second (default %(default)s)")
     parser.add_argument("--seconds", type=positive, default=20.0, help="of each run (default %(default)s)")
-    add_keys(parser)
+    add_shared(parser, "--keys")
     add_settings(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    if options.json and options.transport == "both":
+    """Measure each transport and print a table, or one JSON object; return the exit status."""
+    transports: Sequence[Transport] = ("osc", "zmq") if options.transport == "both" else (options.transport,)
+    if options.json and len(transports) > 1:
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
-    return compare_with_echo(
-        ("osc", "zmq") if options.transport == "both" else (options.transport,),
-        rate_hz=options.rate,
-        seconds=options.seconds,
-        settings=settings_of(options),
-        keys=options.keys,
-        as_json=options.json,
-    )
-
-
-def compare_with_echo(
-    transports: Sequence[Transport],
-    *,
-    rate_hz: float,
-    seconds: float,
-    settings: Settings,
-    as_json: bool,
-    keys: Path | None = None,
-) -> int:
-    """Measure each transport and print a table, or one JSON object."""
-    table = Table(title=f"Frame sent to answer received, milliseconds, at {rate_hz:g} Hz", title_justify="left")
-    headings = ("p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost")
-    table.add_column("")
-    for heading in headings:
-        table.add_column(heading, justify="right")
-    for transport in transports:
-        latency = measure(transport, rate_hz=rate_hz, seconds=seconds, settings=settings, keys=keys)
-        if as_json:
-            print(json.dumps(latency.as_json()))
-            return 0
-        counts = (f"{latency.sent}", f"{latency.answered}", f"{latency.lost}")
-        table.add_row(transport, *_percentiles(latency, echo=False), *counts)
-        table.add_row(f"{transport} echo", *_percentiles(latency, echo=True), end_section=True)
-    console.print(table)
+    settings = settings_of(options)
+    found = [
+        measure(each, rate_hz=options.rate, seconds=options.seconds, settings=settings, keys=options.keys)
+        for each in transports
+    ]
+    if options.json:
+        print(json.dumps(found[0].as_json()))
+    else:
+        console.print(table_of(found))
     return 0
+
+
+def table_of(latencies: Sequence[Latency]) -> Table:
+    """Draw two rows for each run: the recogniser's, and the echo's."""
+    table = narrow_table("Frame sent to answer received, milliseconds")
+    table.add_column("")
+    for heading in ("Hz", "p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for each in latencies:
+        name, rate, counts = each.transport, f"{each.rate_hz:g}", (each.sent, each.answered, each.lost)
+        table.add_row(name, rate, *_percentiles(each, echo=False), *map(str, counts))
+        table.add_row(f"{name} echo", rate, *_percentiles(each, echo=True), end_section=True)
+    return table
 
 
 def _percentiles(latency: Latency, *, echo: bool) -> list[str]:

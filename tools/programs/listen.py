@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import time
+from contextlib import closing, suppress
 from typing import TYPE_CHECKING
 
 import zmq
@@ -15,13 +16,13 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import NamedJoints, Naming, hdm05
 from kinespace.library.naming import told as names_told
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.detection import MAX_KINDS, OURS, Guess, Survey
-from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
+from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
+from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
-from kinespace.stream.osc.udp import LookedUp
 from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.cli.arguments import OSC_IN, add_json, add_sender, positive
-from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.cli.arguments import OSC_IN, add_json, add_shared, positive
+from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
@@ -53,41 +54,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="read the packets as this feed, and ask the sender for frames if the feed needs it",
     )
-    add_sender(parser)
+    add_shared(parser, "--sender")
     parser.add_argument("--seconds", type=positive, default=5.0, help="seconds to listen (default %(default)s)")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return listen(
-        options.port or (None if options.feed else OSC_IN),
-        feed=options.feed,
-        sender=options.sender,
-        seconds=options.seconds,
-        as_json=options.json,
-    )
-
-
-def listen(address: str | None, *, feed: str | None, sender: str, seconds: float, as_json: bool) -> int:
     """Listen for some seconds and report: 0 when the feed can be recognised, 1 when not."""
+    feed, address = options.feed, options.port or (None if options.feed else OSC_IN)
     preset = preset_named(feed) if feed else None
     host, port = host_and_port(address) if address else ("127.0.0.1", preset.port if preset else 0)
     with opening("listen"):
         receiver = OscReceiver(host, port)
-    try:
-        if not as_json:
-            host, port = receiver.address
-            console.print(f"listening on OSC {host}:{port} for {seconds:g} s; Ctrl-C ends", soft_wrap=True)
-        place = receiver.address
-        survey = heard(receiver, seconds, preset, sender)
-    finally:
-        receiver.close()
+    place = host, port = receiver.address
+    if not options.json:
+        console.print(f"listening on OSC {host}:{port} for {options.seconds:g} s; Ctrl-C ends", soft_wrap=True)
+    survey = heard(receiver, options.seconds, preset, options.sender)
     presets = [preset] if preset else [builtin_preset(name) for name in builtin_names()]
     guess = survey.looked_at_as(preset) if preset else survey.guess(presets)
     told = advice(survey, guess, address)
     pasted = command(guess, feed, place) if guess and guess.frames else None
-    if as_json:
+    if options.json:
         print(json.dumps(as_object(survey, guess, told) | {"command": pasted}))
     else:
         _show(survey, guess, [*([f"recognise it: {pasted}"] if pasted else []), *told])
@@ -97,32 +84,18 @@ def listen(address: str | None, *, feed: str | None, sender: str, seconds: float
 def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
     """Collect packets for some seconds, or until Ctrl-C; send the preset's messages to the sender if it has any."""
     survey = Survey()
+    source = FeedSource(receiver, preset, sender=sender) if preset else Source(receiver, OscDecoder())
+    source.recorder = survey
     poller = zmq.Poller()
     poller.register(receiver.socket, zmq.POLLIN)
-    target = LookedUp(sender, preset.asking.port) if preset and preset.asking else None
-    asked = NEVER
     until = time.monotonic() + seconds
-    try:
+    with closing(source), suppress(KeyboardInterrupt):
         while (now := time.monotonic()) < until:
-            if preset and preset.asking and is_due(preset.asking, now, asked, NEVER if not survey.packets else now):
-                asked = now
-                for packet in questions(preset, receiver.address[1]):
-                    _tell(receiver, packet, target)
+            source.tend(now)
             poller.poll(min(_MAX_WAIT, int((until - now) * 1000) + 1))
-            while time.monotonic() < until and (datagram := receiver.receive()) is not None:
-                host, port = receiver.sender or ("", 0)
-                survey.see(datagram, f"{host}:{port}", time.monotonic())
-    except KeyboardInterrupt:
-        pass
-    if preset and preset.asking:
-        for packet in farewells(preset, receiver.address[1]):
-            _tell(receiver, packet, target)
+            while (now := time.monotonic()) < until and source.take(now) is not None:
+                pass
     return survey
-
-
-def _tell(receiver: OscReceiver, packet: bytes, target: LookedUp | None) -> None:
-    if target and target.address:
-        receiver.send_to(packet, target.address)
 
 
 def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.cli.arguments import OSC_IN, PAGE, add_keys
+from kinespace.tools.cli.arguments import OSC_IN, PAGE, add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
-from kinespace.tools.page.process import PagePlan, serve_page
+from kinespace.tools.page.player import PagePlan
+from kinespace.tools.page.process import serve_page
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="pages on other machines need the token that is printed (default %(default)s)",
     )
     parser.add_argument("--port", type=int, default=port, help="port of the page (default %(default)s)")
-    add_keys(parser)
+    add_shared(parser, "--keys")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,8 +7,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.stream.cluster.bus import LISTEN, open_session
-from kinespace.stream.cluster.node import Node
+from kinespace.stream.workers.bus import LISTEN, open_session
+from kinespace.stream.workers.node import Node
 from kinespace.tools.cli.arguments import library_at
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.gateway import add_bus
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     connect = options.connect or ([] if options.listen or options.zenoh else [LISTEN])
     library = library_at(options.library) if options.library else None
     session = open_session(options.listen, connect, options.zenoh)
-    node = Node(session, library, lambda line: console.print(line, soft_wrap=True, markup=False), connect)
+    node = Node(session, library, lambda line: console.print(line, soft_wrap=True, markup=False), connect=connect)
     with closing(node):
         stop_on_signals(node.stop)
         reached = ", ".join([*options.listen, *connect]) or options.zenoh

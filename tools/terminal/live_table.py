@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.text import Text
 
@@ -13,12 +15,12 @@ from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import narrow_table, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rich.table import Table
 
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.status import Status
+    from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
 #: Characters of a full score bar, and of the shortest useful bar.
@@ -29,6 +31,26 @@ _PERFORMER, _CLASS, _HEADING = 16, 8, len("this moment")
 _BETWEEN = 2
 #: Notices of teaching, and ended motions of each performer, that are shown, at most.
 _NOTICES, _MOTIONS = 3, 3
+#: The counters of a status, and the path to each; after the first eight only counters above 0 are shown.
+COUNTERS = (
+    ("received", "inputs.received"),
+    ("malformed", "inputs.malformed"),
+    ("foreign", "inputs.foreign"),
+    ("overrun", "inputs.overrun"),
+    ("missing", "inputs.missing"),
+    ("out of order", "outcomes.recognizers.out_of_order"),
+    ("other joints", "outcomes.other_joints"),
+    ("no room", "outcomes.no_room"),
+    ("performers gone", "outcomes.dropped"),
+    ("from other senders", "admission.other_sender"),
+    ("not let in", "admission.not_allowed"),
+    ("odd times", "admission.odd_times"),
+    ("incomplete", "inputs.incomplete"),
+    ("dropped from senders served last", "inputs.thrown_away"),
+    ("answers not sent", "unsent"),
+    ("connections broken", "inputs.broken"),
+)
+_ALWAYS = 8
 
 
 def score_shown(score: float, bar: int) -> Text:
@@ -229,22 +251,20 @@ def refused_frames(performer: str, why: str) -> str:
     )
 
 
+def counted(status: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
+    """Give the counters that are shown, by their words: the first of `COUNTERS`, and further ones above 0."""
+    for place, (words, path) in enumerate(COUNTERS):
+        count: Any = status
+        for part in path.split("."):
+            count = count.get(part, 0) if isinstance(count, Mapping) else 0
+        if place < _ALWAYS or count:
+            yield words, count
+
+
 def counts(status: Status) -> str:
-    """Count in one line all that came in and was lost."""
-    inputs, outcomes = status.inputs, status.outcomes
-    recognizers = outcomes.recognizers
-    return (
-        f"received {inputs.received}, malformed {inputs.malformed}, foreign {inputs.foreign}, "
-        f"overrun {inputs.overrun}, missing {inputs.missing}, out of order {recognizers.out_of_order}, "
-        f"other joints {outcomes.other_joints}, no room {outcomes.no_room}"
-        f"{f', performers gone {outcomes.dropped}' if outcomes.dropped else ''}"
-        f"{f', from other senders {status.admission.other_sender}' if status.admission.other_sender else ''}"
-        f"{f', not let in {status.admission.not_allowed}' if status.admission.not_allowed else ''}"
-        f"{f', odd times {status.admission.odd_times}' if status.admission.odd_times else ''}"
-        f"{f', incomplete {inputs.incomplete}' if inputs.incomplete else ''}"
-        f"{f', dropped from senders served last {inputs.thrown_away}' if inputs.thrown_away else ''}"
-        f"{f', connections broken {inputs.broken} (messages too large or too many?)' if inputs.broken else ''}"
-    )
+    """Count in one line all that came in and was lost; answers that were not sent stand in the summary."""
+    told = ", ".join(f"{words} {count}" for words, count in counted(asdict(replace(status, unsent=0))))
+    return told + (" (messages too large or too many?)" if status.inputs.broken else "")
 
 
 def summary(status: Status, hop: float) -> str:

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 from array import array
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NoReturn
 
 import numpy as np
 
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import RecordingError, finite_numbers
+from kinespace.library.recordings.formats.errors import RecordingError, numbers_in, positive_in, refuse
 from kinespace.library.recordings.formats.gap_filling import with_missing_frames
-from kinespace.library.recordings.formats.rotations import turn_about
+from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -32,16 +32,9 @@ METRES_PER_INCH = 0.0254
 #: HDM05's and CMU's rate, assumed of an AMC that names no rate.
 DEFAULT_FRAME_RATE = 120.0
 
-#: How much of an AMC is read at once, about, and how many frames when it is read line by line: some ten seconds.
-_BLOCK_BYTES, _BLOCK_FRAMES = 1 << 20, 1024
-#: Missing frames that a long take may always have, even where few frames have come so far.
-_FEW_MISSING = 1024
-
 AngleUnit = Literal["deg", "rad"]
-
-
-class AcclaimError(RecordingError):
-    """An ASF or AMC file cannot be used; the message names the file and, where there is one, the line."""
+#: Keywords of an AMC that name its unit.
+_UNITS: dict[str, AngleUnit] = {":degrees": "deg", ":radians": "rad"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,36 +70,46 @@ class AcclaimSkeleton:
     angle: AngleUnit
 
     @property
-    def channel_count(self) -> int:
-        """How many numbers an AMC gives for each frame."""
-        return sum(len(bone.channels) for bone in self.bones)
+    def channels(self) -> list[str]:
+        """The meaning of each number that an AMC gives for each frame."""
+        return [channel for bone in self.bones for channel in bone.channels]
 
 
-@dataclass(frozen=True, slots=True)
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Give the number and the words of each line, comments and empty lines left out."""
+    # Latin-1 decodes every byte: HDM05's comments hold umlauts in an unnamed encoding.
+    with path.open(encoding="latin-1") as file:
+        for number, text in enumerate(file, start=1):
+            if words := text.partition("#")[0].split():
+                yield number, words
+
+
+@dataclass(slots=True)
 class _Line:
-    """A line of a file with its comment and white space removed, and where it stands."""
+    """A line of an ASF, which is understood when all lines are known."""
 
     path: Path
     number: int
     words: list[str]
 
     def fail(self, what: str) -> NoReturn:
-        raise AcclaimError(f"{self.path}:{self.number}: {what}")
+        refuse(self.path, self.number, what)
 
-    def floats(self, first: int, count: int) -> list[float]:
-        try:
-            return finite_numbers(self.words[first : first + count], count, f" after {self.words[0]!r}")
-        except ValueError as error:
-            self.fail(str(error))
+    def floats(self, count: int) -> list[float]:
+        return numbers_in(self.words[1 : 1 + count], self.path, self.number, count, f" after {self.words[0]!r}")
 
+    def order(self, place: int, usual: str = "") -> str:
+        """Read the word at a place as the order of three axes."""
+        word = self.words[place] if len(self.words) > place else usual
+        if sorted(word.lower()) != ["x", "y", "z"]:
+            self.fail(f"expected a rotation order like XYZ, got {word!r}")
+        return word.lower()
 
-def _lines(path: Path) -> Iterator[_Line]:
-    # Latin-1 decodes every byte: HDM05's comments hold umlauts in an unnamed encoding.
-    with path.open(encoding="latin-1") as file:
-        for number, text in enumerate(file, start=1):
-            words = text.partition("#")[0].split()
-            if words:
-                yield _Line(path, number, words)
+    def channels(self, allowed: tuple[str, ...]) -> tuple[str, ...]:
+        channels = tuple(word.lower() for word in self.words[1:])
+        if not set(channels) <= set(allowed) or len(set(channels)) != len(channels):
+            self.fail(f"expected some of {', '.join(allowed)}, each once, got {' '.join(channels)!r}")
+        return channels
 
 
 @dataclass(slots=True)
@@ -122,8 +125,8 @@ class _AsfReader:
 
     def read(self) -> AcclaimSkeleton:
         section, entry = "", dict[str, _Line]()
-        for line in _lines(self.path):
-            word = line.words[0].lower()
+        for number, words in _lines(self.path):
+            word, line = words[0].lower(), _Line(self.path, number, words)
             if word.startswith(":"):
                 section = word
             elif section == ":units":
@@ -138,9 +141,7 @@ class _AsfReader:
 
     def _read_unit(self, word: str, line: _Line) -> None:
         if word == "length":
-            (self.length_unit,) = line.floats(1, 1)
-            if self.length_unit <= 0:
-                line.fail(f"expected a positive unit of length, got {self.length_unit}")
+            self.length_unit = positive_in(line.words[1:2], self.path, line.number, "unit of length")
         elif word == "angle":
             unit = line.words[-1].lower()
             if unit not in ("deg", "rad"):
@@ -173,7 +174,7 @@ class _AsfReader:
         orphans = [name for name in self.bones if name not in self.parents]
         if not self.bones or orphans:
             what = f"bones without a parent: {', '.join(orphans)}" if orphans else "no :bonedata in it"
-            raise AcclaimError(f"{self.path}: not a usable ASF skeleton, {what}")
+            raise RecordingError(f"{self.path}: not a usable ASF skeleton, {what}")
         metres = METRES_PER_INCH / self.length_unit
         names = ["root", *self.parents]
         bones = [self._finish_root(metres), *(self._finish_bone(name, metres) for name in self.parents)]
@@ -184,45 +185,28 @@ class _AsfReader:
     def _finish_root(self, metres: float) -> Bone:
         for word in ("order", "axis"):
             if word not in self.root:
-                raise AcclaimError(f"{self.path}: no {word!r} in :root")
-        channels = self._channels(self.root["order"], allowed=("tx", "ty", "tz", "rx", "ry", "rz"))
-        order = self._rotation_order(self.root["axis"], self.root["axis"].words[-1])
-        position = self.root["position"].floats(1, 3) if "position" in self.root else [0.0] * 3
-        orientation = self.root["orientation"].floats(1, 3) if "orientation" in self.root else [0.0] * 3
-        axis = self._axis_frame(order, orientation)
-        return Bone("root", np.array(position) * metres, axis, order, channels)
+                raise RecordingError(f"{self.path}: no {word!r} in :root")
+        channels = self.root["order"].channels(("tx", "ty", "tz", "rx", "ry", "rz"))
+        order = self.root["axis"].order(-1)
+        position = self.root["position"].floats(3) if "position" in self.root else [0.0] * 3
+        orientation = self.root["orientation"].floats(3) if "orientation" in self.root else [0.0] * 3
+        return Bone("root", np.array(position) * metres, self._axis_frame(order, orientation), order, channels)
 
     def _finish_bone(self, name: str, metres: float) -> Bone:
         entry = self.bones[name]
         for word in ("direction", "length", "axis"):
             if word not in entry:
                 entry["name"].fail(f"bone {name!r} has no {word}")
-        offset = np.array(entry["direction"].floats(1, 3)) * entry["length"].floats(1, 1)[0] * metres
-        angles = entry["axis"].floats(1, 3)
-        order = self._rotation_order(entry["axis"], entry["axis"].words[4] if len(entry["axis"].words) > 4 else "XYZ")
-        axis = self._axis_frame(order, angles)
-        channels = self._channels(entry["dof"], allowed=("rx", "ry", "rz")) if "dof" in entry else ()
-        return Bone(name, offset, axis, order, channels)
+        offset = np.array(entry["direction"].floats(3)) * entry["length"].floats(1)[0] * metres
+        angles = entry["axis"].floats(3)
+        order = entry["axis"].order(4, usual="XYZ")
+        channels = entry["dof"].channels(("rx", "ry", "rz")) if "dof" in entry else ()
+        return Bone(name, offset, self._axis_frame(order, angles), order, channels)
 
     def _axis_frame(self, order: str, angles: list[float]) -> NDArray[np.float64]:
         from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load, and a live feed does not need it
 
         return Rotation.from_euler(order, angles, degrees=self.angle == "deg").as_matrix()
-
-    @staticmethod
-    def _channels(line: _Line, allowed: tuple[str, ...]) -> tuple[str, ...]:
-        channels = tuple(word.lower() for word in line.words[1:])
-        unknown = [channel for channel in channels if channel not in allowed]
-        if unknown or len(set(channels)) != len(channels):
-            line.fail(f"expected some of {', '.join(allowed)}, each once, got {' '.join(channels)!r}")
-        return channels
-
-    @staticmethod
-    def _rotation_order(line: _Line, word: str) -> str:
-        order = word.lower()
-        if sorted(order) != ["x", "y", "z"]:
-            line.fail(f"expected a rotation order like XYZ, got {word!r}")
-        return order
 
 
 def read_asf(path: Path) -> AcclaimSkeleton:
@@ -230,7 +214,7 @@ def read_asf(path: Path) -> AcclaimSkeleton:
 
     Raises
     ------
-    AcclaimError
+    RecordingError
         Not an ASF, or its hierarchy, axes or degrees of freedom make no sense; the message says where.
     OSError
         The file cannot be opened.
@@ -247,160 +231,45 @@ class _Motion:
     angle: AngleUnit
     frame_rate: float | None
 
-    def after(self, frames: int) -> _Motion:
-        """Give the frames after the first `count`."""
-        return replace(self, channels=self.channels[frames:], frame_numbers=self.frame_numbers[frames:])
-
-
-class _IrregularError(Exception):
-    """Frames of an AMC do not all list the same bones in the same order."""
-
 
 def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
-    blocks = list(_blocks(path, body))
-    channels = np.concatenate([block.channels for block in blocks])
-    numbers = np.concatenate([block.frame_numbers for block in blocks])
-    motion = _checked(path, _Motion(channels, numbers, blocks[-1].angle, blocks[-1].frame_rate))
-    _require_most_of(path, len(numbers), int(numbers[-1] - numbers[0]) + 1)
-    return motion
-
-
-def _blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
-    """Read an AMC some frames at a time, at least one frame in all."""
-    given = 0
-    try:
-        for block in _regular_blocks(path, body):
-            given += len(block.frame_numbers)
-            yield block
-    except _IrregularError:
-        # Frames that were given already are not given again. A mistake in the file is told with its line.
-        for block in _blocks_by_line(path, body):
-            left = block.after(given)
-            given -= len(block.frame_numbers) - len(left.frame_numbers)
-            if len(left.frame_numbers):
-                yield left
-
-
-def _regular_blocks(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
-    """Read an AMC whose frames all list the same bones in the same order, as nearly every AMC does.
-
-    Works on columns of words, which is much faster than line by line. Raises _IrregularError where the frames are not,
-    or from some frame on no longer, alike.
-    """
-    with path.open(encoding="latin-1") as file:
-        angle, frame_rate = body.angle, None
-        for number, text in enumerate(file, start=1):
-            words = text.partition("#")[0].split()
-            if len(words) == 1 and _is_frame_number(words[0]):
-                break
-            if words and not words[0].startswith(":"):
-                raise _IrregularError
-            if words:
-                angle, frame_rate = _read_keyword(_Line(path, number, words), angle, frame_rate)
-        else:
-            raise _IrregularError
-        period = 1 + len(_channel_places(body)) + body.channel_count
-        while lines := file.readlines(_BLOCK_BYTES):
-            words += "".join(lines).split()
-            whole = len(words) // period * period
-            if whole:
-                numbers, channels = _columns(words[:whole], body)
-                yield _Motion(channels, numbers, angle, frame_rate)
-                words = words[whole:]
-    if words:
-        raise _IrregularError
-
-
-def _columns(words: list[str], body: AcclaimSkeleton) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Read whole frames of words: their numbers and channels; _IrregularError when the frames are not alike."""
-    places = _channel_places(body)
-    period = 1 + len(places) + body.channel_count
-    frames = len(words) // period
-    channels = np.empty((frames, body.channel_count))
-    column, unseen = 1, set(places)
-    while unseen:
-        name = words[column] if column < period else ""
-        if name not in unseen or words[column::period].count(name) != frames:
-            raise _IrregularError
-        unseen.remove(name)
-        for channel in range(places[name].start, places[name].stop):
-            column += 1
-            try:
-                channels[:, channel] = [float(word) for word in words[column::period]]
-            except ValueError:
-                raise _IrregularError from None
-        column += 1
-    numbers = words[::period]
-    if not all(map(_is_frame_number, numbers)):
-        raise _IrregularError
-    return np.array(list(map(int, numbers)), dtype=np.int64), channels
-
-
-def _blocks_by_line(path: Path, body: AcclaimSkeleton) -> Iterator[_Motion]:
-    reader = _AmcReader(body)
-    line = _Line(path, 0, [])
-    for line in _lines(path):
-        if reader.take(line) >= _BLOCK_FRAMES:
-            yield reader.taken()
-    reader.finish(line)
-    yield reader.taken()
-
-
-class _AmcReader:
-    """Collects the frames of an AMC while its lines go by, bones in any order, and says on which line reading fails."""
-
-    def __init__(self, body: AcclaimSkeleton) -> None:
-        self._body = body
-        self._places = _channel_places(body)
-        self._frame = [0.0] * body.channel_count
-        self._unseen = set[str]()
-        self._numbers, self._values = array("q"), array("d")
-        self._angle: AngleUnit = body.angle
-        self._frame_rate: float | None = None
-        self._any = False
-
-    def take(self, line: _Line) -> int:
-        """Take in one line; give how many whole frames can be taken out."""
-        word = line.words[0]
-        if word in self._places:
-            self._take_bone(word, line)
-        elif _is_frame_number(word) and len(line.words) == 1:
-            if self._unseen:
-                line.fail(f"the frame before has no {', '.join(sorted(self._unseen))}")
-            self._numbers.append(int(word))
-            self._any = True
-            self._unseen = set(self._places)
+    """Read the frames of an AMC, each with its bones in any order."""
+    places, frame = _channel_places(body), [0.0] * len(body.channels)
+    numbers, values, unseen = array("q"), array("d"), set[str]()
+    angle, rate, line = body.angle, None, 0
+    for line, words in _lines(path):
+        word = words[0]
+        if place := places.get(word):
+            if word not in unseen:
+                refuse(path, line, f"bone {word!r} stands twice in a frame, or before the first frame number")
+            frame[place] = _angles(words, path, line, place.stop - place.start)
+            unseen.remove(word)
+            if not unseen:
+                values.extend(frame)
+        elif len(words) == 1 and _is_frame_number(word):
+            if unseen:
+                refuse(path, line, f"the frame before has no {', '.join(sorted(unseen))}")
+            numbers.append(int(word))
+            unseen = set(places)
         elif word.startswith(":"):
-            self._angle, self._frame_rate = _read_keyword(line, self._angle, self._frame_rate)
+            angle = _UNITS.get(word.lower(), angle)
+            if word.lower() == ":samples-per-second":
+                rate = positive_in(words[1:2], path, line, "frame rate")
         else:
-            line.fail(f"expected a frame number or a bone of the skeleton's {len(self._body.bones)}, got {word!r}")
-        return len(self._numbers) - bool(self._unseen)
+            refuse(path, line, f"expected a frame number or a bone of the skeleton's {len(body.bones)}, got {word!r}")
+    if unseen or not numbers:
+        refuse(path, line, f"the file ends in the middle of frame {numbers[-1]}" if unseen else "no frames in it")
+    channels = np.frombuffer(values, dtype=np.float64).reshape(-1, len(frame))
+    return _checked(path, _Motion(channels, np.frombuffer(numbers, dtype=np.int64), angle, rate))
 
-    def _take_bone(self, word: str, line: _Line) -> None:
-        place = self._places[word]
-        if word not in self._unseen:
-            line.fail(f"bone {word!r} stands twice in a frame, or before the first frame number")
-        if len(line.words) - 1 != place.stop - place.start:
-            line.fail(f"expected {place.stop - place.start} numbers for {word!r}, got {len(line.words) - 1}")
-        self._frame[place] = line.floats(1, place.stop - place.start)
-        self._unseen.remove(word)
-        if not self._unseen:
-            self._values.extend(self._frame)
 
-    def finish(self, last: _Line) -> None:
-        """Refuse a file that ends in the middle of a frame, or before the first frame."""
-        if not self._any:
-            last.fail("no frames in it")
-        if self._unseen:
-            last.fail(f"the file ends in the middle of frame {self._numbers[-1]}")
-
-    def taken(self) -> _Motion:
-        """Take the whole frames out."""
-        frames = len(self._numbers) - bool(self._unseen)
-        numbers, self._numbers = self._numbers[:frames], self._numbers[frames:]
-        values, self._values = self._values, array("d")
-        channels = np.array(values, dtype=np.float64).reshape(-1, self._body.channel_count)
-        return _Motion(channels, np.array(numbers, dtype=np.int64), self._angle, self._frame_rate)
+def _angles(words: list[str], path: Path, line: int, count: int) -> list[float]:
+    """Read the numbers of a bone's line; whether they are finite is seen later, of all numbers at once."""
+    try:
+        found = list(map(float, words[1:]))
+    except ValueError:
+        found = []
+    return found if len(found) == count else numbers_in(words[1:], path, line, count, f" after {words[0]!r}")
 
 
 def _is_frame_number(word: str) -> bool:
@@ -417,47 +286,35 @@ def _channel_places(body: AcclaimSkeleton) -> Mapping[str, slice]:
     return places
 
 
-def _read_keyword(line: _Line, angle: AngleUnit, rate: float | None) -> tuple[AngleUnit, float | None]:
-    match line.words[0].lower():
-        case ":degrees":
-            return "deg", rate
-        case ":radians":
-            return "rad", rate
-        case ":samples-per-second":
-            (rate,) = line.floats(1, 1)
-            if rate <= 0:
-                line.fail(f"expected a positive frame rate, got {rate}")
-            return angle, rate
-        case _:
-            return angle, rate
-
-
-def _checked(path: Path, motion: _Motion, before: int | None = None) -> _Motion:
-    """Refuse numbers that are not finite, and frame numbers that do not grow; the frame before the first is given."""
-    bad = np.flatnonzero(~np.isfinite(motion.channels).all(axis=1))
+def _checked(path: Path, motion: _Motion) -> _Motion:
+    """Refuse numbers that are not finite, and frame numbers that do not grow or of which most are missing."""
+    numbers, bad = motion.frame_numbers, np.flatnonzero(~np.isfinite(motion.channels).all(axis=1))
     if bad.size:
-        raise AcclaimError(f"{path}: NaN or infinity in frame {motion.frame_numbers[bad[0]]}")
-    numbers = motion.frame_numbers if before is None else np.concatenate([[before], motion.frame_numbers])
+        raise RecordingError(f"{path}: NaN or infinity in frame {numbers[bad[0]]}")
     steps = np.diff(numbers)
     if (steps < 1).any():
         late = numbers[int(np.argmax(steps < 1)) + 1]
-        raise AcclaimError(f"{path}: expected growing frame numbers, frame {late} comes too late")
+        raise RecordingError(f"{path}: expected growing frame numbers, frame {late} comes too late")
+    frames, span = len(numbers), int(numbers[-1] - numbers[0]) + 1
+    if span > 2 * frames:
+        raise RecordingError(f"{path}: {span - frames} of {span} frames are missing, more than are there")
     return motion
-
-
-def _require_most_of(path: Path, frames: int, span: int, *, spare: int = 0) -> None:
-    if span > 2 * frames + spare:
-        raise AcclaimError(f"{path}: {span - frames} of {span} frames are missing, more than are there")
 
 
 def _forward_kinematics(body: AcclaimSkeleton, channels: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn channels (frames, channels; translations in metres, angles in radians) into positions.
 
     A joint's frame is M = M_parent · C · R · C⁻¹, with C the bone's axis frame and R its rotation; the joint stands
-    at p = p_parent + M · offset. All frames at once, one bone at a time.
+    at p = p_parent + M · offset. Many frames at once, one bone at a time.
     """
-    places = _channel_places(body)
     positions = np.empty((len(channels), len(body.bones), 3))
+    for start in range(0, len(channels), BLOCK):
+        _place(body, channels[start : start + BLOCK], positions[start : start + BLOCK])
+    return positions
+
+
+def _place(body: AcclaimSkeleton, channels: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
+    places = _channel_places(body)
     turned: list[NDArray[np.float64]] = []
     for index, (bone, parent) in enumerate(zip(body.bones, body.skeleton.parents, strict=True)):
         own = channels[:, places[bone.name]] if bone.channels else channels[:, :0]
@@ -468,7 +325,6 @@ def _forward_kinematics(body: AcclaimSkeleton, channels: NDArray[np.float64]) ->
         else:
             turned.append(turned[parent] @ local)
             positions[:, index] = positions[:, parent] + turned[index] @ bone.offset
-    return positions
 
 
 def _rotation(bone: Bone, own: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -493,9 +349,8 @@ def _translation(bone: Bone, own: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _in_si(body: AcclaimSkeleton, motion: _Motion) -> NDArray[np.float64]:
     """Scale channels to metres and radians."""
-    kinds = [channel for bone in body.bones for channel in bone.channels]
     per_degree = math.radians(1.0) if motion.angle == "deg" else 1.0
-    return motion.channels * [body.metres_per_unit if kind[0] == "t" else per_degree for kind in kinds]
+    return motion.channels * [body.metres_per_unit if kind[0] == "t" else per_degree for kind in body.channels]
 
 
 def find_asf(amc: Path) -> Path:
@@ -507,7 +362,7 @@ def find_asf(amc: Path) -> Path:
 
     Raises
     ------
-    AcclaimError
+    RecordingError
         There is none; the message lists the names that were tried.
     """
     named = hdm05.read_clip_name(amc)
@@ -518,7 +373,9 @@ def find_asf(amc: Path) -> Path:
             for ending in (".asf", ".ASF"):
                 if (folder / f"{stem}{ending}").is_file():
                     return folder / f"{stem}{ending}"
-    raise AcclaimError(f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} beside it or one folder up")
+    raise RecordingError(
+        f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} beside it or one folder up"
+    )
 
 
 def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: float | None = None) -> Clip:
@@ -540,79 +397,23 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
 
     Raises
     ------
-    AcclaimError
+    RecordingError
         The file is no AMC or does not fit its skeleton: unknown bone, wrong count, NaN, cut off in the middle.
     OSError
         A file cannot be opened.
     """
     body = body or read_asf(find_asf(amc))
     motion = _read_amc(amc, body)
-    return _clip(amc, body, motion, _positions_and_angles(body, motion), frame_rate)
-
-
-def read_pieces(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: float | None = None) -> Iterator[Clip]:
-    """Read an AMC motion as clips of some seconds that follow each other; the whole motion is never in memory.
-
-    Parameters
-    ----------
-    amc, body, frame_rate
-        The same as for `read_clip`.
-
-    Yields
-    ------
-    The pieces; put together they are the clip that `read_clip` gives.
-
-    Raises
-    ------
-    AcclaimError, OSError
-        As `read_clip`, once the place of the mistake is reached.
-    """
-    body = body or read_asf(find_asf(amc))
-    first, frames = 0, 0
-    last: tuple[int, NDArray[np.float64], NDArray[np.float64]] | None = None
-    for block in _blocks(amc, body):
-        motion = _checked(amc, block, None if last is None else last[0])
-        numbers, values = motion.frame_numbers, _positions_and_angles(body, motion)
-        first = first if last else int(numbers[0])
-        frames += len(numbers)
-        _require_most_of(amc, frames, int(numbers[-1]) - first + 1, spare=_FEW_MISSING)
-        if last is None:
-            yield _clip(amc, body, motion, values, frame_rate)
-        else:
-            # The last frame is kept, so that frames missing after it stand on a straight line too.
-            motion = replace(motion, frame_numbers=np.concatenate([[last[0]], numbers]))
-            joined = np.concatenate([last[1], values[0]]), np.concatenate([last[2], values[1]])
-            piece = _clip(amc, body, motion, joined, frame_rate)
-            yield replace(piece, positions=piece.positions[1:], rotations=piece.rotations[1:])
-        last = int(numbers[-1]), values[0][-1:], values[1][-1:]
-    if last:
-        _require_most_of(amc, frames, last[0] - first + 1)
-
-
-def _positions_and_angles(body: AcclaimSkeleton, motion: _Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    channels = _in_si(body, motion)
-    angles = channels[:, [channel[0] == "r" for bone in body.bones for channel in bone.channels]]
-    return _forward_kinematics(body, channels), angles
-
-
-def _clip(
-    amc: Path,
-    body: AcclaimSkeleton,
-    motion: _Motion,
-    values: tuple[NDArray[np.float64], NDArray[np.float64]],
-    frame_rate: float | None,
-) -> Clip:
-    """Make a clip of frames; the frames missing between them are put on straight lines."""
-    numbers, (positions, angles) = motion.frame_numbers, values
+    channels, numbers = _in_si(body, motion), motion.frame_numbers
+    positions = _forward_kinematics(body, channels).reshape(len(channels), -1)
     named = hdm05.read_clip_name(amc)
     said = named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE
-    missing = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
     clip = Clip(
         skeleton=body.skeleton,
-        positions=with_missing_frames(numbers, positions.reshape(len(positions), -1)).reshape(-1, len(body.bones), 3),
+        positions=with_missing_frames(numbers, positions).reshape(-1, len(body.bones), 3),
         frame_rate=said if frame_rate is None else frame_rate,
         name=amc.stem,
-        rotations=with_missing_frames(numbers, angles),
-        filled=missing * len(body.bones),
+        rotations=with_missing_frames(numbers, channels[:, [channel[0] == "r" for channel in body.channels]]),
+        filled=(int(numbers[-1] - numbers[0]) + 1 - len(numbers)) * len(body.bones),
     )
-    return replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip
+    return hdm05.titled(clip, amc)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from array import array
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -22,27 +22,21 @@ import numpy as np
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import RecordingError, finite_numbers
+from kinespace.library.recordings.formats.errors import RecordingError, numbers_in, positive_in, refuse
 from kinespace.library.recordings.formats.joint_choice import chosen, short_names
-from kinespace.library.recordings.formats.rotations import turn_about
+from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
-#: Frames whose matrices are held at once.
-_BLOCK = 4096
 #: An offset shorter than this share of the largest offset counts as none.
 _NO_OFFSET = 1e-6
-
-
-class BvhError(RecordingError):
-    """A BVH file cannot be used; the message names the file and the line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +87,7 @@ class _Statement:
     words: list[str]
 
     def fail(self, what: str) -> NoReturn:
-        raise BvhError(f"{self.path}:{self.line}: {what}")
-
-    def floats(self, words: Sequence[str], count: int) -> list[float]:
-        try:
-            return finite_numbers(words, count)
-        except ValueError as error:
-            self.fail(str(error))
+        refuse(self.path, self.line, what)
 
 
 def _statements(path: Path) -> Iterator[_Statement]:
@@ -111,15 +99,15 @@ def _statements(path: Path) -> Iterator[_Statement]:
                     yield _Statement(path, number, words)
 
 
+@dataclass(slots=True)
 class _HierarchyReader:
     """Collects the joints while the statements of the hierarchy go by."""
 
-    def __init__(self) -> None:
-        self.joints: list[BvhJoint] = []
-        #: Indices of the joints whose braces are open; -1 before the root.
-        self._open = [-1]
-        self._named = ""
-        self._ends = dict[int, int]()
+    joints: list[BvhJoint] = field(default_factory=list)
+    #: Indices of the joints whose braces are open; -1 before the root.
+    _open: list[int] = field(default_factory=lambda: [-1])
+    _named: str = ""
+    _ends: dict[int, int] = field(default_factory=dict)
 
     def take(self, statement: _Statement) -> bool:
         """Take in one statement; return whether the hierarchy ends before it."""
@@ -127,8 +115,6 @@ class _HierarchyReader:
         if self._named and word != "{":
             statement.fail(f"expected {{ after {self._named!r}, got {statement.words[0]!r}")
         match word:
-            case "hierarchy":
-                pass
             case "root" | "joint" | "end":
                 self._name(word, statement)
             case "{":
@@ -139,15 +125,12 @@ class _HierarchyReader:
                 self._named = ""
             case "}":
                 self._close(statement)
-            case "offset":
-                x, y, z = statement.floats(statement.words[1:], 3)
-                self._describe(statement, offset=(x, y, z))
-            case "channels":
-                self._describe(statement, channels=_channels(statement))
+            case "offset" | "channels":
+                self._describe(word, statement)
             case "motion":
                 self._finish(statement)
                 return True
-            case _:
+            case _ if word != "hierarchy":
                 statement.fail(f"expected a word of a BVH hierarchy, got {statement.words[0][:40]!r}")
         return False
 
@@ -167,23 +150,19 @@ class _HierarchyReader:
             statement.fail(f"joint {name!r} stands in it twice")
         self._named = name
 
-    def _describe(
-        self,
-        statement: _Statement,
-        *,
-        offset: tuple[float, float, float] | None = None,
-        channels: tuple[str, ...] | None = None,
-    ) -> None:
+    def _describe(self, word: str, statement: _Statement) -> None:
+        """Describe the joint whose braces are the innermost."""
         if self._open == [-1]:
             statement.fail(f"{statement.words[0]} stands outside a joint")
         index = self._open[-1]
         joint = self.joints[index]
-        if offset is not None:
-            self.joints[index] = replace(joint, offset=offset)
-        if channels is not None:
-            if joint.channels or index != len(self.joints) - 1:
-                statement.fail(f"expected the channels of {joint.name!r} once, and before its children")
-            self.joints[index] = replace(joint, channels=channels)
+        if word == "offset":
+            x, y, z = numbers_in(statement.words[1:], statement.path, statement.line, 3)
+            self.joints[index] = replace(joint, offset=(x, y, z))
+            return
+        if joint.channels or index != len(self.joints) - 1:
+            statement.fail(f"expected the channels of {joint.name!r} once, and before its children")
+        self.joints[index] = replace(joint, channels=_channels(statement))
 
     def _close(self, statement: _Statement) -> None:
         if self._open == [-1]:
@@ -215,71 +194,38 @@ def read_bvh(path: Path) -> BvhMotion:
 
     Raises
     ------
-    BvhError
+    RecordingError
         The file is no BVH, its hierarchy makes no sense, a frame has too few or too many numbers, or frames are
         missing.
     OSError
         The file cannot be opened.
     """
-    reader = _BvhReader(path)
-    channels = np.concatenate(list(reader.blocks()))
-    return BvhMotion(reader.joints, channels, reader.frame_rate)
-
-
-class _BvhReader:
-    """Reads a BVH's head, then its frames some at a time.
-
-    Attributes
-    ----------
-    joints
-        In the file's order.
-    frame_rate
-        Frames per second.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._statements = _statements(path)
-        hierarchy = _HierarchyReader()
-        statement = _Statement(path, 1, [])
-        for statement in self._statements:
-            if hierarchy.take(statement):
-                break
-        else:
-            statement.fail("expected HIERARCHY and MOTION, got a file that ends before its motion")
-        self._frames, self.frame_rate, self._last = _motion_header(self._statements, statement)
-        self.joints = tuple(hierarchy.joints)
-        self._size = sum(len(joint.channels) for joint in self.joints)
-
-    def blocks(self) -> Iterator[NDArray[np.float64]]:
-        """Give the frames' numbers, some frames at a time, (frames, channels); can be iterated once."""
-        frames, values, line = 0, array("d"), self._last
-        for line in self._statements:
-            if frames == self._frames:
-                line.fail(f"a frame more than the {self._frames} that were announced")
-            if len(line.words) != self._size:
-                line.fail(f"expected {self._size} numbers, got {len(line.words)}")
-            try:
-                values.extend(map(float, line.words))
-            except ValueError:
-                line.floats(line.words, self._size)
-            frames += 1
-            if not frames % _BLOCK:
-                yield self._finite(values, frames)
-                values = array("d")
-        if frames != self._frames:
-            line.fail(f"the file ends after {frames} of {self._frames} frames")
-        if values:
-            yield self._finite(values, frames)
-
-    def _finite(self, values: array[float], frames: int) -> NDArray[np.float64]:
-        """Refuse numbers that are not finite, in the frames up to `number`."""
-        channels = np.frombuffer(values, dtype=np.float64).reshape(-1, self._size)
-        finite = np.isfinite(channels).all(axis=1)
-        if not finite.all():
-            number = frames - len(channels) + int(np.argmin(finite)) + 1
-            raise BvhError(f"{self._path}: NaN or infinity in frame {number}")
-        return channels
+    hierarchy, statements, line = _HierarchyReader(), _statements(path), _Statement(path, 1, [])
+    for line in statements:
+        if hierarchy.take(line):
+            break
+    else:
+        line.fail("expected HIERARCHY and MOTION, got a file that ends before its motion")
+    announced, frame_rate, line = _motion_header(statements, line)
+    size = sum(len(joint.channels) for joint in hierarchy.joints)
+    frames, values = 0, array("d")
+    for line in statements:
+        if frames == announced:
+            line.fail(f"a frame more than the {announced} that were announced")
+        try:
+            values.extend(map(float, line.words))
+        except ValueError:
+            numbers_in(line.words, path, line.line, size)
+        if len(line.words) != size:
+            line.fail(f"expected {size} numbers, got {len(line.words)}")
+        frames += 1
+    if frames != announced:
+        line.fail(f"the file ends after {frames} of {announced} frames")
+    channels = np.frombuffer(values, dtype=np.float64).reshape(frames, size)
+    finite = np.isfinite(channels).all(axis=1)
+    if not finite.all():
+        raise RecordingError(f"{path}: NaN or infinity in frame {int(np.argmin(finite)) + 1}")
+    return BvhMotion(tuple(hierarchy.joints), channels, frame_rate)
 
 
 def _motion_header(statements: Iterator[_Statement], last: _Statement) -> tuple[int, float, _Statement]:
@@ -288,9 +234,7 @@ def _motion_header(statements: Iterator[_Statement], last: _Statement) -> tuple[
     if not frames.isdecimal() or len(frames) > 9 or int(frames) == 0:
         last.fail(f"expected a number of frames, got {frames!r}")
     last, period = _after("Frame Time", statements, last)
-    (seconds,) = last.floats([period], 1)
-    if seconds <= 0:
-        last.fail(f"expected a positive Frame Time, got {period}")
+    positive_in([period], last.path, last.line, "Frame Time")
     return int(frames), _frame_rate(period), last
 
 
@@ -311,23 +255,15 @@ def _frame_rate(period: str) -> float:
     return float(round(rate)) if rounded and round(rate) and "e" not in period.lower() else rate
 
 
-def forward_kinematics(motion: BvhMotion, displaced: Sequence[bool] | None = None) -> NDArray[np.float64]:
+def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:
     """Work out the position of every joint, (frames, joints, 3), in the file's unit.
 
     A joint's frame is M = M_parent · R₁ · R₂ · R₃; it stands at p = p_parent + M_parent · offset. Many frames at once,
     one joint at a time.
-
-    Parameters
-    ----------
-    motion
-        The whole motion, or some frames of it.
-    For each joint whether its position channels hold a number in the whole motion; when not given, in these frames.
-        Of each joint, whether its position channels say anything in the whole motion; when not given, in these frames.
     """
-    positions = np.empty((len(motion.channels), len(motion.joints), 3))
-    displaced = _displaced(motion) if displaced is None else displaced
-    for start in range(0, len(positions), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    positions, displaced = np.empty((len(motion.channels), len(motion.joints), 3)), _displaced(motion)
+    for start in range(0, len(positions), BLOCK):
+        block = slice(start, start + BLOCK)
         _place(motion.joints, motion.channels[block], displaced, positions[block])
     return positions
 
@@ -366,19 +302,6 @@ def _displaced(motion: BvhMotion) -> list[bool]:
         own = motion.channels[:, column : column + len(joint.channels)]
         column += len(joint.channels)
         displaced.append(bool(own[:, [name[0] == "p" for name in joint.channels]].any()))
-    return displaced
-
-
-def _displaced_in(path: Path) -> list[bool]:
-    """Tell the same of a file; reads only as many frames as are needed, mostly the first ones."""
-    reader = _BvhReader(path)
-    movable = [any(name[0] == "p" for name in joint.channels) for joint in reader.joints]
-    displaced = [False] * len(movable)
-    for channels in reader.blocks():
-        here = _displaced(BvhMotion(reader.joints, channels, reader.frame_rate))
-        displaced = [before or now for before, now in zip(displaced, here, strict=True)]
-        if displaced == movable:
-            break
     return displaced
 
 
@@ -436,7 +359,7 @@ def read_clip(
         The file.
     metres_per_unit
         Metres of the file's unit; guessed from the body's size when not given.
-    Frames per second; the file's own rate when not given.
+    frame_rate
         Frames per second; by default the file's own.
     joints
         Names of the clip's joints (`library.formats.joint_choice.chosen`); when not given, all joints that never
@@ -448,70 +371,26 @@ def read_clip(
 
     Raises
     ------
-    BvhError
-        The file is no BVH, is malformed or cut off, or lacks a joint that is asked for.
+    RecordingError
+        The file is no BVH, is malformed or cut off.
+    ValueError
+        It lacks a joint that is asked for, or its numbers are too large to compute with.
     OSError
         The file cannot be opened.
     """
     motion = read_bvh(path)
-    wanted = _Wanted(metres_per_unit, frame_rate, tuple(joints))
-    (clip,) = _clips(path, [motion], _displaced(motion), wanted)
-    return clip
-
-
-def read_pieces(
-    path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
-) -> Iterator[Clip]:
-    """Read a BVH as clips of some seconds that follow each other; the whole motion is never in memory.
-
-    Parameters
-    ----------
-    path, metres_per_unit, frame_rate, joints
-        The same as for `read_clip`.
-
-    Yields
-    ------
-    The pieces; put together they are the clip that `read_clip` gives.
-
-    Raises
-    ------
-    BvhError, OSError
-        As `read_clip`, once the place of the mistake is reached.
-    """
-    displaced = _displaced_in(path)
-    reader = _BvhReader(path)
-    motions = (BvhMotion(reader.joints, channels, reader.frame_rate) for channels in reader.blocks())
-    yield from _clips(path, motions, displaced, _Wanted(metres_per_unit, frame_rate, tuple(joints)))
-
-
-@dataclass(frozen=True, slots=True)
-class _Wanted:
-    metres_per_unit: float | None
-    frame_rate: float | None
-    joints: tuple[str, ...]
-
-
-def _clips(path: Path, motions: Iterable[BvhMotion], displaced: Sequence[bool], wanted: _Wanted) -> Iterator[Clip]:
-    """Make a clip of each of some motions of one body; the first motion shows how large the body is."""
-    metres = wanted.metres_per_unit
-    named = hdm05.read_clip_name(path)
-    for motion in motions:
-        try:
-            kept, parents = _kept(motion.joints, displaced, wanted.joints)
-            skeleton = Skeleton(short_names([motion.joints[index].name for index in kept]), parents)
-        except ValueError as error:
-            raise BvhError(f"{path}: {error}") from error
-        positions = forward_kinematics(motion, displaced)[:, kept]
-        if not np.isfinite(positions).all():
-            raise BvhError(f"{path}: expected places of joints, got numbers too large to compute with")
-        metres = metres or guessed_metres(float(distance_rows(positions[0], skeleton).max()))
-        positions *= metres
-        turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
-        clip = Clip(
-            skeleton=skeleton,
-            positions=positions,
-            frame_rate=motion.frame_rate if wanted.frame_rate is None else wanted.frame_rate,
-            name=path.stem,
-            rotations=np.radians(motion.channels[:, turns]),
-        )
-        yield replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip
+    kept, parents = _kept(motion.joints, _displaced(motion), joints)
+    skeleton = Skeleton(short_names([motion.joints[index].name for index in kept]), parents)
+    positions = forward_kinematics(motion)[:, kept]
+    if not np.isfinite(positions).all():
+        raise ValueError("expected places of joints, got numbers too large to compute with")
+    positions *= metres_per_unit or guessed_metres(float(distance_rows(positions[0], skeleton).max()))
+    turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
+    clip = Clip(
+        skeleton=skeleton,
+        positions=positions,
+        frame_rate=motion.frame_rate if frame_rate is None else frame_rate,
+        name=path.stem,
+        rotations=np.radians(motion.channels[:, turns]),
+    )
+    return hdm05.titled(clip, path)

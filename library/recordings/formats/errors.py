@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
 
 class RecordingError(ValueError):
     """A recording cannot be found or used; the message names it and, where there is one, the line or byte."""
 
 
-def finite_numbers(words: Sequence[str], count: int, where: str = "") -> list[float]:
-    """Read words as finite numbers.
+def refuse(path: Path, line: int, what: str) -> NoReturn:
+    """Refuse a file because of one of its lines."""
+    raise RecordingError(f"{path}:{line}: {what}")
+
+
+def numbers_in(words: Sequence[str], path: Path, line: int, count: int, where: str = "") -> list[float]:
+    """Read words of a line as finite numbers.
 
     Parameters
     ----------
     words
         As they stand in the file.
+    path, line
+        Where they stand.
     count
         How many there must be.
     where
@@ -27,16 +35,23 @@ def finite_numbers(words: Sequence[str], count: int, where: str = "") -> list[fl
 
     Raises
     ------
-    ValueError
+    RecordingError
         There are more or fewer, or one is no finite number.
     """
     if len(words) != count:
-        raise ValueError(f"expected {count} numbers{where}, got {len(words)}")
-    got = repr(" ".join(words)[:60])
+        refuse(path, line, f"expected {count} numbers{where}, got {len(words)}")
     try:
         values = [float(word) for word in words]
-    except ValueError as error:
-        raise ValueError(f"expected numbers{where}, got {got}") from error
+    except ValueError:
+        refuse(path, line, f"expected numbers{where}, got {' '.join(words)[:60]!r}")
     if not all(map(math.isfinite, values)):
-        raise ValueError(f"expected finite numbers{where}, got {got}")
+        refuse(path, line, f"expected finite numbers{where}, got {' '.join(words)[:60]!r}")
     return values
+
+
+def positive_in(words: Sequence[str], path: Path, line: int, what: str) -> float:
+    """Read one word of a line as a positive number; RecordingError for anything else."""
+    (value,) = numbers_in(words, path, line, 1, f" as {what}")
+    if value <= 0:
+        refuse(path, line, f"expected a positive {what}, got {words[0]}")
+    return value

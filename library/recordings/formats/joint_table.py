@@ -16,12 +16,13 @@ import csv
 import math
 import re
 import zipfile
+from array import array
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.errors import RecordingError, refuse
 from kinespace.library.recordings.formats.joint_choice import chosen
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
@@ -45,14 +46,8 @@ _COLUMN = re.compile(r"(?P<joint>.+)[_.](?P<axis>[xyz])", re.IGNORECASE)
 #: The beginning of every column in FreeMoCap's newer tables of a body.
 _BODY = "body_"
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
-#: Bytes of an array's numbers, at most: an hour and a half of 31 joints at 240 frames per second.
-_MAX_BYTES = 1 << 30
 #: The errors of numpy and zipfile for a file of another kind, or one cut short.
 _DAMAGE = (zipfile.BadZipFile, EOFError, KeyError, OSError, ValueError)
-
-
-class JointTableError(RecordingError):
-    """A table of joints cannot be used; the message names the file and, where there is one, the line."""
 
 
 def is_joint_table(path: Path) -> bool:
@@ -87,26 +82,23 @@ def read_clip(
 
     Raises
     ------
-    JointTableError
-        The file is no such table, is malformed, its times fall, or a joint is missing for too long.
+    RecordingError
+        The file is no such table, or a line of it makes no sense.
+    ValueError
+        The times fall, a joint is missing for too long, or a joint that is asked for is missing.
     OSError
         The file cannot be opened.
     """
-    try:
-        if path.suffix.lower() == ".npz":
-            return _npz_clip(path, frame_rate, joints)
-        return _csv_clip(path, metres_per_unit, frame_rate, joints)
-    except JointTableError:
-        raise
-    except ValueError as error:
-        raise JointTableError(f"{path}: {error}") from error
+    if path.suffix.lower() == ".npz":
+        return _npz_clip(path, frame_rate, joints)
+    return _csv_clip(path, metres_per_unit, frame_rate, joints)
 
 
 def _npz_clip(path: Path, frame_rate: float | None, joints: Sequence[str]) -> Clip:
     times, positions, names, parents, performer = _arrays(path)
     skeleton = Skeleton(tuple(map(str, names.tolist())), tuple(map(int, parents.tolist())))
     if not np.isfinite(positions).all():
-        raise JointTableError(f"{path}: positions: expected finite metres, got NaN or infinity")
+        raise RecordingError(f"{path}: positions: expected finite metres, got NaN or infinity")
     even = evened(times.astype(np.float64), positions.astype(np.float64), rate=frame_rate)
     clip = replace(even.clip(skeleton), name=path.stem, actor=str(performer))
     if not joints:
@@ -116,20 +108,14 @@ def _npz_clip(path: Path, frame_rate: float | None, joints: Sequence[str]) -> Cl
 
 
 def _arrays(path: Path) -> list[NDArray[np.generic]]:
-    with path.open("rb") as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                large = [each.filename for each in archive.infolist() if each.file_size > _MAX_BYTES]
-            file.seek(0)
-            with np.load(file, allow_pickle=False) as loaded:
-                arrays = [np.asarray(loaded[name]) for name in _ARRAYS if not large]
-        except _DAMAGE as error:
-            raise JointTableError(f"{path}: not a table of joints ({error})") from error
-    if large:
-        raise JointTableError(f"{path}: {large[0]}: expected at most {_MAX_BYTES} bytes")
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as loaded:
+            arrays = [np.asarray(loaded[name]) for name in _ARRAYS]
+    except _DAMAGE as error:
+        raise RecordingError(f"{path}: not a table of joints ({error})") from error
     times, positions, names = arrays[:3]
     if positions.ndim != 3 or positions.shape != (len(times), len(names), 3) or positions.dtype.kind != "f":
-        raise JointTableError(f"{path}: expected positions ({len(times)}, {len(names)}, 3), got {positions.shape}")
+        raise RecordingError(f"{path}: expected positions ({len(times)}, {len(names)}, 3), got {positions.shape}")
     return arrays
 
 
@@ -175,34 +161,34 @@ def _mark_between(file: TextIO) -> str:
 
 def _read_csv(path: Path) -> tuple[list[str], NDArray[np.float64] | None, NDArray[np.float64]]:
     """Read joint names, times in seconds (or None), and positions in the file's unit, NaN for an empty field."""
-    rows, times = list[list[float]](), list[float]()
+    values, times = array("d"), array("d")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = csv.reader(file, delimiter=_mark_between(file))
             header = next(lines, [])
             joints = _joints(header)
             if len(joints) < 2:
-                _fail(path, 1, "expected columns like head_x, head_y, head_z for two joints or more")
+                refuse(path, 1, "expected columns like head_x, head_y, head_z for two joints or more")
             clock = next((place for place, name in enumerate(header) if name.strip().lower() in _TIMES), None)
             columns = [axes[axis] for axes in joints.values() for axis in "xyz"]
             for row in lines:
                 if not row:
                     continue
                 if len(row) < len(header):
-                    _fail(path, lines.line_num, f"expected {len(header)} fields, got {len(row)}")
-                rows.append([_number(path, lines.line_num, row[column]) for column in columns])
+                    refuse(path, lines.line_num, f"expected {len(header)} fields, got {len(row)}")
+                values.extend([_number(path, lines.line_num, row[column]) for column in columns])
                 if clock is not None:
                     times.append(_number(path, lines.line_num, row[clock]))
     except (csv.Error, UnicodeDecodeError) as error:
-        raise JointTableError(f"{path}: expected a CSV in UTF-8 ({error})") from error
-    if len(rows) < 2:
-        raise JointTableError(f"{path}: expected at least 2 frames, got {len(rows)}")
-    positions = np.array(rows).reshape(len(rows), -1, 3)
-    return list(joints), _seconds(np.array(times)) if times else None, positions
-
-
-def _seconds(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    return times / 1000 if float(np.median(np.diff(times))) >= _SECONDS_APART else times
+        raise RecordingError(f"{path}: expected a CSV in UTF-8 ({error})") from error
+    positions = np.frombuffer(values, dtype=np.float64).reshape(-1, len(joints), 3)
+    if len(positions) < 2:
+        raise RecordingError(f"{path}: expected at least 2 frames, got {len(positions)}")
+    if clock is None:
+        return list(joints), None, positions
+    moments = np.frombuffer(times, dtype=np.float64)
+    milliseconds = float(np.median(np.diff(moments))) >= _SECONDS_APART
+    return list(joints), moments / 1000 if milliseconds else moments, positions
 
 
 def _number(path: Path, line: int, text: str) -> float:
@@ -211,9 +197,5 @@ def _number(path: Path, line: int, text: str) -> float:
     except ValueError:
         number = math.inf
     if math.isinf(number):
-        _fail(path, line, f"expected a number, got {text[:40]!r}")
+        refuse(path, line, f"expected a number, got {text[:40]!r}")
     return number
-
-
-def _fail(path: Path, line: int, what: str) -> NoReturn:
-    raise JointTableError(f"{path}:{line}: {what}")

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+#: Frames whose matrices are held at once.
+BLOCK = 4096
+
+
 def turn_about(axis: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Give the rotation matrices about one axis, right-handed, for angles (frames,) in radians: (frames, 3, 3)."""
     fixed = "xyz".index(axis)

@@ -3,16 +3,3 @@
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile, RawFileError, RawHeader, RawPacket, RawWriter
 from kinespace.stream.inputs.recording.playback import Decoded, decoded
 from kinespace.stream.inputs.recording.recorder import Recorder, source_name
-
-__all__ = [
-    "ENDING",
-    "Decoded",
-    "RawFile",
-    "RawFileError",
-    "RawHeader",
-    "RawPacket",
-    "RawWriter",
-    "Recorder",
-    "decoded",
-    "source_name",
-]

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.frame import Input
     from kinespace.stream.inputs.decoder import Decoder
-    from kinespace.stream.inputs.receiver import Sender
     from kinespace.stream.inputs.recording.kinerec import RawHeader, RawPacket
+    from kinespace.stream.packet import Sender
 
 #: Seconds after the last packet at which frames that are still open are closed: longer than any frame waits.
 _AFTERWARDS = 1.0

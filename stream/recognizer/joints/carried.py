@@ -29,28 +29,6 @@ class Carried(NamedTuple):
     pairs: tuple[tuple[int, int], ...]
 
 
-def contributions(rows: NDArray[np.floating], weights: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Give the share of each distance in the variance of rows along weights.
-
-    The variance along w is the sum over the distances of w times their covariance with the rows along w. A distance
-    that works against the others gives less than nothing.
-
-    Parameters
-    ----------
-    rows
-        Distance rows of a window, shape (frames, pairs).
-    weights
-        Number of each distance, shape (pairs,).
-
-    Returns
-    -------
-    Shape (pairs,); their sum is (frames - 1) times the variance.
-    """
-    centred = rows - rows.mean(axis=0)
-    given: NDArray[np.float64] = weights * ((centred @ weights) @ centred)
-    return given
-
-
 def carried_by(
     given: NDArray[np.floating], pairs: NDArray[np.intp], order: NDArray[np.intp] | None, joints: int
 ) -> Carried | None:
@@ -59,7 +37,7 @@ def carried_by(
     Parameters
     ----------
     given
-        The share of each joint pair (`contributions`), shape (pairs,).
+        The share of each joint pair (`Recognizer.pair_contributions`), shape (pairs,).
     pairs
         The joints of each pair in the library's skeleton, shape (pairs, 2).
     order

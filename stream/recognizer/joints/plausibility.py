@@ -1,9 +1,12 @@
 """Which joints of a feed can be believed: a body's segments keep their length, and no body moves at any speed.
 
-Three things are noticed. First, the whole body is elsewhere between two frames (`Jump`): its sides were exchanged, its
-unit changed, or another posture is shown. Second, a segment is longer or shorter, or stretches more, than the library's
-motions allow: a joint at one of its ends is wrong. Third, a joint keeps one position to the last digit while the joints
-next to it move: the tracker lost it and repeats it.
+Four things are noticed. First, the whole body is elsewhere between two frames (`Jump`): its sides were exchanged, its
+unit changed, or another posture is shown. Second, a segment stretches while the one to the same joint of the other side
+does not: the two joints are exchanged; or it stretches by half a metre. Third, a joint keeps one position to the last
+digit while the joints next to it move: the tracker lost it and repeats it. Fourth, the ends of a segment are as far
+apart as any two joints: the joints are in another order, or these are no positions.
+
+Lengths alone say nothing: sensors and marker sets put joints elsewhere than HDM05, and their segments stretch.
 
 All lengths are measured in the library's metres, so the feed's unit does not matter. The steps between frames are
 checked once a hop; lengths and positions are collected once a hop and judged three times a second.
@@ -12,22 +15,19 @@ checked once a hop; lengths and positions are collected once a hop and judged th
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
-from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.kernels import compiled
+from kinespace.library.kernels import bind
+from kinespace.library.windows.segments import shares_of_size
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from numpy.typing import NDArray
 
-    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.segments import Segments
+
 
 #: A body may have jumped when a sixth of its joints step farther than these metres between two frames, and faster than
 #: these metres per second; 99.9 % of the steps of CMU's takes are a quarter slower.
@@ -42,16 +42,16 @@ _EXPLAINED = 0.34
 _MIN_UNIT_CHANGE, _ALIKE = 1.25, 0.05
 #: Seconds over which lengths and positions are judged: one span and the span before it together.
 SPAN = 1 / 3
-#: Metres by which a rigid segment may change, further metres for each metre of the feed's own tremble, and a limit for
-#: both: a depth sensor stretches limbs by decimetres.
-RIGID, PER_TREMBLE, MAX_STRETCH = 0.03, 25.0, 0.5
-#: A segment may be so many times as long as the library's longest, or as short as its shortest, and so many metres
-#: beyond.
-PROPORTION, BEYOND = 1.7, 0.1
-#: The joints are in another order unless this share of the segments have the library's length, times a factor for the
-#: body's size, within this difference of the logarithms. Of 13,000 frames of CMU's takes and a depth sensor all have
-#: 68 % at least; 97 % of random orders have fewer than 55 %.
-DISORDER, _IN_ORDER = 0.4, 0.55
+#: Metres by which a rigid segment may change.
+RIGID = 0.03
+#: Further metres for each metre of the feed's own tremble: a depth sensor stretches limbs by decimetres.
+PER_TREMBLE = 25.0
+#: Metres by which no segment of any feed changes.
+MAX_STRETCH = 0.5
+#: Of two joints that are exchanged, each segment changes its length by less than this share of what it seems to change.
+STEADIER = 0.5
+#: The number of judgements in a row after which joints in disorder are told.
+_IN_DISORDER = 2
 #: Metres within which a position stays the same, and by which a frozen joint's segment changes at least on a rigid
 #: body.
 SAME_PLACE, FROZEN_STRETCH = 2e-5, 0.002
@@ -59,8 +59,6 @@ SAME_PLACE, FROZEN_STRETCH = 2e-5, 0.002
 #: does not tremble is frozen, and a segment must be wrong in so many judgements in a row, because a hand that a sensor
 #: does not see strays for a moment. The share of the tremble that each judgement keeps.
 TREMBLES, _LASTING, _KEPT = 0.004, 3, 0.98
-#: One in so many of the library's frames is measured for lengths.
-_EVERY = 4
 #: Frames of a span that are looked at, at least and at most; a slow feed has longer spans.
 _MIN_LOOKS, _MAX_LOOKS = 6, 16
 
@@ -87,97 +85,6 @@ class Jump(NamedTuple):
     factor: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ExpectedBody:
-    """The lengths of a library's segments, and the pairs of joints on the two sides of the body.
-
-    Attributes
-    ----------
-    parents
-        The parent of each joint, as in `Skeleton`; empty when parents are not known: then segments are not judged.
-    children
-        The joint at the lower end of each segment, shape (segments,).
-    ends
-        The joints at the ends of each segment, the child first, shape (segments, 2).
-    mean, shortest, longest, spread
-        Length of each segment in metres: mean, the least and greatest that are allowed, and the greatest change in one
-        motion.
-    mirrored
-        Index of each joint on the other side of the body, a joint's own index in the middle, shape (joints,); None when
-        the names tell no sides.
-    """
-
-    parents: NDArray[np.intp]
-    children: NDArray[np.intp]
-    ends: NDArray[np.intp] = field(repr=False)
-    mean: NDArray[np.float64] = field(repr=False)
-    shortest: NDArray[np.float64] = field(repr=False)
-    longest: NDArray[np.float64] = field(repr=False)
-    spread: NDArray[np.float64] = field(repr=False)
-    mirrored: NDArray[np.intp] | None = field(repr=False)
-
-    @classmethod
-    def of(cls, library: MotionLibrary) -> Self:
-        """Measure the segments of a library's motions."""
-        skeleton = library.skeleton
-        parents = np.array(skeleton.parents, dtype=np.intp)
-        children = np.flatnonzero(parents >= 0)
-        lengths = [_lengths(motion.positions[::_EVERY], parents, children) for motion in library.motions]
-        every = np.concatenate(lengths)
-        return cls(
-            parents=parents,
-            children=children,
-            ends=np.column_stack([children, parents[children]]) if len(children) else np.empty((0, 2), dtype=np.intp),
-            mean=every.mean(axis=0),
-            shortest=every.min(axis=0) / PROPORTION - BEYOND,
-            longest=PROPORTION * every.max(axis=0) + BEYOND,
-            spread=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
-            mirrored=mirrored_places(skeleton.joints),
-        )
-
-    def lengths(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Measure the segments in frames (frames, joints, 3): shape (frames, segments)."""
-        return _lengths(positions, self.parents, self.children)
-
-
-@lru_cache(maxsize=16)
-def expected_body(library: MotionLibrary) -> ExpectedBody:
-    """Give a library's segments; several recognisers of one library share them."""
-    return ExpectedBody.of(library)
-
-
-def _lengths(
-    positions: NDArray[np.float64], parents: NDArray[np.intp], children: NDArray[np.intp]
-) -> NDArray[np.float64]:
-    along = positions[:, children]
-    along = along - positions[:, parents[children]]
-    lengths: NDArray[np.float64] = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
-    return lengths
-
-
-def mirrored_places(joints: Sequence[str]) -> NDArray[np.intp] | None:
-    """Find each joint's name on the other side: `lwrist` and `rwrist`, `LeftHand` and `RightHand`, `hand.L`."""
-    places = {name: place for place, name in enumerate(joints)}
-    others = [next((places[other] for other in _other_sides(name) if other in places), None) for name in joints]
-    if not any(other is not None for other in others):
-        return None
-    return np.array([place if other is None else other for place, other in enumerate(others)], dtype=np.intp)
-
-
-def _other_sides(name: str) -> Iterable[str]:
-    for one, other in (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")):
-        if one in name:
-            yield name.replace(one, other)
-        if other in name:
-            yield name.replace(other, one)
-    for one, other in (("l", "r"), ("L", "R")):
-        for before, after in ((one, other), (other, one)):
-            if name.startswith(before):
-                yield after + name[1:]
-            if len(name) > 2 and name.endswith(before) and name[-2] in "._- ":
-                yield name[:-1] + after
-
-
 class Plausibility:
     """Watches one performer's frames.
 
@@ -192,17 +99,22 @@ class Plausibility:
     ----------
     doubted
         Joints that the last span shows to be wrong.
+    rigid, tremble
+        Whether segments keep their length, False until a span has shown it; and by how much they change, metres.
     """
 
-    def __init__(self, body: ExpectedBody, joints: int) -> None:
+    def __init__(self, body: Segments, joints: int) -> None:
         self._body = body
         self._jumping = min(_JUMPING_JOINTS, max(2, -(-joints // 6)))
         # If so many joints step by 1 m from the median, the squares of all steps about their mean add up to this at
         # least: the median is at most one standard deviation from the mean.
         self._least_squares = self._jumping / (1 + math.sqrt(self._jumping / joints)) ** 2
-        #: The frames looked at in the span before and in this span, and their extremes (`extremes_of`).
+        #: The frames looked at in the span before, and in this span.
         self._looks = np.empty((2 * _MAX_LOOKS, joints, 3))
-        self._lengths, self._moved = np.empty((2, len(body.children))), np.empty(joints)
+        # The mean of the least and greatest length of each of `body.ends`, and their difference; and how far each joint
+        # moved along an axis at most.
+        self._lengths, self._moved = np.empty((2, len(body.ends))), np.empty(joints)
+        self._find_extremes = bind("extremes", self._looks, body.ends, self._lengths, self._moved)
         self._every_joint = frozenset(range(joints))
         self.clear()
 
@@ -210,9 +122,11 @@ class Plausibility:
         """Forget all frames."""
         self.doubted: frozenset[int] = frozenset()
         self._scale = 1.0
-        self._tremble = 0.0
+        self.tremble = 0.0
+        self.rigid = False
         #: For each joint that was blamed in the last judgement, in how many judgements in a row.
         self._in_a_row: dict[int, int] = {}
+        self._disordered = 0
         self._forget_spans()
 
     def begin(self, positions: NDArray[np.float64]) -> None:
@@ -225,10 +139,8 @@ class Plausibility:
         self._all_known = bool(measured.all())
         # Picking out takes longer than all the rest.
         known = (self._body.mean, lengths) if self._all_known else (self._body.mean[measured], lengths[measured])
-        self._ratios: list[float] = np.divide(*known).tolist()
-        self._ratios.sort()
-        if self._ratios:
-            self._scale = self._ratios[len(self._ratios) // 2]
+        if len(known[0]):
+            self._scale = _middle(np.divide(*known))
 
     def _forget_spans(self) -> None:
         self._before = self._count = 0
@@ -292,7 +204,7 @@ class Plausibility:
         if time - self._since < SPAN or self._count < _MIN_LOOKS or not len(self._body.children):
             return False
         before, both = self._before, self._before + self._count
-        extremes_of(self._looks[:both], self._body, self._lengths, self._moved)
+        self._find_extremes(both)
         self._judge(self._lengths[0], self._lengths[1], self._moved)
         self._looks[: self._count] = self._looks[before:both]
         self._before, self._count, self._since = self._count, 0, time
@@ -304,20 +216,23 @@ class Plausibility:
 
     def _judge(self, mean: NDArray[np.float64], stretch: NDArray[np.float64], moved: NDArray[np.float64]) -> None:
         """Judge by the segments' lengths and changes, and by how far joints moved; all in the feed's metres."""
-        body = self._body
-        self._measure_size(mean)
+        body, count = self._body, len(self._body.children)
+        self._measure_size(mean[:count])
         stretch *= self._scale
+        crossed, stretch = stretch[count:], stretch[:count]
         known = stretch if self._all_known else stretch[np.isfinite(stretch)]
-        self._tremble = tremble = max(_middle(known) if len(known) else 0.0, _KEPT * self._tremble)
-        if self._in_disorder():
+        self.tremble = tremble = max(_middle(known) if len(known) else 0.0, _KEPT * self.tremble)
+        self._disordered = self._disordered + 1 if self._in_disorder() else 0
+        if self._disordered >= _IN_DISORDER:
             self.doubted = self._every_joint
             return
-        rigid = tremble < TREMBLES
-        broken = stretch > body.spread + min(RIGID + PER_TREMBLE * tremble, MAX_STRETCH)
-        if rigid:
-            mean *= self._scale
-            broken |= mean > body.longest
-            broken |= mean < body.shortest
+        self.rigid = rigid = tremble < TREMBLES
+        excess = stretch - body.spread
+        broken = excess > MAX_STRETCH
+        # Both sides tell of an exchange: while one leg stands still, the other one's marker may slip on the skin.
+        exchanged = crossed < STEADIER * stretch[body.crossing]
+        exchanged &= excess[body.crossing] > RIGID + PER_TREMBLE * tremble
+        broken[body.crossing] |= exchanged & exchanged[body.partner]
         kept = moved < SAME_PLACE / self._scale
         frozen = set[int]()
         if kept.any():
@@ -329,10 +244,9 @@ class Plausibility:
         self.doubted = frozenset(joint for joint, times in self._in_a_row.items() if times >= lasting)
 
     def _in_disorder(self) -> bool:
-        """Say whether the lengths of segments look as if the joints were in another order."""
-        ratios, limit = self._ratios, math.exp(DISORDER)
-        alike = bisect_right(ratios, self._scale * limit) - bisect_left(ratios, self._scale / limit)
-        return len(ratios) > 0 and alike <= _IN_ORDER * len(ratios)
+        """Say whether the joints of the newest frame look as if they were in another order; not of lost ones."""
+        newest = self._looks[self._before + self._count - 1 :][:1]
+        return bool(shares_of_size(newest, self._body.segments)[0] >= self._body.disorder)
 
     def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:
         """Give the joints that keep their position though a segment between them and the moving body changes."""
@@ -351,62 +265,13 @@ class Plausibility:
         return frozen
 
 
-def extremes_of(
-    looks: NDArray[np.float64], body: ExpectedBody, lengths: NDArray[np.float64], moved: NDArray[np.float64]
-) -> None:
-    """Find how segments and joints change in some frames; a lost joint's NaN counts only where there is nothing else.
-
-    Parameters
-    ----------
-    looks
-        Shape (frames, joints, 3), metres.
-    body
-        The segments.
-    lengths
-        Where to write the mean of each segment's least and greatest length, and their difference, shape (2, segments).
-    moved
-        Where to write how far each joint moves along an axis at most, shape (joints,).
-    """
-    if compiled.loops:
-        compiled.loops.extremes(looks, body.ends, lengths, moved)
-        return
-    measured = body.lengths(looks)
-    least, greatest = np.fmin.reduce(measured), np.fmax.reduce(measured)
-    lengths[0], lengths[1] = (least + greatest) / 2, greatest - least
-    moved[...] = (np.fmax.reduce(looks) - np.fmin.reduce(looks)).max(axis=1)
-
-
-def steps_of(positions: NDArray[np.float64], last: NDArray[np.float64], steps: NDArray[np.float64]) -> float:
-    """Take the steps of joints from frame to frame.
-
-    Parameters
-    ----------
-    positions
-        Shape (frames, joints, 3), metres.
-    last
-        The frame before them, shape (joints, 3).
-    steps
-        Where to write the steps, shape (frames, joints, 3).
-
-    Returns
-    -------
-    The largest sum of squares of a frame's steps about their mean, m²; NaN when there is one.
-    """
-    if compiled.loops:
-        return compiled.loops.steps(positions, last, steps)
-    np.subtract(positions[0], last, out=steps[0])
-    np.subtract(positions[1:], positions[:-1], out=steps[1:])
-    own = steps - steps.mean(axis=1, keepdims=True)
-    return float(np.einsum("fjc,fjc->f", own, own).max())
-
-
 def _middle(numbers: NDArray[np.float64]) -> float:
     """Give the upper median; numpy's own median is slow for a few numbers."""
     place = len(numbers) // 2
     return float(np.partition(numbers, place)[place])
 
 
-def _blamed(broken: NDArray[np.bool_], body: ExpectedBody, known: set[int]) -> set[int]:
+def _blamed(broken: NDArray[np.bool_], body: Segments, known: set[int]) -> set[int]:
     """Give the fewest joints that explain all broken segments that the known wrong joints do not explain.
 
     A joint at the end of several broken segments is wrong itself. A single broken segment separates the body into two
@@ -426,7 +291,7 @@ def _blamed(broken: NDArray[np.bool_], body: ExpectedBody, known: set[int]) -> s
     return blamed
 
 
-def _smaller_side(child: int, body: ExpectedBody) -> set[int]:
+def _smaller_side(child: int, body: Segments) -> set[int]:
     """Give the joints below a segment, or all other joints when they are fewer."""
     below = {child}
     while more := {joint for joint in body.children.tolist() if body.parents[joint] in below} - below:

@@ -6,33 +6,26 @@ import math
 import mmap
 import os
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-
-from kinespace.library.kernels.aligned import numbers_per_row
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+#: Bytes of a line of the processor's cache.
+_LINE = 64
 #: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
 MAX_FEED_RATE = 500.0
 #: After a fork the child has windows of its own; on systems without fork the flag means something else.
 _PRIVATE = mmap.ACCESS_COPY if hasattr(os, "fork") else mmap.ACCESS_DEFAULT
-#: Rows that may enter before the changes must be taken.
+#: Rows that may enter before the sums must follow.
 MAX_PENDING = 64
 #: Seconds within which two spans count as equal. A feed's times are multiples of a frame with rounding, a quarter of a
 #: microsecond for times since 1970; so ties are decided alike at every rate.
-_TIE = 1e-6
-
-
-class Change(NamedTuple):
-    """Where the rows lie in a window's memory that entered and left a span since the last call, until the next push."""
-
-    entered: slice
-    left: slice
+TIE = 1e-6
 
 
 class SlidingWindow:
@@ -136,7 +129,7 @@ class SlidingWindow:
         if points is not None:
             self.points_kept[begin : self.end] = points
         self._newest = newest
-        self._let_go(newest - (self.seconds - _TIE))
+        self._let_go(newest - (self.seconds - TIE))
 
     def _let_go(self, too_old: float) -> None:
         start, oldest, last = self._start, self._oldest, self.end - 1
@@ -186,63 +179,14 @@ class SlidingWindow:
         return self.end - self._start
 
 
-class Span:
-    """The last seconds of a window, which moves on when its changes are taken.
-
-    Parameters
-    ----------
-    window
-        The window; `clear` and `pass_over` must be called for both together.
-    seconds
-        Length of the span; the window's when not given.
-
-    Attributes
-    ----------
-    places
-        Where the span begins and ends, counted as if no row had moved back, shape (2,).
-    seconds, most
-        A row this old is not in the span any more, and so many rows are at most.
-    """
-
-    def __init__(self, window: SlidingWindow, seconds: float | None = None) -> None:
-        self._window = window
-        seconds = seconds or window.seconds
-        self.seconds, self.most = seconds - _TIE, window.most_in(seconds)
-        self.places = np.zeros(2, dtype=np.intp)
-
-    def clear(self) -> None:
-        """Forget all rows."""
-        self.places[:] = 0
-
-    def take_change(self) -> Change:
-        """Say which rows entered and left since the last call; a row that did both is in neither slice."""
-        window = self._window
-        times, moved, end, last = window.times_kept, window.moved, window.end, window.end - 1
-        left, entered = (max(place - moved, 0) for place in self.places.tolist())
-        start, too_old = left, times.item(last) - self.seconds
-        while start < last and (times.item(start) <= too_old or last - start >= self.most):
-            start += 1
-        self.places[:] = start + moved, end + moved
-        return Change(slice(max(entered, start), end), slice(left, min(start, entered)))
-
-    @property
-    def rows(self) -> slice:
-        """Where the rows lie in the window's memory, until the next push."""
-        begin, end = (place - self._window.moved for place in self.places.tolist())
-        return slice(begin, end)
-
-    def __len__(self) -> int:
-        begin, end = self.places.tolist()
-        return int(end - begin)
-
-
 def _reserved(rows: int, width: int) -> NDArray[np.float64]:
     """Reserve memory of which only the used pages are committed.
 
     numpy asks for pages of 2 MB on Linux for arrays above 4 MB, which wastes memory for many performers.
     """
-    stride = numbers_per_row(width)
-    size = rows * stride * np.dtype(np.float64).itemsize
+    number = np.dtype(np.float64).itemsize
+    stride = -(-width * number // _LINE) * _LINE // number
+    size = rows * stride * number
     try:
         memory = mmap.mmap(-1, size, access=_PRIVATE)
     except (OSError, OverflowError) as error:

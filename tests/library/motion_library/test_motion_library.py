@@ -12,7 +12,7 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.motion_library.learned import Learned
-from kinespace.library.naming import hdm05
+from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
@@ -105,16 +105,9 @@ def test_motions_are_sorted_by_class_and_person_and_otherwise_as_given() -> None
 @pytest.mark.parametrize(
     ("rate", "every", "kept"),
     [
-        (30.0, 1, 30.0),
-        (59.94, 1, 59.94),
-        (75.0, 1, 75.0),
-        (76.0, 2, 38.0),
-        (100.0, 2, 50.0),
-        (119.88, 2, 59.94),
-        (120.0, 2, 60.0),
-        (240.0, 4, 60.0),
-        (300.0, 4, 75.0),
-        (1000.0, 14, 1000 / 14),
+        *((rate, 1, rate) for rate in (30.0, 59.94, 75.0)),
+        *((2 * kept, 2, kept) for kept in (38.0, 50.0, 59.94, 60.0)),
+        *((240.0, 4, 60.0), (300.0, 4, 75.0), (1000.0, 14, 1000 / 14)),
     ],
 )
 def test_frame_rates_come_near_60(rate: float, every: int, kept: float) -> None:
@@ -144,63 +137,29 @@ def test_joints_of_other_bodies_stand_in_the_first_clips_order() -> None:
     _assert_equal(MotionLibrary.of_clips(mixed[:1]).with_motions(mixed[1:]), MotionLibrary.of_clips(clips))
 
 
-@pytest.mark.parametrize(
-    ("clip", "error", "message"),
-    [
-        pytest.param(
-            stick_clip("wave", seed=3, frames=2),
-            ValueError,
-            "clip 'wave_3': expected at least 3 frames, got 2",
-            id="one frame at 60 Hz",
-        ),
-        pytest.param(
-            dataclasses.replace(stick_clip("wave", frames=1), frame_rate=30.0),
-            ValueError,
-            "clip 'wave_0': expected at least 2 frames, got 1",
-            id="one frame",
-        ),
-        pytest.param(
-            dataclasses.replace(stick_clip("wave"), class_name=""),
-            ValueError,
-            "class_name: expected a class name for clip 'wave_0', got none",
-            id="no class",
-        ),
-        pytest.param(
-            stick_clip("wave").moved_to(np.tile(np.arange(18.0).reshape(6, 3) ** 2, (10, 1, 1))),
-            ValueError,
-            "clip 'wave_0': expected a motion, got a body that does not move",
-            id="still",
-        ),
-        pytest.param(
-            stick_clip("wave").moved_to(
-                np.arange(18.0).reshape(6, 3) ** 1.5 + np.linspace(0, 5, 60)[:, None, None] * np.array([1, 0.3, 0.1])
-            ),
-            ValueError,
-            "clip 'wave_0': expected a motion, got a body that does not move",
-            id="carried about",
-        ),
-        pytest.param(
-            stick_clip("wave").moved_to(stick_clip("wave").positions + 1001.0),
-            ValueError,
-            "clip 'wave_0': expected joints within 1000 m of the origin",
-            id="far away",
-        ),
-        pytest.param(
-            dataclasses.replace(stick_clip("wave"), frame_rate=0.5),
-            ValueError,
-            "clip 'wave_0': expected 1 to 75 frames per second, got 0.5",
-            id="slow",
-        ),
-        pytest.param(
-            stick_clip("wave", skeleton=Skeleton((*STICK.joints[:-1], "tail"))),
-            SkeletonMismatchError,
-            "clip 'wave_0': expected the other recordings' 6 joints, got tail beside them",
-            id="another joint",
-        ),
-    ],
-)
-def test_a_clip_that_makes_no_motion_is_refused(clip: Clip, error: type[Exception], message: str) -> None:
+WAVE = stick_clip("wave")
+#: Clips that make no motion, and why.
+REFUSED: list[tuple[Clip, str]] = [
+    (stick_clip("wave", frames=2), "clip 'wave_0': expected at least 3 frames, got 2"),
+    (dataclasses.replace(stick_clip("wave", frames=1), frame_rate=30.0), "expected at least 2 frames, got 1"),
+    (dataclasses.replace(WAVE, class_name=""), "class_name: expected a class name for clip 'wave_0', got none"),
+    *(
+        (WAVE.moved_to(np.arange(18.0).reshape(6, 3) ** 1.5 + way), "expected a motion, got a body that does not move")
+        for way in (np.zeros((60, 1, 1)), np.linspace(0, 5, 60)[:, None, None] * np.array([1, 0.3, 0.1]))
+    ),
+    (WAVE.moved_to(WAVE.positions + 1001.0), "clip 'wave_0': expected joints within 1000 m of the origin"),
+    (dataclasses.replace(WAVE, frame_rate=0.5), "clip 'wave_0': expected 1 to 75 frames per second, got 0.5"),
+    (
+        stick_clip("wave", skeleton=Skeleton((*STICK.joints[:-1], "tail"))),
+        "clip 'wave_0': expected the other recordings' 6 joints, got tail beside them",
+    ),
+]
+
+
+@pytest.mark.parametrize(("clip", "message"), REFUSED, ids=range(len(REFUSED)))
+def test_a_clip_that_makes_no_motion_is_refused(clip: Clip, message: str) -> None:
     """A clip too short, still, far away, without class or of other joints is refused by name, added later too."""
+    error = SkeletonMismatchError if "joints, got tail" in message else ValueError
     with pytest.raises(error, match=message):
         MotionLibrary.of_clips(iter([stick_clip("bow"), clip]))
     with pytest.raises(error, match=message):
@@ -460,3 +419,19 @@ def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, hdm05
     """Built anew from the 288 clips the library is the one in the package, to the millimetre."""
     terms = {"source": hdm05.SOURCE, "licence": hdm05.LICENCE, "attribution": hdm05.ATTRIBUTION}
     _assert_equal(MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in hdm05_clips]), builtin)
+
+
+def test_joints_get_our_names(builtin: MotionLibrary) -> None:
+    """Motions with another program's names are those with HDM05's; ours stay as they are."""
+    theirs = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot", "Head")
+    ours = Naming().read(theirs).joints
+    known = MotionLibrary(builtin.skeleton, builtin.motions[:3]).restricted_to(ours)
+    shown = [clip.as_of(known.skeleton.linked(ours)) for clip in known.motions]
+    foreign = dataclasses.replace(shown[0].skeleton, joints=theirs)
+    library = MotionLibrary(foreign, tuple(dataclasses.replace(clip, skeleton=foreign) for clip in shown))
+    named = library.in_our_names(Naming())
+    places = [named.skeleton.joints.index(name) for name in known.skeleton.joints]
+    assert len(named.skeleton.joints) == len(places)
+    for one, other in zip(named.motions, known.motions, strict=True):
+        assert np.array_equal(one.positions[:, places], other.positions)
+    assert builtin.in_our_names(Naming()) is builtin

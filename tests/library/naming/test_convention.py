@@ -47,17 +47,20 @@ def test_users_file(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("title = ", "expected TOML"),
-        ('[joint]\na = "root"', "expected title, prefixes, sides, absent, joints, got joint"),
-        ('title = ""\n[joints]\na = "root"\nb = "head"', "title: expected a text"),
-        ("title = 3", "title: expected a text, got 3"),
-        ("", "joints: expected a table"),
-        ("[joints]\na = 1", "joints: expected a table"),
+        (
+            '[joint]\na = "root"',
+            "joint: expected one of absent, joints, prefixes, sides, title, got 'joint', perhaps 'joints'",
+        ),
+        ('title = ""\n[joints]\na = "root"\nb = "head"', "title: expected text, got ''"),
+        ("title = 3", "title: expected text, got 3"),
+        ("", "joints: expected a value, got nothing"),
+        ("[joints]\na = 1", "joints, a: expected text, got 1"),
         ('[joints]\na = "root"', "at least two"),
         ('[joints]\na = "hip"\nb = "head"', "expected one of HDM05's joints or nothing, got 'hip'"),
         ('[joints]\na_b = "root"\n"a b" = "head"', "expected each name once, got 'a b' twice"),
-        ('sides = ["l"]\n[joints]\na = "root"\nb = "head"', "sides: expected left and right"),
+        ('sides = ["l"]\n[joints]\na = "root"\nb = "head"', "sides 1: expected a list of length 2"),
         ('sides = "lr"\n[joints]\na = "root"\nb = "head"', "sides: expected a list"),
-        ('prefixes = "rig"\n[joints]\na = "root"\nb = "head"', "prefixes: expected a list of texts"),
+        ('prefixes = "rig"\n[joints]\na = "root"\nb = "head"', "prefixes: expected a list, got 'rig'"),
     ],
 )
 def test_mistakes_are_reported(text: str, message: str) -> None:

@@ -137,12 +137,11 @@ def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # n
     windows, joints = TaughtWindows(base, beside=beside), base.library.skeleton.joints[:-1]
     example = Example(1, "mine", stick_clip("wave", frames=120), 0.0, 1.0)
     indices = [windows.index_of(roster) or base for roster in (Roster(), Roster((example,)), Roster())]
-    fewer = [windows.of_fewer(index.library, joints) for index in indices]
+    fewer = [index.by_joints(joints) for index in indices]
     known = {*base.classes} if beside else set()
     for index, classes in zip(fewer, (set(base.classes), known | {"mine"}, set(base.classes)), strict=True):
-        assert isinstance(index, WindowIndex)
         assert index.library.skeleton.joints == joints
-        assert index.basis is fewer[0].basis  # type: ignore[union-attr]
+        assert index.basis is fewer[0].basis
         assert set(index.classes) == classes
 
 

@@ -6,50 +6,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
+from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, flattened
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing, by_paper
 from kinespace.library.windows.cutting import CutWindows
 from kinespace.library.windows.index import measured_clips
 from kinespace.library.windows.metric import Lessons
-from kinespace.library.windows.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, flattened
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.library.windows.parts import Part
 
-BOTH = pytest.mark.parametrize("weighing", [ACROSS_LABORATORIES, WITHIN_LABORATORY], ids=["across", "within"])
 #: One view of two groups, and one that sees postures alone.
 SMALL = Weighing(
     groups=((EIGEN_LONG, SPREAD_LONG), (EIGEN_SHORT,), (POSTURE,)),
     views=((0.5, 0.25, 0.25), (0.0, 0.0, 1.0)),
     first=0.5,
 )
-
-
-@pytest.fixture(scope="module")
-def numbers(small_index: WindowIndex) -> Mapping[Part, np.ndarray]:
-    """Give the numbers of a small library's windows."""
-    clips, ends, _ = measured_clips(small_index.library, 0.4)
-    return CutWindows(clips, ends, small_index.body, small_index.basis).numbers()
-
-
-@pytest.fixture(scope="module")
-def comparison(small_index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> Comparison:
-    """Give a comparison that the small library's people taught."""
-    clips, _, motions = measured_clips(small_index.library, 0.4)
-    classes = np.unique([clip.class_name for clip in clips], return_inverse=True)[1]
-    people = np.unique([clip.actor for clip in clips], return_inverse=True)[1]
-    return Comparison.learned(SMALL, numbers, Lessons(classes[motions], people[motions]))
-
-
-@BOTH
-def test_the_weights_of_a_view_add_up(weighing: Weighing) -> None:
-    """Each view has one weight for each group."""
-    for view in weighing.views:
-        assert len(view) == len(weighing.groups)
-        assert sum(view) == pytest.approx(1.0)
-    assert len(weighing.views) >= 1
 
 
 @pytest.mark.parametrize("views", [((0.5, 0.5),), ((0.5, 0.5, 0.5),), ((0.5, 0.25, 0.25), (1.0, 0.0, 0.1))])
@@ -59,28 +30,26 @@ def test_weights_that_do_not_add_up_are_refused(views: tuple[tuple[float, ...], 
         replace(SMALL, views=views)
 
 
-@BOTH
+@pytest.mark.parametrize("weighing", [ACROSS_LABORATORIES, WITHIN_LABORATORY], ids=["across", "within"])
 @pytest.mark.parametrize("kind", Kind)
 def test_without_a_kind(weighing: Weighing, kind: Kind) -> None:
-    """No part of the kind is left, all others are, and weights keep their proportions."""
+    """No part of the kind is left, all others are, each once, and the weights of each view add up to 1."""
     fewer = weighing.without(kind)
-    assert set(fewer.parts) == {part for part in weighing.parts if part.kind is not kind}
-    assert all(sum(view) == pytest.approx(1.0) for view in fewer.views)
+    expected = [part for part in PARTS if part in weighing.parts and part.kind is not kind]
+    assert sorted(fewer.parts) == sorted(expected)
     assert 1 <= len(fewer.views) <= len(weighing.views)
 
 
 def test_weights_keep_their_proportions() -> None:
-    """Without postures a half and a quarter become two thirds and one, and the view of postures is gone."""
+    """Without postures a half and a quarter become two thirds and one; a group that loses a part keeps its weight."""
     fewer = SMALL.without(Kind.POSTURE)
     assert fewer.groups == SMALL.groups[:2]
     assert np.allclose(fewer.views, [(2 / 3, 1 / 3)])
-
-
-def test_a_group_may_lose_one_of_its_parts() -> None:
-    """The group stays with its weight."""
     fewer = SMALL.without(Kind.SPREAD)
     assert fewer.groups == ((EIGEN_LONG,), (EIGEN_SHORT,), (POSTURE,))
     assert np.allclose(fewer.views, SMALL.views)
+    with pytest.raises(ValueError, match="beside posture"):
+        Weighing(groups=((POSTURE,),), views=((1.0,),), first=0.5).without(Kind.POSTURE)
 
 
 def test_below_the_views_each_group_is_compared_alone() -> None:
@@ -91,37 +60,34 @@ def test_below_the_views_each_group_is_compared_alone() -> None:
     assert np.array_equal(SMALL.alone(logs), logs[2:])
 
 
-def test_nothing_left_to_name_a_class_by() -> None:
-    """A weighing of one kind cannot do without it."""
-    alone = Weighing(groups=((POSTURE,),), views=((1.0,),), first=0.5)
-    with pytest.raises(ValueError, match="beside posture"):
-        alone.without(Kind.POSTURE)
+def test_the_papers_weighing_names_by_products() -> None:
+    """Negative |inner products| become log(1 − product²), and rounding above 1 makes no NaN."""
+    paper = by_paper(0.7)
+    assert paper.groups == (((Kind.EIGEN, 0.7),),)
+    assert (paper.judges, paper.by_products, paper.eigenvectors) == (False, True, 1)
+    named = paper.named(np.array([[-0.5, -1.0000001, 0.0], [0.0, 0.0, 0.0]]))
+    assert named == pytest.approx(np.log([0.751, 0.001, 1.001]))
 
 
-def test_parts_are_listed_once() -> None:
-    """A part in two groups is one part."""
-    assert sorted(WITHIN_LABORATORY.parts) == sorted(PARTS)
-
-
-def test_a_group_of_an_eigen_part_stays_eigenvectors(
-    comparison: Comparison, numbers: Mapping[Part, np.ndarray]
-) -> None:
-    """It has no metric; a single other part has its own, and several parts have one more."""
-    joined, eigenvectors, postures = comparison.place(numbers)
+def test_windows_are_placed_by_metrics(small_index: WindowIndex) -> None:
+    """An eigen part alone stays eigenvectors; another part has its own metric, and several parts one more."""
+    clips, ends, motions = measured_clips(small_index.library, 0.4)
+    numbers = CutWindows(clips, ends, small_index.body, small_index.basis).numbers()
+    classes, people = (
+        np.unique([getattr(clip, name) for clip in clips], return_inverse=True)[1] for name in ("class_name", "actor")
+    )
+    comparison = Comparison.learned(SMALL, numbers, Lessons(classes[motions], people[motions]))
+    joined, eigenvectors, postures = many = comparison.place(numbers)
     assert np.array_equal(eigenvectors, numbers[EIGEN_SHORT].astype(np.float32))
     assert np.array_equal(postures, comparison.parts[POSTURE].place(numbers[POSTURE]))
     assert EIGEN_SHORT not in comparison.parts
-    assert [metric is None for metric in comparison.groups] == [False, True, True]
-    parts = (flattened(numbers[EIGEN_LONG]), numbers[SPREAD_LONG])
-    metrics = (comparison.parts[EIGEN_LONG], comparison.parts[SPREAD_LONG])
-    vectors = [metric.place(part) for metric, part in zip(metrics, parts, strict=True)]
-    assert np.array_equal(joined, comparison.groups[0].place(np.concatenate(vectors, axis=1)))
-
-
-def test_one_window_is_placed_as_among_many(comparison: Comparison, numbers: Mapping[Part, np.ndarray]) -> None:
-    """Numbers without an axis of windows give vectors without one."""
-    many = comparison.place(numbers)
-    one = comparison.place({part: each[3] for part, each in numbers.items()})
-    for single, among in zip(one, many, strict=True):
-        assert single.shape == among[3].shape
+    long, spread, *others = comparison.groups[0], comparison.parts[SPREAD_LONG], *comparison.groups[1:]
+    assert others == [None, None]
+    assert long is not None
+    vectors = [comparison.parts[EIGEN_LONG].place(flattened(numbers[EIGEN_LONG])), spread.place(numbers[SPREAD_LONG])]
+    assert np.array_equal(joined, long.place(np.concatenate(vectors, axis=1)))
+    for single, among in zip(comparison.place({part: each[3] for part, each in numbers.items()}), many, strict=True):
         assert np.allclose(single, among[3], atol=1e-4)
+    taught = comparison.of_taught_classes()
+    assert taught.groups[0] is not None
+    assert np.array_equal(taught.groups[0].axes, long.axes[:, :32])

@@ -98,40 +98,32 @@ def values(frame: Frame) -> list[float]:
 # --- closing a frame ---------------------------------------------------------------------------------------------
 
 
-def test_an_end_message_closes_a_frame() -> None:
-    """Loose joints become a frame when the end message comes, and not before; a second end changes nothing."""
-    target = assembler("end")
-    assert pushed(target, whole(1.0), 0.0) == []
-    (frame,) = pushed(target, [message("/end")], 0.01)
-    assert (frame.performer, frame.time, values(frame)) == ("p", 0.0, [1.0] * 4)
-    assert pushed(target, [message("/end")], 0.02) == []
-    assert target.counts.closed_by == {"end": 1}
+END, BEGIN = message("/end"), message("/begin")
+_NESTED = bundle(joint("a", 2.0), bundle(joint("b", 2.0), bundle(joint("c", 2.0))), joint("d", 2.0))
+#: By what a preset says of closing: packets, and the frame that each gives, if any.
+CLOSED: list[tuple[str, list[bytes], list[float | None]]] = [
+    ("end", [*whole(1.0), END, END, *whole(2.0), END], [None] * 4 + [1.0, None] + [None] * 4 + [2.0]),
+    # The end message was lost.
+    ("end", [BEGIN, *whole(1.0), BEGIN, *whole(2.0)], [None] * 5 + [1.0] + [None] * 4),
+    # Joints behind the end message in the same bundle.
+    ("end", [bundle(joint("a", 1.0), END, *whole(1.0)[1:])], [1.0]),
+    ("bundle", [bundle(*whole(1.0)), _NESTED], [1.0, 2.0]),
+    ("repeat", [*whole(1.0), *whole(2.0)], [None] * 4 + [1.0] + [None] * 3),
+    ("complete repeat", whole(1.0), [None] * 3 + [1.0]),
+]
 
 
-def test_a_beginning_closes_the_frame_before() -> None:
-    """When the end message was lost, the next frame's beginning does its work."""
-    target = assembler("end")
-    pushed(target, [message("/begin"), *whole(1.0)], 0.0)
-    (frame,) = pushed(target, [message("/begin"), *whole(2.0)], 0.02)
-    assert values(frame) == [1.0] * 4
-
-
-def test_an_end_in_a_bundle_counts_at_its_end() -> None:
-    """Joints after the end message in the same bundle are still the frame's."""
-    target = assembler("end")
-    packet = bundle(joint("a", 1.0), message("/end"), *[joint(name, 1.0) for name in "bcd"])
-    (frame,) = pushed(target, [packet], 0.0)
-    assert values(frame) == [1.0] * 4
-
-
-def test_the_end_of_a_bundle_closes_a_frame() -> None:
-    """A bundle with all joints is a frame, and so is one that nests another."""
-    target = assembler("bundle")
-    (first,) = pushed(target, [bundle(*whole(1.0))], 0.0)
-    nested = bundle(joint("a", 2.0), bundle(joint("b", 2.0), bundle(joint("c", 2.0))), joint("d", 2.0))
-    (second,) = pushed(target, [nested], 0.02)
-    assert (values(first), values(second)) == ([1.0] * 4, [2.0] * 4)
-    assert target.counts.closed_by == {"bundle": 2}
+@pytest.mark.parametrize(("close", "packets", "expected"), CLOSED)
+def test_a_frame_is_closed_by_its_packet(close: str, packets: list[bytes], expected: list[float | None]) -> None:
+    """Not before and not after: by the end message, the next beginning, the bundle, the first joint of the next."""
+    target = assembler(*close.split())
+    made = [pushed(target, [packet], place / 1000) for place, packet in enumerate(packets)]
+    assert [[values(frame) for frame in each] for each in made] == [
+        [[value] * 4] if value else [] for value in expected
+    ]
+    assert {frame.performer for each in made for frame in each} == {"p"}
+    assert set(target.counts.closed_by) <= {*close.split(), "begin"}
+    assert sum(target.counts.closed_by.values()) == len([value for value in expected if value])
 
 
 def test_a_frame_split_over_bundles_is_one_frame() -> None:
@@ -161,22 +153,6 @@ def test_a_start_between_two_joints_finds_the_next_frame(close: tuple[str, ...],
     assert len(mixed) <= (0 if rate <= 30 else 30)
     assert not [frame for frame in mixed if min(values(frame)) > 30]
     assert len(made) >= 195
-
-
-def test_a_joint_that_comes_again_closes_a_frame() -> None:
-    """Loose joints without any mark: the first joint of the next frame ends this one."""
-    target = assembler("repeat")
-    assert pushed(target, whole(1.0), 0.0) == []
-    (frame,) = pushed(target, whole(2.0), 0.03)
-    assert (values(frame), frame.time) == ([1.0] * 4, 0.0)
-
-
-def test_a_complete_frame_need_not_wait() -> None:
-    """When all joints of the preset are there the frame is given out at once."""
-    target = assembler("complete", "repeat")
-    assert pushed(target, whole(1.0)[:3], 0.0) == []
-    (frame,) = pushed(target, whole(1.0)[3:], 0.0)
-    assert values(frame) == [1.0] * 4
 
 
 def test_time_closes_a_frame() -> None:

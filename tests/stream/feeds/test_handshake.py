@@ -14,8 +14,8 @@ from kinespace.stream.feeds.decoder import MAX_SENDERS, SenderNumbers
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
 from kinespace.stream.feeds.handshake import NEVER, SILENCE, farewells, is_due, questions
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 

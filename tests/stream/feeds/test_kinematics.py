@@ -54,24 +54,6 @@ def test_rotations_alone_are_enough(seed: int) -> None:
                 assert length == pytest.approx(np.linalg.norm(bone.offset))
 
 
-def test_a_quarter_turn_of_the_upper_arm_lifts_the_hand() -> None:
-    """Turned by 90° about z, the left arm, which points to -x, points down; nothing else moves."""
-    at_rest = world_positions(VMC, {})
-    turned = world_positions(VMC, {"LeftUpperArm": (None, (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)))})
-    shoulder, hand = turned["LeftUpperArm"], turned["LeftHand"]
-    length = at_rest["LeftUpperArm"][0] - at_rest["LeftHand"][0]
-    np.testing.assert_allclose(np.subtract(hand, shoulder), (0.0, -length, 0.0), atol=1e-12)
-    np.testing.assert_allclose(turned["RightHand"], at_rest["RightHand"])
-
-
-def test_the_root_moves_and_turns_everything() -> None:
-    """A root that is moved and turned takes the whole body along."""
-    turn = Rotation.from_euler("y", 40, degrees=True)
-    placed = world_positions(VMC, {"root": ((1.0, 2.0, 3.0), tuple(turn.as_quat()))})
-    for name, position in world_positions(VMC, {}).items():
-        np.testing.assert_allclose(placed[name], turn.apply(position) + np.array([1.0, 2.0, 3.0]), atol=1e-12)
-
-
 def test_the_body_at_rest_is_a_body() -> None:
     """Without any pose it is a standing person of some 1.6 metres to the head's base, left on the left."""
     rest = world_positions(VMC, {})

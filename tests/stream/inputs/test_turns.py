@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from kinespace.stream.inputs import Source
-from kinespace.stream.inputs.refusals import Refusals
 from kinespace.stream.inputs.turns import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
-from kinespace.stream.service.status import InputCounts
+from kinespace.stream.status import InputCounts, Refusals
 
 ANN, EVE = ("10.0.0.1", 4000), ("10.0.0.2", 4000)
 
@@ -58,8 +57,8 @@ def test_the_packets_put_aside_are_bounded() -> None:
     turns = Turns()
     for number in range(100):
         turns.put_aside(Waiting([bytes([number]), bytes(65_000)], 1.0, 0.0, EVE))
-    assert len(turns) == MAX_ASIDE // 65_001
-    assert turns.thrown_away == 100 - len(turns)
+    assert len(turns.aside) == MAX_ASIDE // 65_001
+    assert turns.thrown_away == 100 - len(turns.aside)
     assert turns.take().packet[0] == bytes([turns.thrown_away])
 
 

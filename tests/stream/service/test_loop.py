@@ -3,40 +3,33 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import math
-import socket
 import sys
-import threading
 import time
-from collections import deque
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import zmq
-from pythonosc.osc_packet import OscPacket
+from fakes import Bench, FakeClock, FakeSink, FakeSource
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
-from kinespace.stream.osc import udp
-from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
-from kinespace.stream.recognition import Answer
-from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
+from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.loop import CLASSES_EVERY, STATUS_EVERY, Service
-from kinespace.stream.service.status import InputCounts
+from kinespace.stream.status import InputCounts
+from kinespace.stream.teaching import Asked, commands
 from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.status import Status
+    from kinespace.stream.recognition import Recognition
 
 LOOPBACK = "127.0.0.1"
 ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
@@ -58,96 +51,6 @@ def _frames(class_name: str, performer: str = "p", *, frames: int = 200, start: 
 def _expected(library: MotionLibrary, frames: Sequence[Frame]) -> list[Recognition]:
     recognizer = Recognizer(library)
     return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
-
-
-# --- fakes -------------------------------------------------------------------------------------------------------
-
-
-class FakeClock:
-    """A clock that stands until a test sets it."""
-
-    def __init__(self) -> None:
-        self.now = 1000.0
-
-    def __call__(self) -> float:
-        """Tell the time."""
-        return self.now
-
-
-class FakeSource:
-    """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
-
-    tended_within = math.inf
-    has_put_aside = False
-    notes = ()
-    waited = 0.0
-
-    def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
-        self.waiting = deque(packets)
-        self.arrivals: list[float] = []
-        self.counts = InputCounts()
-        self.pollable, self._other_end = socket.socketpair()
-        self._other_end.send(b"!")
-        self.closed = False
-
-    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
-        """Give the next packet's events."""
-        if not self.waiting:
-            return None
-        self.arrivals.append(arrival)
-        self.counts.received += 1
-        return self.waiting.popleft()
-
-    def close(self) -> None:
-        """Note that it was closed."""
-        self.closed = True
-        self.pollable.close()
-        self._other_end.close()
-
-
-class FakeSink(Sink):
-    """Keeps everything it gets."""
-
-    def __init__(self) -> None:
-        self.recognitions: list[Recognition] = []
-        self.classes: list[tuple[str, ...]] = []
-        self.statuses: list[Status] = []
-        self.events: list[Event] = []
-        self.closed = False
-
-    def publish(self, recognition: Recognition) -> None:
-        """Keep a recognition."""
-        self.recognitions.append(recognition)
-
-    def publish_event(self, event: Event) -> None:
-        """Keep an event."""
-        self.events.append(event)
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Keep the classes."""
-        self.classes.append(tuple(classes))
-
-    def publish_status(self, status: Status) -> None:
-        """Keep a status."""
-        self.statuses.append(status)
-
-    def close(self) -> None:
-        """Close nothing, but remember it."""
-        self.closed = True
-
-
-class Bench:
-    """A service among fakes, with a clock that the test turns."""
-
-    def __init__(self, performers: Performers, *sources: FakeSource) -> None:
-        self.clock, self.sink = FakeClock(), FakeSink()
-        self.sources = sources
-        self.service = Service(performers, sources, [self.sink], clock=self.clock)
-
-    def step(self, seconds: float = 0.0) -> None:
-        """Let some time pass, then make one step that does not wait."""
-        self.clock.now += seconds
-        self.service.step(0.0)
 
 
 @pytest.fixture
@@ -350,130 +253,6 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(library: MotionLibrary, 
 # --- over real sockets -------------------------------------------------------------------------------------------
 
 
-class Running:
-    """A service in a thread of its own, stopped on leaving."""
-
-    def __init__(self, service: Service) -> None:
-        self.service = service
-        self._thread = threading.Thread(target=service.run)
-
-    def __enter__(self) -> Service:
-        self._thread.start()
-        return self.service
-
-    def __exit__(self, *_: object) -> None:
-        self.service.stop()
-        self._thread.join(PATIENCE)
-        self.service.close()
-        assert not self._thread.is_alive()
-
-
-def _answers(receive: Callable[[], Answer | None], count: int) -> list[Answer]:
-    """Collect answers until there are enough."""
-    found, until = list[Answer](), time.monotonic() + PATIENCE
-    while len(found) < count and time.monotonic() < until:
-        answer = receive()
-        if answer is not None:
-            found.append(answer)
-    return found
-
-
-def _assert_answered(answers: Sequence[Answer], expected: Sequence[Recognition]) -> None:
-    """Demand the recogniser's own answers, to the digits of a 32-bit float."""
-    assert [answer.label for answer in answers] == [recognition.label for recognition in expected]
-    assert [answer.performer for answer in answers] == [recognition.performer for recognition in expected]
-    assert [answer.class_index for answer in answers] == [recognition.class_index for recognition in expected]
-    for name in ("score", "margin"):
-        assert [getattr(each, name) for each in answers] == pytest.approx(
-            [getattr(each, name) for each in expected], abs=1e-6
-        )
-
-
-def _next_packet(receiver: osc.OscReceiver) -> bytes:
-    poller = zmq.Poller()
-    poller.register(receiver.socket, zmq.POLLIN)
-    poller.poll(100)
-    return receiver.receive() or b""
-
-
-def test_over_osc_frames_go_in_and_answers_come_out(library: MotionLibrary, opened: ExitStack) -> None:
-    """Datagrams in are answered by datagrams out: the recogniser's own answers, the classes and the status."""
-    listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
-    source = opened.enter_context(closing(Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())))
-    sink = opened.enter_context(closing(LayoutSink(NativeLayout(), osc.OscSender(*listener.address))))
-    sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
-    assert str(source) == f"OSC {LOOPBACK}:{source.receiver.address[1]}"
-    assert str(sink) == f"native {LOOPBACK}:{listener.address[1]}"
-    frames, addresses = _frames("wave"), set[str]()
-    expected = _expected(library, frames)
-
-    def receive() -> Answer | None:
-        packet = _next_packet(listener)
-        if packet:
-            addresses.update(timed.message.address for timed in OscPacket(packet).messages)
-        return osc.decode_answer(packet)
-
-    with Running(Service(Performers(library), [source], [sink])) as service:
-        sender.send(osc.encode_announcement(Announcement("p", STICK.joints)))
-        sender.send(b"no osc")
-        for frame in frames:
-            sender.send(osc.encode_frame(frame))
-        _assert_answered(_answers(receive, len(expected)), expected)
-        while "/motion/status" not in addresses or "/motion/classes" not in addresses:
-            receive()
-    assert service.status().inputs == InputCounts(received=len(frames) + 2, malformed=1)
-    assert addresses == {
-        *(f"/motion/p/{each}" for each in ("class", "guess", "label", "scores", "event")),
-        *("/motion/classes", "/motion/status"),
-    }
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("frames_bound", [True, False])
-@pytest.mark.parametrize("answers_bound", [True, False])
-def test_over_zeromq_frames_go_in_and_answers_come_out(
-    library: MotionLibrary, opened: ExitStack, *, frames_bound: bool, answers_bound: bool
-) -> None:
-    """With either end bound, ZeroMQ messages in give the recogniser's answers out."""
-    if frames_bound:
-        source = opened.enter_context(closing(Source(zeromq.ZmqReceiver(ANY_PORT), ZmqDecoder())))
-        sender = opened.enter_context(closing(zeromq.ZmqSender(Endpoint(source.receiver.address, bind=False))))
-    else:
-        sender = opened.enter_context(closing(zeromq.ZmqSender(ANY_PORT)))
-        receiver = zeromq.ZmqReceiver(Endpoint(sender.address, bind=False))
-        source = opened.enter_context(closing(Source(receiver, ZmqDecoder())))
-    if answers_bound:
-        sink = opened.enter_context(closing(ZmqSink(zeromq.ZmqSender(ANY_PORT))))
-        listener = opened.enter_context(closing(zeromq.ZmqReceiver(Endpoint(sink.sender.address, bind=False))))
-    else:
-        listener = opened.enter_context(closing(zeromq.ZmqReceiver(ANY_PORT)))
-        sink = opened.enter_context(closing(ZmqSink(zeromq.ZmqSender(Endpoint(listener.address, bind=False)))))
-    assert str(source) == f"ZeroMQ {source.receiver.address}"
-    assert str(sink) == f"ZeroMQ {sink.sender.address}"
-    frames, heard = _frames("wave"), list[list[bytes]]()
-    expected = _expected(library, frames)
-
-    def receive() -> Answer | None:
-        listener.socket.poll(100)
-        parts = listener.receive()
-        if parts is None:
-            return None
-        heard.append(parts)
-        return zeromq.decode_answer(parts)
-
-    with Running(Service(Performers(library), [source], [sink])) as service:
-        # A status that counts our messages shows that both pairs of peers have met.
-        while not any(parts[0] == b"status/" and json.loads(parts[1])["inputs"]["foreign"] for parts in heard):
-            sender.send([b"hello/", b""])
-            receive()
-        for seq, frame in enumerate(frames):
-            sender.send(zeromq.encode_frame(frame, seq, STICK.joints if seq % 50 == 0 else None))
-        _assert_answered(_answers(receive, len(expected)), expected)
-    status = service.status()
-    assert status.inputs.received == status.inputs.foreign + len(frames)
-    assert (status.inputs.malformed, status.inputs.missing) == (0, 0)
-
-
 def test_after_a_stall_all_that_waits_is_taken_in(library: MotionLibrary, opened: ExitStack) -> None:
     """For a slow reader ZeroMQ keeps the oldest: they are all taken in at the next turns, and none waits any more."""
     publisher = opened.enter_context(closing(zmq.Context.instance().socket(zmq.XPUB)))
@@ -492,61 +271,6 @@ def test_after_a_stall_all_that_waits_is_taken_in(library: MotionLibrary, opened
     assert source.receiver.receive() is None
     assert (source.counts.received, source.counts.missing) == (597, 3)
     assert sink.recognitions[-1].time == _expected(library, frames[:100] + frames[103:])[-1].time > frames[-6].time
-
-
-def test_sources_of_both_kinds_are_one_service(library: MotionLibrary, opened: ExitStack) -> None:
-    """Frames by OSC and by ZeroMQ are each recognised, and the counts of both are added."""
-    osc_source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
-    zmq_source = Source(zeromq.ZmqReceiver(ANY_PORT), ZmqDecoder())
-    osc_sender = opened.enter_context(closing(osc.OscSender(*osc_source.receiver.address)))
-    zmq_sender = opened.enter_context(closing(zeromq.ZmqSender(Endpoint(zmq_source.receiver.address, bind=False))))
-    sink = FakeSink()
-    with Service(Performers(library), [osc_source, zmq_source], [sink]) as service:
-        while not service.status().inputs.foreign:
-            zmq_sender.send([b"hello/", b""])
-            service.step(0.1)
-        met = service.status().inputs.received
-        for seq, (one, other) in enumerate(zip(_frames("bow", "a"), _frames("jump", "b"), strict=True)):
-            osc_sender.send(osc.encode_frame(one))
-            zmq_sender.send(zeromq.encode_frame(other, seq))
-        until = time.monotonic() + PATIENCE
-        while service.status().outcomes.recognizers.frames < 400 and time.monotonic() < until:
-            service.step(0.1)
-        inputs = service.status().inputs
-    assert {(answer.performer, answer.label) for answer in sink.recognitions} == {("a", "bow"), ("b", "jump")}
-    assert inputs.received >= met + 400
-    assert inputs.foreign == inputs.received - 400
-
-
-def test_frames_without_a_time_are_timed_by_their_arrival(
-    library: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A sender without a clock is recognised by ours: frames are answered once a window's time has passed."""
-    # The clock stands still, so nothing has waited.
-    monkeypatch.setattr(udp, "_MAX_WAITED", 0.0)
-    source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
-    sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
-    clock, sink = FakeClock(), FakeSink()
-    with Service(Performers(library, Settings(hop=0)), [source], [sink], clock=clock) as service:
-        for frame in _frames("jump"):
-            sender.send(osc.encode_frame(dataclasses.replace(frame, time=0.0)))
-            clock.now += 1 / 120
-            service.step(1.0)
-    assert [answer.time for answer in sink.recognitions] == pytest.approx(
-        [1000.0 + (1 + index) / 120 for index in range(18, 200)]
-    )
-    assert {answer.label for answer in sink.recognitions} == {"jump"}
-
-
-def test_a_listener_that_leaves_does_not_stop_the_service(library: MotionLibrary) -> None:
-    """When nobody hears the answers any more, recognition goes on."""
-    listener = osc.OscReceiver(LOOPBACK, 0)
-    source, sink = FakeSource([[frame] for frame in _frames("bow")]), FakeSink()
-    osc_sink = LayoutSink(NativeLayout(), osc.OscSender(*listener.address))
-    listener.close()
-    with Service(Performers(library), [source], [osc_sink, sink]) as service:
-        service.step(0.0)
-    assert len(sink.recognitions) > 10
 
 
 def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened: ExitStack) -> None:
@@ -625,3 +349,38 @@ def test_after_a_pause_old_answers_are_not_sent(library: MotionLibrary, source: 
         source.pollable.recv(1)
         service.step(0.0)
         assert [answer.time for answer in sink.recognitions[before:]] == [frames[9].time + 5.0]
+
+
+class FakeControl:
+    """Keeps the commands it gets."""
+
+    def __init__(self) -> None:
+        self.answers, self.carried_out, self.tended = True, [], 0
+
+    def carry_out(self, asked: Asked) -> None:
+        """Keep a command; `Run` switches answers."""
+        self.carried_out.append(asked.command)
+        if isinstance(asked.command, commands.Run):
+            self.answers = asked.command.on
+
+    def tend(self, now: float) -> None:  # noqa: ARG002 - as the service calls it
+        """Count the turns."""
+        self.tended += 1
+
+
+def test_commands_are_carried_out_and_may_switch_answers_off(library: MotionLibrary) -> None:
+    """A command among frames reaches the control, which is tended; while it says so nothing is answered or ended."""
+    frames = _frames(STICK_CLASSES[0])
+    off, on = Asked(commands.Run(on=False)), Asked(commands.Run(on=True))
+    for packets, answers in (([*frames], True), ([off, *frames], False), ([off, frames[0], on, *frames[1:]], True)):
+        control, sink = FakeControl(), FakeSink()
+        with Service(
+            Performers(library), [FakeSource([[each] for each in packets])], [sink], control=control
+        ) as service:
+            service.step(0.0)
+            service.stop()
+            service.run()
+        assert [isinstance(each, commands.Run) for each in control.carried_out] == [True] * (len(packets) - len(frames))
+        assert control.tended
+        assert bool(sink.recognitions) is answers
+        assert bool(sink.events) is answers

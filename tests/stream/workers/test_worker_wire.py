@@ -14,7 +14,7 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind, Progress
 from kinespace.stream.recognizer import Recognizer
-from kinespace.stream.recognizer.joints.doubts import LongAgo
+from kinespace.stream.recognizer.joints.mending import LongAgo
 from kinespace.stream.workers import wire
 from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq.single_part import decode as decode_single
@@ -30,7 +30,7 @@ POSITIONS = np.arange(18.0).reshape(6, 3) / 7
 
 def sent(**changes: Any) -> wire.SentFrame:  # noqa: ANN401 - any field
     """Give a frame as it is sent, with some fields changed."""
-    frame = wire.sent_frame(Frame("ann", 3.0, POSITIONS), 7, 5.0, ("a", "b", "c", "d", "e", "f"), anew=True)
+    frame = wire.sent_frame(Frame("ann", 3.0, POSITIONS), 7, 5.0, ("a", "b", "c", "d", "e", "f"), begins=True)
     return msgspec.structs.replace(frame, **changes)
 
 
@@ -38,21 +38,21 @@ def sent(**changes: Any) -> wire.SentFrame:  # noqa: ANN401 - any field
 def test_frames_come_back_to_the_last_bit(kind: str) -> None:
     """Positions keep their precision, and number, times and joints are those that were sent."""
     frames = [
-        wire.sent_frame(Frame("ann", 0.0, POSITIONS.astype(kind)), 7, 5.0, anew=False),
+        wire.sent_frame(Frame("ann", 0.0, POSITIONS.astype(kind)), 7, 5.0, begins=False),
         sent(seq=8),
     ]
-    (first, second) = wire.decode_frames(wire.encode_frames(frames))
+    (first, second) = wire.decode_frames(wire.encode(frames))
     assert (first[0].at, first[1].seq, first[1].frame.time, first[1].announcement) == (5.0, 7, 0.0, None)
     assert first[1].frame.positions.dtype == np.dtype(kind)
     assert np.array_equal(first[1].frame.positions, POSITIONS.astype(kind))
-    assert second[0].anew
+    assert second[0].begins
     assert second[1].announcement is not None
     assert second[1].announcement.joints == ("a", "b", "c", "d", "e", "f")
 
 
 def test_a_frame_is_our_zeromq_message() -> None:
     """The decoder of ZeroMQ messages of one part reads a frame from the list."""
-    (packed,) = msgspec.msgpack.decode(wire.encode_frames([sent()]))
+    (packed,) = msgspec.msgpack.decode(wire.encode([sent()]))
     numbered = decode_single(msgspec.msgpack.encode(packed), 1.0)
     assert (numbered.frame.performer, numbered.frame.time, numbered.seq) == ("ann", 3.0, 7)
     assert np.array_equal(numbered.frame.positions, POSITIONS)
@@ -65,7 +65,7 @@ def test_a_frame_is_our_zeromq_message() -> None:
 def test_an_impossible_frame_is_refused(changes: dict[str, Any]) -> None:
     """A frame of another version, without a number, or whose positions do not fit is a format error."""
     with pytest.raises(FormatError):
-        wire.decode_frames(wire.encode_frames([sent(**changes)]))
+        wire.decode_frames(wire.encode([sent(**changes)]))
 
 
 @pytest.mark.parametrize("decode", [wire.decode_frames, wire.decode_entries, wire.decode_answers])
@@ -98,9 +98,9 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
         doubted=("c",),
         eigenvector_class=None,
     )
-    report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, {}, {}, 3, 4)
-    back = wire.decode_answers(wire.encode_answers(wire.Answers([whole], report)))
-    assert back.report == report
+    report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, {}, {}, 4)
+    back = wire.decode_answers(wire.encode(wire.Answers(3, [whole], report)))
+    assert (back.member, back.report) == (3, report)
     (answer,) = back.answered
     assert (answer.seq, answer.at, answer.long_ago) == (9, 5.0, LongAgo(mirrored=True, last_jump=1.5))
     again = answer.recognition(recognition.classes)

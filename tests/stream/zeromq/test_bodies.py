@@ -5,16 +5,12 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from synthetic import STICK, stick_clip
 
 from kinespace.stream.frame import Frame
-from kinespace.stream.outputs.body_sink import BodySink
+from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer.joints.carried import Carried
-from kinespace.stream.zeromq.bodies import decode_body, encode_body
 
 if TYPE_CHECKING:
     from kinespace.library.skeleton import Skeleton
@@ -49,24 +45,6 @@ class Anybody:
         return CARRIED
 
 
-def test_an_encoded_body_is_decoded() -> None:
-    """Name, time, positions, skeleton and what carries the decision come out as they went in."""
-    name = "Ann/é"
-    decoded = decode_body(encode_body(Frame(name, 1.5, POSE), STICK, CARRIED))
-    assert decoded is not None
-    performer, header, positions = decoded
-    assert (performer, header.t, header.names, header.parents) == (name, 1.5, STICK.joints, STICK.parents)
-    assert (header.carried, header.pairs) == CARRIED
-    assert np.array_equal(np.frombuffer(positions, "<f4").reshape(-1, 3), POSE.astype(np.float32))
-
-
-def test_a_skeleton_of_other_joints_is_left_out() -> None:
-    """A frame with other joints than were named has no names: they would be wrong ones."""
-    decoded = decode_body(encode_body(Frame("ann", 1.0, POSE[:-1]), STICK, CARRIED))
-    assert decoded is not None
-    assert (decoded[1].names, decoded[1].carried) == (None, None)
-
-
 @pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 60.0, 119.88, 240.0])
 def test_at_most_thirty_are_sent_a_second(rate: float) -> None:
     """Of any feed at most thirty frames a second are sent, and more than twenty; joints' names about once a second."""
@@ -90,24 +68,3 @@ def test_a_sender_that_begins_anew_is_shown_at_once() -> None:
     sink.publish_gone("ann")
     sink.publish_frame(Frame("ann", 1.051, POSE))
     assert len(sender.sent) == 4
-
-
-@given(st.lists(st.binary(max_size=40), max_size=4))
-def test_rubbish_is_no_body(parts: list[bytes]) -> None:
-    """Whatever else comes is refused without an exception."""
-    assert decode_body(parts) is None
-
-
-@pytest.mark.parametrize(
-    "header",
-    [
-        {"v": 1, "t": 0, "joints": 3},
-        {"v": 1, "t": 0, "joints": 2, "parents": [0, 2]},
-        {"v": 1, "t": 0, "joints": 2, "names": ["a"]},
-        {"v": 1, "t": 0, "joints": 2, "pairs": [[0, 5]]},
-        {"v": 1, "t": 0, "joints": "2"},
-    ],
-)
-def test_a_header_that_does_not_fit_is_refused(header: dict[str, object]) -> None:
-    """Sizes and indices beyond the body never reach who draws it."""
-    assert decode_body([b"body/a/", json.dumps(header).encode(), bytes(24)]) is None

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from contextlib import ExitStack
+from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
 import pytest
@@ -148,3 +150,37 @@ def test_a_program_with_keys_reaches_known_keys_alone(tmp_path: Path) -> None:
 def test_addresses_open_to_others_are_detected(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test
     """Addresses of this machine alone are told from addresses that others reach."""
     assert Endpoint(address, bind=True).is_open_to_others is others
+
+
+@pytest.mark.parametrize("address", ["tcp://0.0.0.0:*", "tcp://*:*"])
+@pytest.mark.parametrize("kind", [zmq.SUB, zmq.PUB, zmq.REP])
+def test_nobody_knows_it_is_open_to_others(address: str, kind: int, tmp_path: Path) -> None:
+    """A socket is bound beyond this machine only for known keys, for known networks, or where that is asked for."""
+    endpoint = Endpoint(address, bind=True)
+    with pytest.raises(ValueError, match=f"expected --keys, --allow-from or --open with {re.escape(address)}"):
+        endpoint.open(kind)
+    make_keys(tmp_path, "stage")
+    with Keyring(tmp_path) as keyring:
+        endpoint.open(kind, keyring=keyring).close()
+    endpoint.open(kind, [ip_network("192.0.2.0/24")]).close()
+    Endpoint(address, bind=True, to_anybody=True).open(kind).close()
+
+
+@pytest.mark.parametrize(
+    ("options", "option"),
+    [
+        ("live --zmq-in tcp://*:*", "--zmq-in"),
+        ("live --zmq-out tcp://*:*", "--zmq-out"),
+        ("live --teach {}/mine.npz --control tcp://*:*", "--control"),
+        ("record {}/a.kinerec --zmq-in tcp://*:*", "--zmq-in"),
+        ("replay squat1Reps --zmq @tcp://*:*", "--zmq"),
+        ("replay squat1Reps --listen @tcp://*:*", "--listen"),
+    ],
+)
+def test_programs_refuse_in_one_line(
+    options: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The line names the option, the address, and the three ways to open it."""
+    assert main(options.format(tmp_path).split()) == 2
+    (line,) = [each for each in capsys.readouterr().err.splitlines() if each.startswith("kinespace: ")]
+    assert line.startswith(f"kinespace: {option}: expected --keys, --allow-from or --open with tcp://*:*, because ")

@@ -1,20 +1,11 @@
-"""The page about `--json` names every program with this option, and every key of programs that print a dataclass."""
+"""The page about `--json` names every program with this option; `test_experiments` compares the evaluations' keys."""
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pytest
-
-from kinespace.tools.chaos.trial import Outcome
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, whole_parser
-from kinespace.tools.evaluation.evaluate_faults import FaultScore
-from kinespace.tools.evaluation.evaluate_noise import NoiseScore
-from kinespace.tools.evaluation.evaluate_progress import ProgressScore
-from kinespace.tools.evaluation.evaluate_teach import TeachScore
-from kinespace.tools.evaluation.scoring.stream_score import StreamScore
 
 if TYPE_CHECKING:
     import argparse
@@ -36,19 +27,3 @@ def test_every_program_with_json_has_a_row() -> None:
     programs = _programs(whole_parser())
     assert len(programs) == len(PROGRAMS) + len(EXPERIMENTS)
     assert {name for name, each in programs.items() if "--json" in each.format_help()} == set(ROWS)
-
-
-@pytest.mark.parametrize(
-    ("program", "score"),
-    [
-        ("evaluate stream", StreamScore),
-        ("evaluate noise", NoiseScore),
-        ("evaluate faults", FaultScore),
-        ("evaluate teach", TeachScore),
-        ("evaluate progress", ProgressScore),
-        ("chaos", Outcome),
-    ],
-)
-def test_every_figure_is_in_its_row(program: str, score: type) -> None:
-    """Each field of what a program prints stands in its row."""
-    assert [each.name for each in fields(score) if f"`{each.name}`" not in ROWS[program]] == []

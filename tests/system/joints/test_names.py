@@ -166,22 +166,3 @@ def test_library_of_another_naming_is_met(motions: MotionLibrary) -> None:
     assert theirs.in_our_names(Naming(finds=False)) is theirs
     for library in (theirs, theirs.in_our_names(Naming())):
         assert _answered(library, clips[0], labels) == clips[0].class_name
-
-
-def test_names_can_be_left_as_they_are(tmp_path: Path, motions: MotionLibrary) -> None:
-    """As-they-are keeps a file's own names, in a library as in a conversion."""
-    folder = _written(tmp_path / "kinect2", motions, "kinect2")
-    output, numbers = tmp_path / "own.npz", tmp_path / "numbers.npz"
-    assert main(["build", str(folder), "--names", "as-they-are", "-o", str(output)]) == 0
-    assert set(MotionLibrary.load(output).skeleton.joints) == set(skeletons.KINECT_2)
-    file = next(folder.rglob("*.trc"))
-    for names, joint in (("kinect2", "root"), ("as-they-are", "SpineBase")):
-        assert main(["convert", str(file), "--names", names, "--overwrite", "-o", str(numbers)]) == 0
-        with np.load(numbers) as held:
-            assert str(held["joints"][0]) == joint
-
-
-def test_an_unknown_convention_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A mistyped convention ends the program with the list of conventions."""
-    assert main(["build", str(tmp_path), "--names", "klingon", "-o", str(tmp_path / "a.npz")]) == 2
-    assert "--names: expected one of acclaim-bvh, arkit" in capsys.readouterr().err

@@ -16,16 +16,13 @@ from programs import LOOPBACK, PATIENCE, free_udp_port, live, motion_cues, start
 
 from kinespace.stream import Performers, osc
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.source import FeedSource
-from kinespace.stream.inputs.recording import RawFile, RawPacket, RawWriter
+from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.service.loop import Service
-from kinespace.stream.service.status import InputCounts
+from kinespace.stream.status import InputCounts
 from kinespace.tools.cli import interruption
 from kinespace.tools.feeding.feed import Pace
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from kinespace.library.motion_library import MotionLibrary
 
 pytestmark = pytest.mark.slow
@@ -152,14 +149,3 @@ def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.Mo
         source.tend(moment)
     assert unasked == source.unasked
     source.close()
-
-
-def test_an_arrival_that_no_clock_shows_ends_a_recording(tmp_path: Path) -> None:
-    """A recording is read up to the first packet with an impossible time, and the program says so."""
-    path = tmp_path / "a.kinerec"
-    with RawWriter(path, ["osc here"]) as writer:
-        for arrival in (1.0, 1e300, 2.0):
-            writer.write(RawPacket(arrival, 0, "", (b"x",)))
-    recording = RawFile(path)
-    assert [packet.arrival for packet in recording.packets()] == [1.0]
-    assert "cut off or damaged" in recording.damage()

@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import json
-import math
-import socket
-from collections import deque
 from typing import TYPE_CHECKING
 
 import pytest
-from pythonosc.osc_packet import OscPacket
+from fakes import Bench, FakeSource
 from synthetic import stick_clip
 
-from kinespace.stream import osc, zeromq
+from kinespace.stream import zeromq
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.outputs import Sink
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Performers, Recognizer
-from kinespace.stream.service.loop import Service
-from kinespace.stream.service.status import InputCounts
-from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.live_table import LiveTable, PlainLines
+from kinespace.tools.terminal.live_table import PlainLines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Recognition
-    from kinespace.stream.service.status import Status
 
 START, END = EventKind.START, EventKind.END
 
@@ -124,16 +115,6 @@ EVENTS = [
 
 
 @pytest.mark.parametrize("event", EVENTS)
-def test_python_osc_reads_an_event(event: Event) -> None:
-    """An OSC event is a message of kind, label, index, score and seconds, at its performer's address."""
-    (timed,) = OscPacket(osc.encode_event(event, event.time - 2.5)).messages
-    assert timed.message.address == f"/motion/{osc.address_part(event.performer)}/event"
-    assert timed.message.params == [str(event.kind), event.label, event.index, event.score, 2.5]
-    assert b",ssiff\0" in osc.encode_event(event)
-    assert " " not in timed.message.address
-
-
-@pytest.mark.parametrize("event", EVENTS)
 def test_an_event_is_json_under_its_performers_topic(event: Event) -> None:
     """A ZeroMQ event is a topic of its own and strict JSON that says all of it."""
     topic, body = zeromq.encode_event(event)
@@ -154,96 +135,18 @@ def test_an_event_is_json_under_its_performers_topic(event: Event) -> None:
     }
 
 
-def test_an_event_is_no_answer() -> None:
-    """A listener for answers ignores events."""
-    assert zeromq.decode_answer(zeromq.encode_event(EVENTS[0])) is None
-
-
 # --- the service -------------------------------------------------------------------------------------------------
 
 
-class ListSource:
-    """Frames from a list, with a socket on which something seems always to be waiting."""
-
-    def __init__(self) -> None:
-        self.waiting = deque[Frame]()
-        self.counts = InputCounts()
-        self.tended_within, self.has_put_aside, self.waited, self.notes = math.inf, False, 0.0, ()
-        self.pollable, self._other_end = socket.socketpair()
-        self._other_end.send(b"!")
-
-    def take(self, arrival: float) -> Sequence[Frame] | None:
-        """Give the next frame."""
-        assert arrival > 0
-        return [self.waiting.popleft()] if self.waiting else None
-
-    def close(self) -> None:
-        """Do nothing."""
-        self.pollable.close()
-        self._other_end.close()
-
-
-class ListSink(Sink):
-    """Keeps events in order."""
-
-    def __init__(self) -> None:
-        self.failed = 0
-        self.told: list[Recognition | Event | Status] = []
-
-    def publish(self, recognition: Recognition) -> None:
-        """Keep it."""
-        self.told.append(recognition)
-
-    def publish_event(self, event: Event) -> None:
-        """Keep it."""
-        self.told.append(event)
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Pass over them."""
-
-    def publish_status(self, status: Status) -> None:
-        """Keep it."""
-        self.told.append(status)
-
-    def close(self) -> None:
-        """Close nothing."""
-
-    @property
-    def events(self) -> list[Event]:
-        """The events that the sink got."""
-        return [each for each in self.told if isinstance(each, Event)]
-
-
-class Stage:
-    """A service on a clock that the test turns, with two sinks."""
-
-    def __init__(self, library: MotionLibrary) -> None:
-        self.now = 1000.0
-        self.source, self.sinks = ListSource(), (ListSink(), ListSink())
-        performers = Performers(library, silence=2.0)
-        self.service = Service(performers, [self.source], self.sinks, clock=lambda: self.now)
-
-    def perform(self, frames: Sequence[Frame]) -> None:
-        """Let all frames come in now."""
-        self.source.waiting.extend(frames)
-        while self.source.waiting:
-            self.service.step(0.0)
-
-    def wait(self, seconds: float) -> None:
-        """Let some time pass without a frame."""
-        self.now += seconds
-        self.service.step(0.0)
-
-
 @pytest.fixture
-def stage(library: MotionLibrary) -> Iterator[Stage]:
-    """Open a service with a clock of its own."""
-    stage = Stage(library)
+def stage(library: MotionLibrary) -> Iterator[Bench]:
+    """Open a service of two sinks with a clock of its own."""
+    stage = Bench(Performers(library, silence=2.0), FakeSource(), sinks=2)
     yield stage
     stage.service.close()
 
 
-def test_every_sink_hears_of_every_event(stage: Stage, library: MotionLibrary) -> None:
+def test_every_sink_hears_of_every_event(stage: Bench, library: MotionLibrary) -> None:
     """Each sink gets the events of a recogniser alone, each right after its recognition."""
     frames = [*_frames("bow"), *_frames("jump", start=102.0)]
     stage.perform(frames)
@@ -252,34 +155,26 @@ def test_every_sink_hears_of_every_event(stage: Stage, library: MotionLibrary) -
     assert _told(expected) == [("p", START, "bow"), ("p", END, "bow"), ("p", START, "jump")]
     for sink in stage.sinks:
         assert sink.events == expected
-        answers = [each for each in sink.told if hasattr(each, "events")]
-        for answer in answers:
+        for answer in sink.recognitions:
             place = next(index for index, each in enumerate(sink.told) if each is answer)
             assert tuple(sink.told[place + 1 : place + 1 + len(answer.events)]) == answer.events
 
 
-def test_a_dropped_performers_motion_ends_for_every_sink(stage: Stage) -> None:
+def test_a_dropped_performers_motion_ends_for_every_sink(stage: Bench) -> None:
     """Once a performer is silent for long enough each sink hears the end, once, before the status without him."""
     frames = _frames("wave", "Ada")
     stage.perform(frames)
-    stage.wait(1.9)
+    stage.step(1.9)
     for sink in stage.sinks:
         assert _told(sink.events) == [("Ada", START, "wave")]
     for _ in range(3):
-        stage.wait(1.1)
+        stage.step(1.1)
     for sink in stage.sinks:
         assert _told(sink.events) == [("Ada", START, "wave"), ("Ada", END, "wave")]
         assert sink.events[-1].time == frames[-1].time
         place = sink.told.index(sink.events[-1])
         assert not sink.told[place + 1].performers
         assert sink.told[place - 1].performers
-
-
-def test_several_performers_events_are_their_own(stage: Stage) -> None:
-    """Interleaved frames of two performers give each the events of its own frames alone."""
-    both = [f for pair in zip(_frames("bow", "Ada"), _frames("jump", "Bo"), strict=True) for f in pair]
-    stage.perform(both)
-    assert sorted(_told(stage.sinks[0].events)) == [("Ada", START, "bow"), ("Bo", START, "jump")]
 
 
 # --- the view of a person --------------------------------------------------------------------------------------
@@ -292,19 +187,3 @@ def test_plain_lines_tell_events_without_control_characters(capsys: pytest.Captu
     assert "0.000 s" in line
     assert "start: bow" in line
     assert "\x1b[2J" not in line
-
-
-def test_the_table_shows_the_motion_under_way(library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Between start and end the table shows the motion beside its performer, and before and after it does not."""
-    monkeypatch.setattr(console, "width", 120)
-    table, shown = LiveTable(library.classes), list[str]()
-    recognizer = Recognizer(library)
-    answers = [answer for frame in _frames("bow") if (answer := recognizer.push(frame))]
-    table.publish(answers[0])
-    for event in (None, Event("p", START, "jump", 1, 0.9, 1.0), Event("p", END, "jump", 1, 0.9, 2.0)):
-        if event:
-            table.publish_event(event)
-        with console.capture() as capture:
-            console.print(table.drawn())
-        shown.append(capture.get())
-    assert ["jump" in each for each in shown] == [False, True, False]

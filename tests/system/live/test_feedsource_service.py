@@ -11,8 +11,8 @@ from golden import message
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.service.loop import Service

@@ -6,7 +6,6 @@ import re
 import socket
 import time
 from contextlib import ExitStack
-from importlib import resources
 from typing import TYPE_CHECKING
 
 import pytest
@@ -74,31 +73,6 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         assert int(made[1]) >= 70
         assert "malformed 0" in program.output
         assert program.output.startswith("feed vmc: 22 of the library's 31 joints\n")
-
-
-def test_ones_own_preset_and_a_reply_to_the_sender(tmp_path: Path) -> None:
-    """A copy of a preset in a file of one's own works alike; the sender hears the answer on the port it sent from."""
-    mine = tmp_path / "mine.toml"
-    mine.write_text(
-        (resources.files("kinespace.stream.feeds") / "presets" / "wekinator.toml").read_text(encoding="utf-8"),
-        encoding="utf-8",
-    )
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.settimeout(PATIENCE)
-        command = ("live", "--plain", "--feed", mine, "--osc-in", f"{LOOPBACK}:0", "--out", "wekinator=sender:0")
-        with started(*command) as program:
-            port = int(program.expect(r"listening on mine 127\.0\.0\.1:(\d+); answering to wekinator the sender;")[1])
-            cues = ghost_cues("kickLFront1Reps", 2.0)[::4]
-            start = time.monotonic()
-            for number, cue in enumerate(cues):
-                places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-                time.sleep(max(0.0, start + number / 30 - time.monotonic()))
-                (packet,) = LAYOUTS["wekinator"][1](Moment(places, 1.0, number))
-                sender.sendto(packet, (LOOPBACK, port))
-            (answer,) = decode_packet(sender.recv(2000))
-            assert answer.address == "/wek/outputs"
-            assert program.interrupt() == 0
-            assert program.errors == ""
 
 
 def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:

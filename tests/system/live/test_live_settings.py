@@ -79,70 +79,45 @@ def test_only_the_default_signature_has_evidence(small_library: MotionLibrary, f
 # --- settings ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("signature", "name", "value"),
-    [
-        (LiveSignature.WINDOWS, "window", 1.0),
-        (LiveSignature.WINDOWS, "smallest_gap", 0.0),
-        (LiveSignature.PAPER, "sensitivity", 0.05),
-    ],
-)
-def test_settings_of_the_other_signature_are_refused(signature: LiveSignature, name: str, value: float) -> None:
-    """A setting of the other signature is refused by name, with any value; a setting of its own is taken."""
-    with pytest.raises(ValueError, match=f"{name}: expected none with the signature {signature}, got {value}"):
-        Settings(signature=signature, **{name: value})
-    (other,) = set(LiveSignature) - {signature}
-    assert getattr(Settings(signature=other, **{name: value}), name) == value
+#: Settings that are refused, by name, with the expectation.
+_BY_PAPER = {"window", "smallest_gap"}
+WRONG: list[tuple[str, object, str]] = [
+    *(("window", value, "a positive number of seconds") for value in (0.0, -1.0, np.inf, np.nan)),
+    *(("longest_gap", value, "a positive number of seconds") for value in (0.0, -1.0, np.inf, np.nan)),
+    *(
+        (name, value, "a (number not below 0|whole number)")
+        for name in ("sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience")
+        for value in (-1, -1e-9, np.inf, np.nan)
+    ),
+    ("sensitivity", 2, "a share from 0 to 1"),
+    ("signature", "papier", "windows or paper"),
+    ("progress", "no", "True or False"),
+    ("plausibility", 0, "True or False"),
+    ("patience", 1.5, "a whole number"),
+    ("hop", 1e9, "at most 60 seconds"),
+    ("hop", "1", "a number"),
+    ("lead", True, "a number"),
+    ("longest_gap", None, "a number"),
+    ("window", "1", "a number"),
+]
 
 
-@pytest.mark.parametrize("name", ["window", "longest_gap"])
-@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
-def test_spans_of_time_are_positive(name: str, value: float) -> None:
-    """A window or a longest gap that is no positive number of seconds is refused, by its name."""
-    with pytest.raises(ValueError, match=f"{name}: expected a positive number of seconds"):
-        Settings(signature=LiveSignature.PAPER, **{name: value})
-
-
-def test_a_sensitivity_is_a_share() -> None:
-    """A sensitivity above 1 is refused."""
-    with pytest.raises(ValueError, match=r"sensitivity: expected a share from 0 to 1, got 2"):
-        Settings(sensitivity=2)
-
-
-@pytest.mark.parametrize("name", ["sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience"])
-@pytest.mark.parametrize("value", [-1, -1e-9, np.inf, np.nan])
-def test_thresholds_are_not_negative(name: str, value: float) -> None:
-    """A negative or endless threshold, hop or patience is refused, by its name; 0 is not."""
-    signature = LiveSignature.PAPER if name == "smallest_gap" else LiveSignature.WINDOWS
-    with pytest.raises(ValueError, match=f"{name}: expected a (number not below 0|whole number)"):
-        Settings(signature=signature, **{name: value})
-    Settings(signature=signature, **{name: 0})
-
-
-def test_a_signature_may_be_named() -> None:
-    """A signature's text is the signature; another text is refused."""
-    assert Settings(signature="paper").signature is LiveSignature.PAPER  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="signature: expected windows or paper, got 'papier'"):
-        Settings(signature="papier")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "expected"),
-    [
-        ("progress", "no", "True or False"),
-        ("plausibility", 0, "True or False"),
-        ("patience", 1.5, "a whole number"),
-        ("hop", 1e9, "at most 60 seconds"),
-        ("hop", "1", "a number"),
-        ("lead", True, "a number"),
-        ("longest_gap", None, "a number"),
-        ("window", "1", "a number"),
-    ],
-)
-def test_settings_of_another_type_are_refused(name: str, value: object, expected: str) -> None:
-    """Texts, numbers and truths are not taken for one another."""
+@pytest.mark.parametrize(("name", "value", "expected"), WRONG)
+def test_a_wrong_setting_is_refused_by_name(name: str, value: object, expected: str) -> None:
+    """Numbers beyond their bounds and values of another type are refused; the message says expectation and value."""
+    signature = LiveSignature.PAPER if name in _BY_PAPER else LiveSignature.WINDOWS
     with pytest.raises(ValueError, match=f"{name}: expected {expected}, got {value!r}"):
-        Settings(**{name: value})  # type: ignore[arg-type]
+        Settings(**{"signature": signature} | {name: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("name", "value"), [("window", 1.0), ("smallest_gap", 0.0), ("sensitivity", 0.0), ("hop", 0)])
+def test_a_setting_has_its_signature(name: str, value: float) -> None:
+    """A setting of the other signature is refused by name, with any value; its own takes it, 0 too."""
+    own, other = (LiveSignature.PAPER, "windows") if name in _BY_PAPER else (LiveSignature.WINDOWS, "paper")
+    assert getattr(Settings(signature=own, **{name: value}), name) == value
+    if name != "hop":
+        with pytest.raises(ValueError, match=f"{name}: expected none with the signature {other}, got {value}"):
+            Settings(signature=other, **{name: value})  # type: ignore[arg-type]
 
 
 def test_more_sensitive_names_more(builtin_index: WindowIndex, some_clips: tuple[Clip, ...]) -> None:
@@ -175,7 +150,7 @@ def test_stillness_is_a_setting(
     assert {answer.movement < stillness for answer in answers} == {still}
 
 
-@pytest.mark.parametrize(("smallest_gap", "outcome"), [(0.01, Outcome.NAMED), (1.0, Outcome.AMBIGUOUS)])
+@pytest.mark.parametrize(("smallest_gap", "outcome"), [(0.01, Outcome.NAMED), (1.01, Outcome.AMBIGUOUS)])
 def test_the_smallest_gap_is_a_setting(sticks: MotionLibrary, smallest_gap: float, outcome: Outcome) -> None:
     """With the paper's signature a gap between the eigenvalues below the given one is ambiguous, above it is named."""
     settings = Settings(signature=LiveSignature.PAPER, smallest_gap=smallest_gap)

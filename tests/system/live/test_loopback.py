@@ -24,7 +24,6 @@ from kinespace.library import read_recordings
 from kinespace.stream import Settings
 from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.expected_answers import expected_answers
-from kinespace.tools.programs.replay.options import Faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -115,34 +114,3 @@ def test_recordings_are_answered_across_processes(transport: Transport, recordin
     seen = {"received": len(cues) + told, "frames": len(cues), "answers": len(expected), "restarts": len(clips) - 1}
     assert counts == {**dict.fromkeys(counts, 0), **seen}
     assert lines == changes([each.label for each in expected])
-
-
-@pytest.mark.parametrize("transport", TRANSPORTS)
-def test_ordered_faults_are_counted_exactly(transport: Transport, recordings: list[tuple[Path, Clip]]) -> None:
-    """Of a feed with drops, jitter and swaps, the recogniser counts exactly the frames that came late or never."""
-    path, clip = recordings[-1]
-    faults = Faults(drop=0.1, jitter=0.02, reorder=0.1, seed=11)
-    cues = list(faults.applied(clip_cues([clip], "replay", speed=SPEED)))
-    numbers = [cue.seq for cue in cues]
-    late = sum(number < max(numbers[: place + 1]) for place, number in enumerate(numbers))
-    never = max(numbers) - numbers[0] + 1 - len(numbers)
-    assert numbers[0] < numbers[1]
-    assert late > 10
-    assert never > 10
-    order = ("--drop", 0.1, "--jitter-ms", 20, "--reorder", 0.1, "--seed", 11)
-    with recognising(transport) as (program, ends):
-        status, output, errors = finished("replay", path, *ends, *order, "--speed", SPEED, "--json")
-        counts = ended(program)
-    assert (status, errors) == (0, "")
-    described = json.loads(output)
-    assert (described["sent"], described["failed"]) == (len(cues), 0)
-    assert described["answers"] > 0
-    told = announcements(cues) if transport == "osc" else 0
-    seen = {
-        "received": len(cues) + told,
-        "frames": len(cues) - late,
-        "out of order": late,
-        "missing": never if transport == "zmq" else 0,
-        "answers": len(expected_answers(cues, small_library(), Settings())),
-    }
-    assert counts == {**dict.fromkeys(counts, 0), **seen}

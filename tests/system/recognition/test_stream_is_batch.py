@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -18,8 +17,8 @@ from twins import Twin
 
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
-from kinespace.stream.recognizer.hysteresis import LEAD
+from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.stream.recognizer.decision import LEAD
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from naive_stream import NaiveHop
 
     from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
@@ -92,7 +90,7 @@ def _assert_alike(answer: Recognition, hop: NaiveHop, twin: Twin) -> None:
     expected = views[: len(index.comparison.weighing.views)].min(axis=0)
     assert np.abs(_distances(answer) - expected).max() <= SAME
     assert answer.evidence is not None
-    distances, leads = evidence(views[len(index.comparison.weighing.views) :], answer.best)
+    distances, leads = evidence(views[len(index.comparison.weighing.views) :], answer.guess)
     assert answer.evidence.distances == pytest.approx(distances, abs=SAME)
     assert answer.evidence.leads == pytest.approx(leads, abs=2 * SAME)
     assert answer.evidence.noise == pytest.approx(hop.noise, rel=1e-6, abs=1e-9)
@@ -130,7 +128,7 @@ def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> Non
         return
     index = twin.index
     guesses = naive_stream.guesses(course.times, course.distances, LEAD)
-    assert [answer.best for answer in course.answers] == guesses
+    assert [answer.guess for answer in course.answers] == guesses
     rejection = index.rejection
     logits = [
         logit(
@@ -139,8 +137,8 @@ def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> Non
             rejection.typical.tolist(),
             answer.evidence.noise,
             offset=rejection.offset,
-            bias=rejection.biases.get(answer.classes[answer.best], 0.0),
-            slope=rejection.slopes.get(answer.classes[answer.best], 0.0),
+            bias=rejection.biases.get(answer.classes[answer.guess], 0.0),
+            slope=rejection.slopes.get(answer.classes[answer.guess], 0.0),
         )
         for answer in course.answers
     ]
@@ -244,57 +242,6 @@ def test_another_library_and_its_weights(clips: list[Clip], builtin_index: Windo
     twin = Twin(builtin_index.of_some(kept))
     assert len(twin.index.comparison.weighing.views) == 2
     assert _count(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))) > 15
-
-
-# --- again, and with others --------------------------------------------------------------------------------------
-
-
-def _run(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]:
-    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
-
-
-def _assert_identical(first: Sequence[Recognition], second: Sequence[Recognition]) -> None:
-    """Demand the same answers, bit for bit."""
-    assert len(first) == len(second) > 0
-    for one, other in zip(first, second, strict=True):
-        assert one.scores.tobytes() == other.scores.tobytes()
-        assert (one.time, one.outcome, one.movement, one.share, one.gap) == (
-            *(other.time, other.outcome, other.movement),
-            *(other.share, other.gap),
-        )
-        assert (one.eigenvector_class, one.eigenvector_score) == (other.eigenvector_class, other.eigenvector_score)
-
-
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_again_after_reset_every_answer_is_identical(
-    clips: list[Clip], small_index: WindowIndex, signature: LiveSignature
-) -> None:
-    """The same feed after a reset gets the same answers to the last bit; without one it does not."""
-    recognizer = Recognizer(small_index, Settings(signature=signature, plausibility=False))
-    for clip in clips[::4]:
-        frames = _frames(clip)
-        recognizer.reset()
-        first = _run(recognizer, frames)
-        recognizer.reset()
-        _assert_identical(_run(recognizer, frames), first)
-        later = [Frame("p", frame.time + clip.duration, frame.positions) for frame in frames]
-        assert len(_run(recognizer, later)) > len(first)
-
-
-def test_interleaved_performers_get_the_answers_they_get_alone(clips: list[Clip], small_library: MotionLibrary) -> None:
-    """Five people on one feed, their frames mixed by chance, are answered to the last bit as each would be alone."""
-    feeds = {clip.class_name: deque(_frames(clip)) for clip in clips}
-    alone = {name: _run(Recognizer(small_library), feed) for name, feed in feeds.items()}
-    turns = np.repeat(list(feeds), [len(feed) for feed in feeds.values()])
-    performers = Performers(small_library)
-    mixed: dict[str, list[Recognition]] = {name: [] for name in feeds}
-    for name in np.random.default_rng(14).permutation(turns).tolist():
-        frame = feeds[name].popleft()
-        answer = performers.push(Frame(name, frame.time, frame.positions), arrival=0.0)
-        if answer is not None:
-            mixed[answer.performer].append(answer)
-    for name, answers in mixed.items():
-        _assert_identical(answers, alone[name])
 
 
 # --- the paper's signature ---------------------------------------------------------------------------------------

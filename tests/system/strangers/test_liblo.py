@@ -18,7 +18,6 @@ from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.osc.packet import decode_packet
@@ -26,7 +25,7 @@ from kinespace.stream.outputs import LayoutSink, NativeLayout, layouts
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.service.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -82,29 +81,6 @@ def test_oscsend_announces_joints_and_sends_a_frame(liblo_tools: LibloTools) -> 
     assert isinstance(frame, Frame)
     assert (frame.performer, frame.time) == ("Ada Ä", 2.5)
     np.testing.assert_array_equal(frame.positions.astype(np.float32), positions)
-
-
-@pytest.mark.usefixtures("no_waiting")
-def test_oscsend_sends_joints_one_by_one(liblo_tools: LibloTools) -> None:
-    """OSCeleton's loose joint messages from oscsend make its frame, in metres, moved as a whole at most."""
-    positions = ghost_cues("squat1Reps", 0.1)[0].frame.positions
-    places = dict(zip(SKELETON.joints, positions.astype(np.float64), strict=True))
-    preset = builtin_preset("osceleton")
-    with closing(FeedSource(osc.OscReceiver(LOOPBACK, 0), preset)) as source:
-        packets = LAYOUTS["osceleton"][1](Moment(places, 1.0, 0))
-        for packet in packets:
-            (joint,) = decode_packet(packet)
-            name, user, *xyz = joint.arguments
-            liblo_tools.send(source.receiver.address[1], joint.address, "sifff", name, user, *xyz)
-        events = [*taken(source, len(packets)), *source.tend(2.0)]
-        assert (source.counts.malformed, source.counts.foreign, source.counts.incomplete) == (0, 0, 0)
-    announced, frame = events
-    assert announced == Announcement("1", preset.joints)
-    assert isinstance(frame, Frame)
-    sent = np.array([places[joint] for joint in preset.joints])
-    # Where its camera stands is not in the messages.
-    moved = frame.positions - sent
-    np.testing.assert_allclose(moved, np.broadcast_to(moved.mean(axis=0), sent.shape), atol=1e-5)
 
 
 def same(printed: Dumped, packet: bytes) -> bool:
@@ -221,27 +197,6 @@ def test_liblo_reads_our_answers_in_every_layout(
     assert packets
     for packet in packets:
         assert understood(packet) == ours(packet)
-
-
-def test_liblo_sends_bundles(pyliblo: ModuleType) -> None:
-    """A VMC frame in bundles of at most 13 bones that liblo packs is the frame that goes over the wire loose."""
-    (cue,) = ghost_cues("squat1Reps", 0.1)[:1]
-    places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-    sent = [each for packet in LAYOUTS["vmc loose"][1](Moment(places, 1.0, 0)) for each in decode_packet(packet)]
-    bones = [pyliblo.Message(each.address, *each.arguments) for each in sent]
-    frames = []
-    for together in (True, False):
-        with closing(FeedSource(osc.OscReceiver(LOOPBACK, 0), builtin_preset("vmc"))) as source:
-            target = pyliblo.Address(LOOPBACK, source.receiver.address[1])
-            # Not nested, which crashes pyliblo3 0.17.
-            packed = [pyliblo.Bundle(*bones[:13]), pyliblo.Bundle(*bones[13:])] if together else bones
-            for each in packed:
-                pyliblo.send(target, each)
-            events = [*taken(source, len(packed)), *source.tend(2.0)]
-            assert (source.counts.malformed, source.counts.foreign) == (0, 0)
-        frames += [event for event in events if isinstance(event, Frame)]
-    bundled, loose = frames
-    np.testing.assert_array_equal(bundled.positions, loose.positions)
 
 
 def test_liblo_and_we_agree_on_every_type(understood: Callable[[bytes], list[Understood]]) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from written import trc_text
 
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection
@@ -39,17 +40,6 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
     assert all(rejection.logit(*window) > 0 for window in known)
     assert all(rejection.logit(*window) < 0 for window in unknown)
     assert rejection.biases["a"] > rejection.biases["b"]
-
-
-def test_typical_evidence_does_not_change_the_fit() -> None:
-    """Typical evidence moves with the joints; the fit does not."""
-    lessons = [
-        Lesson(_windows([0.5, 1.0]), is_known=True, weight=1.0),
-        Lesson(_windows([0.0, 0.25]), is_known=False, weight=1.0),
-    ]
-    [doubtful] = _windows([0.4])
-    usual, moved = (fitted(lessons, ("a",), typical) for typical in (_TYPICAL, np.array([1.0, 0.5])))
-    assert usual.logit(*doubtful) == pytest.approx(moved.logit(*doubtful), abs=1e-3)
 
 
 def test_weights_move_the_fit() -> None:
@@ -88,7 +78,9 @@ def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for actor in ("mm", "tr"):
             clip = next(each for each in library.motions if (each.class_name, each.actor) == (name, actor))
             path = folder / f"{name}_{actor}.trc"
-            _write_trc(path, clip.skeleton.joints, clip.positions, clip.frame_rate)
+            path.write_text(
+                trc_text(clip.skeleton.joints, clip.positions, rate=clip.frame_rate, unit="m"), encoding="utf-8"
+            )
             rows.append({"file": path.name, "subject": actor, "contains": contains, "perhaps": ""})
     table = folder / "takes.csv"
     with table.open("w", newline="", encoding="utf-8") as file:
@@ -96,19 +88,6 @@ def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
         writer.writeheader()
         writer.writerows(rows)
     return table
-
-
-def _write_trc(path: Path, joints: tuple[str, ...], positions: np.ndarray, rate: float) -> None:
-    lines = [f"PathFileType\t4\t(X/Y/Z)\t{path.name}"]
-    lines.append("DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames")
-    lines.append(f"{rate}\t{rate}\t{len(positions)}\t{len(joints)}\tm\t{rate}\t1\t{len(positions)}")
-    lines.append("Frame#\tTime\t" + "\t\t\t".join(joints))
-    lines.append("\t\t" + "\t".join(f"X{n}\tY{n}\tZ{n}" for n in range(1, len(joints) + 1)))
-    lines.append("")
-    for index, frame in enumerate(positions):
-        numbers = "\t".join(f"{value:.4f}" for value in frame.ravel())
-        lines.append(f"{index + 1}\t{index / rate:.5f}\t{numbers}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def test_learn_keeps_its_numbers_in_the_library(

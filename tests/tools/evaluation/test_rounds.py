@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,18 +13,17 @@ from programs import SMALL_CLASSES
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.windows.index import opened
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.rounds import rounds_scored
+from kinespace.tools.evaluation.scoring.rounds import rounds_scored
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
 
 pytestmark = pytest.mark.slow
 
+PAGE = Path(__file__).parents[3] / ".github/docs/json.md"
 ARMS = "rotateArmsBothBackward1Reps"
 ROUNDS = 4
 
@@ -46,13 +46,14 @@ def circles(builtin: MotionLibrary) -> Take:
 def test_rounds_are_followed(others: WindowIndex, circles: Take) -> None:
     """Between the first turning point and the last there are two rounds or three; the progress goes round as often."""
     (score,) = rounds_scored([circles], others)
-    assert (score.take, score.class_name) == ("circles", ARMS)
-    assert score.seconds == pytest.approx(circles.clip.duration)
-    assert ROUNDS - 2.5 < score.rounds < ROUNDS
-    assert score.rounds_told == pytest.approx(score.rounds, abs=0.3)
-    assert 0.4 < score.followed <= 1
-    assert score.phase_error < 0.05
-    assert score.within_tenth > 0.9
+    assert (score["take"], score["class_name"]) == ("circles", ARMS)
+    assert score["seconds"] == pytest.approx(circles.clip.duration)
+    assert ROUNDS - 2.5 < score["rounds"] < ROUNDS
+    assert score["rounds_told"] == pytest.approx(score["rounds"], abs=0.3)
+    assert 0.4 < score["followed"] <= 1
+    assert score["phase_error"] < 0.05
+    assert score["within_tenth"] > 0.9
+    assert [name for name in score if f"`{name}`" not in PAGE.read_text(encoding="utf-8")] == []
 
 
 def test_less_than_a_round_and_other_labels_have_no_score(others: WindowIndex, circles: Take) -> None:

@@ -11,11 +11,10 @@ import pytest
 from programs import LOOPBACK
 from synthetic import STICK, stick_clip
 
-from kinespace.stream import Announcement, Frame, osc, zeromq
+from kinespace.stream import Announcement, Frame, zeromq
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.feeding.feed import (
     Cue,
-    OscFrameSender,
     Pace,
     ZmqFrameSender,
     clip_cues,
@@ -74,12 +73,6 @@ def test_another_rate_shows_the_same_movement(frame_rate: float) -> None:
     again = resampled(stick_clip("wave", frames=121).moved_to(evenly), frame_rate)
     assert again.frame_rate == frame_rate
     np.testing.assert_allclose(again.positions[:, 0, 0], np.arange(frame_rate + 1) / frame_rate, atol=1e-12)
-
-
-def test_a_clip_of_one_frame_can_have_another_rate() -> None:
-    """A clip of one frame does not change."""
-    clip = stick_clip("wave", frames=1)
-    np.testing.assert_array_equal(resampled(clip, 50.0).positions, clip.positions)
 
 
 def test_clips_are_put_one_after_the_other() -> None:
@@ -212,40 +205,6 @@ def test_a_late_pace_catches_up_without_sleeping(monkeypatch: pytest.MonkeyPatch
     pace.wait_for(6.0)
     assert clock.now == pytest.approx(1006.0)
     assert pace.moment(7.0) == pytest.approx(1007.0)
-
-
-def test_an_osc_sender_sends_like_a_live_feed() -> None:
-    """The announcement and the frame arrive as the OSC border reads them, positions as float32."""
-    frame = Frame("me", 2.5, np.random.default_rng(6).normal(size=(6, 3)))
-    announcement = Announcement("me", STICK.joints)
-    receiver = osc.OscReceiver(LOOPBACK, 0)
-    sender = OscFrameSender(*receiver.address)
-    try:
-        sender.announce(announcement)
-        sender.send(sender.encode(Cue(0.0, frame, 0)))
-        events = [osc.decode(receiver.receive() or b"", 9.0).events for _ in range(2)]
-    finally:
-        sender.close()
-        receiver.close()
-    assert events[0] == [announcement]
-    (received,) = events[1]
-    assert isinstance(received, Frame)
-    assert (received.performer, received.time) == ("me", 2.5)
-    np.testing.assert_array_equal(received.positions, frame.positions.astype(np.float32))
-    assert sender.failed == 0
-
-
-def test_a_datagram_the_system_refuses_is_counted() -> None:
-    """A datagram larger than UDP allows is counted as failed, without an error."""
-    receiver = osc.OscReceiver(LOOPBACK, 0)
-    sender = OscFrameSender(*receiver.address)
-    try:
-        sender.send(b"/" * 70_000)
-        assert sender.failed == 1
-        assert receiver.receive() is None
-    finally:
-        sender.close()
-        receiver.close()
 
 
 def test_a_zmq_sender_tells_the_joints_with_the_next_frame_only() -> None:

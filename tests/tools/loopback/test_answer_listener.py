@@ -6,31 +6,18 @@ import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 from programs import LOOPBACK, PATIENCE
 
-from kinespace.stream import Outcome, Recognition, osc, zeromq
-from kinespace.stream.recognition import Answer
+from kinespace.stream import osc, zeromq
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.loopback.answer_listener import Listener, answer_in
+from kinespace.tools.loopback.answer_listener import Listener
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from kinespace.tools.feeding.feed import Packet
     from kinespace.tools.loopback.answer_listener import Heard
-
-RECOGNITION = Recognition(
-    performer="me",
-    time=2.0,
-    outcome=Outcome.NAMED,
-    classes=("bow", "wave"),
-    scores=np.array([0.25, 0.75]),
-    movement=0.1,
-    share=0.9,
-    gap=0.8,
-)
 
 
 @pytest.fixture
@@ -125,20 +112,3 @@ def test_closing_gives_every_socket_back(opened: ExitStack) -> None:
     Listener(udp, zmq).close()
     osc.OscReceiver(*address).close()
     assert zmq.socket.closed
-
-
-@pytest.mark.parametrize(
-    "packet", [osc.encode_recognition(RECOGNITION), zeromq.encode_recognition(RECOGNITION)], ids=["osc", "zmq"]
-)
-def test_an_answer_reads_alike_over_both_transports(packet: Packet) -> None:
-    """The same recognition is read as the same answer from a datagram and from a ZeroMQ message."""
-    assert answer_in(packet) == Answer("me", 1, 0.75, 0.5, "wave")
-
-
-@pytest.mark.parametrize(
-    "packet",
-    [b"", b"rubbish", osc.encode_classes(("bow",)), [b"status/", b"{}"], [b"class/me/", b"no JSON"], [b"class/me/"]],
-)
-def test_other_packets_hold_no_answer(packet: Packet) -> None:
-    """Class lists, statuses and rubbish of either transport are no answers."""
-    assert answer_in(packet) is None

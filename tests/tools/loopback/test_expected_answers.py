@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from programs import builtin_library, motion_cues
 
 from kinespace.library.windows.cutting import FIRST_WINDOW
-from kinespace.stream import Frame, LiveSignature, Recognizer, Settings, osc, zeromq
+from kinespace.stream import Frame, LiveSignature, Recognizer, Settings, osc
 from kinespace.stream.recognition import Answer
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, Expected, expected_answers
 
@@ -27,34 +27,9 @@ def over_osc(cue: Cue) -> Frame:
     return frame
 
 
-def over_zmq(cue: Cue) -> Frame:
-    """Give the frame as decoded from a ZeroMQ message."""
-    return zeromq.decode(zeromq.encode_frame(cue.frame, cue.seq), 0.0).frame
-
-
 def answer(label: str, score: float) -> Answer:
     """Make a received answer."""
     return Answer("me", 0, score, 0.1, label)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("transported", [over_osc, over_zmq])
-@pytest.mark.parametrize(
-    "settings",
-    [Settings(), Settings(signature=LiveSignature.PAPER, window=0.4, hop=0.0), Settings(hop=0.1)],
-)
-def test_answers_equal_the_expected_ones(transported: object, settings: Settings) -> None:
-    """A recogniser behind either transport answers exactly the frames, labels and scores that were expected."""
-    assert callable(transported)
-    library = builtin_library()
-    cues = motion_cues("kickLFront1Reps", 1.5)
-    recognizer = Recognizer(library, settings)
-    answered = [(index, recognizer.push(transported(cue))) for index, cue in enumerate(cues)]
-    actual = [(index, each.label, each.score) for index, each in answered if each is not None]
-    expected = expected_answers(cues, library, settings)
-    assert len(expected) >= 5
-    assert [(each.cue, each.label) for each in expected] == [(index, label) for index, label, _ in actual]
-    assert [each.score for each in expected] == pytest.approx([score for *_, score in actual], abs=1e-6)
 
 
 def test_positions_are_rounded_as_the_wire_rounds_them() -> None:

@@ -15,12 +15,12 @@ from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.service.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching.notices import State, Step, Taught
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq.bodies import encode_body
-from kinespace.tools.page.board import COUNTERS, MAX_SHOWN, Board
-from kinespace.tools.terminal.live_table import counts
+from kinespace.tools.page.board import MAX_SHOWN, Board
+from kinespace.tools.terminal.live_table import COUNTERS, counts
 
 CLASSES = ("bow", "wave")
 STICK = Skeleton(("hip", "neck", "head"), (-1, 0, 1))
@@ -90,28 +90,12 @@ def test_motions_are_kept_for_a_minute_with_their_beginnings_and_ends() -> None:
         board.take(_event("ann", EventKind.END, "bow"), second + 4.0)
     board.take(_event("ann", EventKind.START, "wave"), 200.0)
     motions = _told(board)[0]["motions"]
-    assert [(name, begin, end) for _, _, name, begin, end, _, _ in motions][-2:] == [
+    assert [(name, begin, end) for _, _, name, begin, end, _ in motions][-2:] == [
         ("bow", 190, 194),
         ("wave", 200, None),
     ]
-    assert min(end for *_, end, _, _ in motions if end is not None) >= 200 - 70
+    assert min(end for *_, end, _ in motions if end is not None) >= 200 - 70
     assert len(motions) == 7
-
-
-def test_a_wrong_bar_begins_with_the_guess_that_led_to_it() -> None:
-    """What is taught instead spans the guess before the event too; the bar is marked, and told again."""
-    board = Board()
-    board.take(_answer("ann", "bow"), 10.0)
-    board.take(_answer("ann", "wave"), 12.0)
-    board.take(_event("ann", EventKind.START, "wave"), 13.5)
-    board.take(_event("ann", EventKind.END, "wave"), 15.0)
-    told = _told(board)[0]
-    key = told["motions"][0][1]
-    assert board.bar("ann", key, 18.0) == ("wave", 3.0, 3.0)
-    assert board.bar("ann", key + 1, 18.0) is None
-    assert board.bar("bob", key, 18.0) is None
-    board.mark_wrong("ann", key, "nothing")
-    assert _told(board, told["number"])[0]["motions"][0][-2:] == ["wrong", "nothing"]
 
 
 def test_a_lesson_becomes_a_bar() -> None:

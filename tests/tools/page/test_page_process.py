@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from kinespace.tools.cli.main import main
-from kinespace.tools.page.process import PagePlan, serve_page
+from kinespace.tools.page.player import PagePlan
+from kinespace.tools.page.process import serve_page
 
 if TYPE_CHECKING:
     from pathlib import Path

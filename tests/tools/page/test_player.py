@@ -10,9 +10,9 @@ import pytest
 
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawPacket, RawWriter
-from kinespace.stream.inputs.recording.session import RecordingSession
+from kinespace.stream.inputs.recording.recorder import RecordingSession
 from kinespace.stream.osc import OscReceiver, OscSender
-from kinespace.tools.page.player import Player, Stage
+from kinespace.tools.page.player import PagePlan, Player
 from kinespace.tools.page.requests import Play
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def test_a_recording_is_played_from_any_second_and_stopped(tmp_path: Path) -> No
     """Played from a second on, only the packets from there come; paused, it stays there."""
     _recorded(tmp_path / "a.kinerec", 11, 1000.0)
     receiver = OscReceiver("127.0.0.1", 0)
-    player = Player(Stage(tmp_path, osc_to=f"127.0.0.1:{receiver.address[1]}"))
+    player = Player(PagePlan("", "", recordings=tmp_path, osc_to=f"127.0.0.1:{receiver.address[1]}"))
     try:
         assert player.described() == {
             "recordings": [("a.kinerec", 1000.0)],
@@ -71,7 +71,7 @@ def test_an_unplayable_recording_is_reported(tmp_path: Path) -> None:
     """A file that is no recording lasts no time, and trouble is told, not raised."""
     (tmp_path / "bad.kinerec").write_bytes(b"rubbish")
     os.utime(tmp_path / "bad.kinerec", (1, 1))
-    player = Player(Stage(tmp_path))
+    player = Player(PagePlan("", "", recordings=tmp_path))
     assert player.described()["recordings"] == [("bad.kinerec", 0.0)]
     assert player.play(Play("bad.kinerec")) == ""
     end = time.monotonic() + PATIENCE

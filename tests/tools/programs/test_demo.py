@@ -116,21 +116,6 @@ def test_a_person_sees_a_table_a_tally_and_a_picture(tmp_path: Path, capsys: pyt
     assert multiprocessing.active_children() == []
 
 
-@pytest.mark.usefixtures("small")
-def test_on_a_terminal_the_table_fills_while_it_plays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A terminal gets the table again and again: first without answers, at the end with all of them."""
-    terminal = Console(file=StringIO(), force_terminal=True, width=100, markup=False)
-    monkeypatch.setattr(demo, "console", terminal)
-    assert main(["demo", "--seconds", SECONDS, "--transport", "zmq"]) == 0
-    assert isinstance(terminal.file, StringIO)
-    printed = terminal.file.getvalue()
-    drawn = printed.split("Motions of the built-in library")
-    assert len(drawn) > 5
-    assert drawn[1].count(CLASSES[1]) == 1
-    assert drawn[-1].count(CLASSES[1]) == 2
-    assert "over ZMQ" in printed
-
-
 def test_a_recogniser_that_knows_other_names_is_not_right(
     small: MotionLibrary, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -152,15 +137,15 @@ def test_too_few_seconds_are_refused(capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.usefixtures("small")
-def test_a_demo_that_is_interrupted_takes_its_recogniser_along(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Ctrl-C while motions play ends with 1 and without a word, the recogniser's process and all sockets with it."""
-
-    def interrupted(*_: object) -> NoReturn:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(demo.Listener, "listen_until", interrupted)
-    assert main(["demo", "--seconds", SECONDS, "--json"]) == 1
-    assert capsys.readouterr() == ("", "")
-    assert multiprocessing.active_children() == []
+def test_on_a_terminal_the_table_fills_while_it_plays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal gets the table again and again: first without answers, at the end with all of them."""
+    terminal = Console(file=StringIO(), force_terminal=True, width=100, markup=False)
+    monkeypatch.setattr(demo, "console", terminal)
+    assert main(["demo", "--seconds", SECONDS, "--transport", "zmq"]) == 0
+    assert isinstance(terminal.file, StringIO)
+    printed = terminal.file.getvalue()
+    drawn = printed.split("Motions of the built-in library")
+    assert len(drawn) > 5
+    assert drawn[1].count(CLASSES[1]) == 1
+    assert drawn[-1].count(CLASSES[1]) == 2
+    assert "over ZMQ" in printed

@@ -73,6 +73,15 @@ def test_what_a_gateway_cannot_do_is_said(capsys: pytest.CaptureFixture[str], tm
     assert capsys.readouterr().err.startswith("kinespace: --names: expected")
 
 
+def test_without_zenoh_a_line_says_what_to_install(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Workers need an extra; the program that lacks it ends with status 2."""
+    monkeypatch.setitem(sys.modules, "zenoh", None)
+    assert main(["live", "--workers", "2"]) == 2
+    assert capsys.readouterr().err == "kinespace: Zenoh is missing: pip install 'kinespace[cluster]'\n"
+
+
 @pytest.mark.slow
 def test_a_port_that_is_taken_is_one_line() -> None:
     """A worker that cannot listen ends with one line and status 2."""

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment, bundle, message
 from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset
-from kinespace.stream.feeds.detection import MAX_KINDS, Survey, shortened
+from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.feeds import tell
 from kinespace.tools.programs.listen import advice
@@ -182,17 +181,6 @@ def test_the_program_gives_json() -> None:
     assert [line for line in told["advice"] if "nothing for" not in line] == []
     assert {"address": "/qtm/data", "types": "iiiii*"} not in told["messages"]
     assert "/qtm/data" in {kind["address"] for kind in told["messages"]}
-
-
-def test_the_program_shakes_hands(tmp_path: Path) -> None:
-    """For a feed with a handshake, the program sends it, shows the packets, and sends the farewell."""
-    with fake_qtm(tmp_path) as (fake, preset):
-        status, output, errors = finished("listen", f"{LOOPBACK}:0", "--feed", preset, "--seconds", 1.5)
-        assert fake.wait_for_goodbye()
-        assert fake.told[1:] == ["StreamFrames AllFrames 3D Skeleton:global", "StreamFrames Stop", "Disconnect"]
-    assert (status, errors) == (0, "")
-    assert "looks like ours" in output
-    assert "performers: Jan" in output
 
 
 def test_the_program_says_that_nothing_came() -> None:

@@ -9,7 +9,7 @@ import skeletons
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.detection import Survey
+from kinespace.stream.inputs.detection import Survey
 from kinespace.tools.programs.listen import advice, as_object, command
 
 

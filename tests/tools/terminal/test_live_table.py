@@ -13,7 +13,7 @@ from kinespace.stream import Outcome, Recognition
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.service.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, Status
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, score_shown, summary
 
 CLASSES = ("bow", "jump", "wave")
@@ -62,15 +62,6 @@ def test_plain_lines_come_on_change_only(capsys: pytest.CaptureFixture[str]) -> 
     assert printed[0].split() == ["0.000", "s", "me", "bow", "score", "0.900", "margin", "0.650"]
 
 
-def test_plain_lines_keep_performers_apart(capsys: pytest.CaptureFixture[str]) -> None:
-    """Two performers doing different things by turns give one line each, not one per answer."""
-    lines = PlainLines()
-    for _ in range(4):
-        lines.publish(recognition("me", "bow"))
-        lines.publish(recognition("you", "wave"))
-    assert len(capsys.readouterr().out.splitlines()) == 2
-
-
 def test_plain_lines_count_from_the_first_answer(capsys: pytest.CaptureFixture[str]) -> None:
     """Times begin at 0 with a performer's first answer and never go back; an earlier moment is told beside."""
     lines = PlainLines()
@@ -96,16 +87,6 @@ def test_a_performer_who_comes_back_is_printed_again(capsys: pytest.CaptureFixtu
     assert [line.split()[2] for line in capsys.readouterr().out.splitlines()] == ["me", "you", "me"]
 
 
-def test_plain_lines_say_nothing_of_classes_and_status(capsys: pytest.CaptureFixture[str]) -> None:
-    """Class lists, statuses and closing print nothing."""
-    lines = PlainLines()
-    lines.publish_classes(CLASSES)
-    lines.publish_status(status())
-    lines.close()
-    assert capsys.readouterr().out == ""
-    assert lines.failed == 0
-
-
 @pytest.mark.parametrize("name", ["[/]", "[bold]", ":smile:", "two words"])
 def test_any_name_is_shown_literally(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A performer's name is printed and drawn literally, markup or not."""
@@ -126,14 +107,6 @@ def test_a_name_cannot_break_the_line(capsys: pytest.CaptureFixture[str]) -> Non
     table = LiveTable(CLASSES)
     table.publish(recognition(name, "bow"))
     assert "\x1b" not in shown(table)
-
-
-def test_the_table_waits_for_frames() -> None:
-    """Before any answer the table says that it waits, and how many classes there are."""
-    drawn = shown(LiveTable(CLASSES))
-    assert "waiting for frames" in drawn
-    assert "3 classes" in drawn
-    assert "received" not in drawn
 
 
 def test_the_table_shows_the_latest_of_each_performer() -> None:
@@ -165,17 +138,6 @@ def test_the_table_forgets_performers_who_left() -> None:
     drawn = shown(table)
     assert not [line for line in drawn.splitlines() if line.startswith("me ")]
     assert [line for line in drawn.splitlines() if line.startswith("you ")]
-
-
-def test_a_library_of_one_class_has_no_runner_up() -> None:
-    """With a single class there is no second one, and drawing works."""
-    table = LiveTable(("bow",))
-    alone = Recognition("me", 1.0, Outcome.NAMED, ("bow",), np.array([0.5]), 0.1, 0.9, 0.8, 0.0)
-    table.publish(alone)
-    table.publish_classes(("bow",))
-    assert "bow" in shown(table)
-    assert table.failed == 0
-    table.close()
 
 
 @pytest.mark.parametrize(
@@ -283,3 +245,14 @@ def test_the_summary_adds_answers_and_times() -> None:
         "20 answers of 80 frames (--hop: at most 30 answers a second), "
         "9 windows started anew, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
     )
+
+
+def test_a_library_of_one_class_has_no_runner_up() -> None:
+    """With a single class there is no second one, and drawing works."""
+    table = LiveTable(("bow",))
+    alone = Recognition("me", 1.0, Outcome.NAMED, ("bow",), np.array([0.5]), 0.1, 0.9, 0.8, 0.0)
+    table.publish(alone)
+    table.publish_classes(("bow",))
+    assert "bow" in shown(table)
+    assert table.failed == 0
+    table.close()

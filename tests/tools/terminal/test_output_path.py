@@ -19,7 +19,6 @@ DRAWING = [
     ("evaluate", "retrieval", "nowhere", "--picture"),
     ("evaluate", "stream", "nowhere", "--timeline"),
     ("evaluate", "stream", "nowhere", "--confusion"),
-    ("bench", "--data", "nowhere", "--picture"),
 ]
 
 

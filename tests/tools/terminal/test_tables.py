@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from io import StringIO
-from typing import TYPE_CHECKING
 
 import pytest
 from rich.console import Console
@@ -11,12 +10,8 @@ from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.replay.score import Score
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.tables import add_names, csv_text, shortened
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CLASSES = MotionLibrary.builtin().classes
 
@@ -40,27 +35,6 @@ def test_the_built_in_library_keeps_its_names(capsys: pytest.CaptureFixture[str]
     rows = [line for line in capsys.readouterr().out.splitlines() if line.count("│") == 7]
     assert [row.split("│")[2].strip() for row in rows] == list(CLASSES)
     assert "…" not in "".join(rows)
-
-
-def test_recordings_keep_their_names(hdm05_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """HDM05's longest file names stand in one piece, with all their figures and headings."""
-    folder = hdm05_folder / "elbowToKnee1RepsLelbowStart"
-    assert main(["info", str(folder), "--clips"]) == 0
-    printed = capsys.readouterr().out.partition("┏")[0]
-    rows = [line.split() for line in printed.splitlines() if line.startswith("HDM")]
-    assert [row[0] for row in rows] == sorted(path.name for path in folder.iterdir())
-    assert {len(row) for row in rows} == {6}
-    assert "…" not in printed
-
-
-def test_the_table_shows_whole_class_names(capsys: pytest.CaptureFixture[str]) -> None:
-    """The table at the end of replay has a line for each class."""
-    score = Score()
-    for name in CLASSES:
-        score.add(name, CLASSES[0])
-    console.print(score.table())
-    rows = [line.split("│")[1].strip() for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
-    assert rows == [*sorted(CLASSES), "all"]
 
 
 def test_other_columns_give_way_before_a_name_is_broken() -> None:

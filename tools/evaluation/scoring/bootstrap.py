@@ -7,37 +7,53 @@ drawn together, because they are not independent.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-#: The number of draws, and their seeds: the same figures have the same interval.
-RESAMPLES = 1000
-_SEED, _OTHER_SEED = 2012, 2013
-_LEVEL = 95.0
+    #: Says how often each of some units was drawn, shape (draws, units). The second number tells two kinds of units
+    #: apart, which are drawn independently.
+    Draw = Callable[[int, int], NDArray[np.float64]]
+
+#: The number of draws, and the seed of the first kind of units: the same figures have the same interval.
+RESAMPLES, _SEED = 1000, 2012
+_ENDS = (2.5, 97.5)
 
 #: Lower and upper end.
 Interval = tuple[float, float]
 
 
-class Figure(Protocol):
+class Figure(ABC):
     """A figure computed from units."""
+
+    @abstractmethod
+    def of(self, draw: Draw) -> NDArray[np.float64]:
+        """Give the figure of each draw, shape (draws,); NaN for a draw without units for it."""
 
     def value(self) -> float | None:
         """Give the figure of all units; None when there are no units for it."""
+        value = self.of(lambda units, _: np.ones((1, units))).item()
+        return None if np.isnan(value) else value
 
     def interval(self) -> Interval | None:
         """Give the ends of its 95 % interval; None when there is none."""
+        drawn = self.of(_drawn)
+        there = drawn[np.isfinite(drawn)]
+        if not there.size:
+            return None
+        low, high = np.percentile(there, _ENDS).tolist()
+        return low, high
 
 
 @dataclass(frozen=True, slots=True)
-class Ratio:
+class Ratio(Figure):
     """One sum over units divided by another: a share, or a rate.
 
     Attributes
@@ -52,43 +68,32 @@ class Ratio:
     among: Sequence[float]
     scale: float = 1.0
 
-    def value(self) -> float | None:
-        """Give the figure of all units; None when the second sum is 0."""
-        among = sum(self.among)
-        return self.scale * sum(self.counted) / among if among > 0 else None
-
-    def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None when there is none."""
-        drawn = _draws(len(self.among))
-        return _middle(self.scale * _quotient(drawn @ _array(self.counted), drawn @ _array(self.among)))
+    def of(self, draw: Draw) -> NDArray[np.float64]:
+        """Divide the sums over each draw."""
+        drawn = draw(len(self.among), 0)
+        counted, among = (drawn @ np.asarray(each, dtype=np.float64) for each in (self.counted, self.among))
+        return self.scale * _quotient(counted, among)
 
 
 @dataclass(frozen=True, slots=True)
-class Percentile:
+class Percentile(Figure):
     """A percentile of values; each unit has none, one or several values."""
 
     values: Sequence[Sequence[float]]
     percent: float
 
-    def value(self) -> float | None:
-        """Give the percentile of all values; None when there are none."""
-        values = _array([value for each in self.values for value in each])
-        return float(np.percentile(values, self.percent)) if values.size else None
-
-    def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None when there is none."""
-        values = _array([value for each in self.values for value in each])
+    def of(self, draw: Draw) -> NDArray[np.float64]:
+        """Take the percentile of the values of each draw."""
+        values = np.array([value for each in self.values for value in each], dtype=np.float64)
         unit = np.repeat(np.arange(len(self.values)), [len(each) for each in self.values])
-        found = [
-            np.percentile(np.repeat(values, counts), self.percent)
-            for counts in _draws(len(self.values)).astype(np.intp)[:, unit]
-            if counts.any()
-        ]
-        return _middle(_array(found))
+        counts = draw(len(self.values), 0).astype(np.intp)[:, unit]
+        return np.array(
+            [np.percentile(np.repeat(values, each), self.percent) if each.any() else np.nan for each in counts]
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class RocArea:
+class RocArea(Figure):
     """The probability that a value of the first units is above one of the second, ties counting half (Mann-Whitney).
 
     Attributes
@@ -100,48 +105,32 @@ class RocArea:
     higher: Sequence[NDArray[np.float64]]
     lower: Sequence[NDArray[np.float64]]
 
-    def value(self) -> float | None:
-        """Give the area; None without values of both kinds."""
-        pairs = self._sizes(self.higher).sum() * self._sizes(self.lower).sum()
-        return float(self._wins().sum() / pairs) if pairs else None
-
-    def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None when there is none."""
-        if self.value() is None:
-            return None
-        first, second = _draws(len(self.higher)), _draws(len(self.lower), _OTHER_SEED)
-        pairs = (first @ self._sizes(self.higher)) * (second @ self._sizes(self.lower))
-        return _middle(_quotient(((first @ self._wins()) * second).sum(axis=1), pairs))
-
-    @staticmethod
-    def _sizes(units: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        return _array([len(each) for each in units])
+    def of(self, draw: Draw) -> NDArray[np.float64]:
+        """Compare the values of each draw, both kinds drawn by themselves."""
+        first, second = draw(len(self.higher), 0), draw(len(self.lower), 1)
+        pairs = (first @ _lengths(self.higher)) * (second @ _lengths(self.lower))
+        return _quotient(((first @ self._wins()) * second).sum(axis=1), pairs)
 
     def _wins(self) -> NDArray[np.float64]:
         """Count for each two units in how many pairs of their values the first is above, shape (higher, lower)."""
-        edges = np.concatenate([[0], np.cumsum([len(each) for each in self.higher])]).astype(np.intp)
-        together = np.concatenate(self.higher)
+        edges = np.cumsum([0, *map(len, self.higher)])
+        together = np.concatenate([np.zeros(0), *self.higher])
         wins = np.zeros((len(self.higher), len(self.lower)))
-        for index, each in enumerate(map(np.sort, self.lower)):
+        for column, each in zip(wins.T, map(np.sort, self.lower), strict=True):
             below = np.searchsorted(each, together, side="left") + np.searchsorted(each, together, side="right")
-            wins[:, index] = np.diff(np.concatenate([[0.0], np.cumsum(below / 2)])[edges])
+            column[:] = np.diff(np.append(0.0, np.cumsum(below / 2))[edges])
         return wins
 
 
-def _draws(units: int, seed: int = _SEED) -> NDArray[np.float64]:
-    """Draw units with replacement, many times; give how often each was drawn, shape (RESAMPLES, units)."""
+def _lengths(units: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    return np.array([len(each) for each in units], dtype=np.float64)
+
+
+def _drawn(units: int, kind: int) -> NDArray[np.float64]:
     if not units:
-        return np.zeros((0, 0))
-    return np.random.default_rng(seed).multinomial(units, np.full(units, 1 / units), size=RESAMPLES).astype(np.float64)
-
-
-def _middle(values: NDArray[np.float64]) -> Interval | None:
-    """Give the middle 95 % of a figure's draws; draws without a figure (NaN) are left out."""
-    there = values[np.isfinite(values)]
-    if not there.size:
-        return None
-    low, high = np.percentile(there, [(100 - _LEVEL) / 2, (100 + _LEVEL) / 2]).tolist()
-    return low, high
+        return np.zeros((RESAMPLES, 0))
+    generator = np.random.default_rng(_SEED + kind)
+    return generator.multinomial(units, np.full(units, 1 / units), size=RESAMPLES).astype(np.float64)
 
 
 def _quotient(above: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -149,5 +138,11 @@ def _quotient(above: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray
     return quotient
 
 
-def _array(values: Sequence[float]) -> NDArray[np.float64]:
-    return np.asarray(values, dtype=np.float64)
+def values_of(figures: Mapping[str, Figure]) -> dict[str, float | None]:
+    """Give the value of each figure."""
+    return {name: figure.value() for name, figure in figures.items()}
+
+
+def intervals_of(figures: Mapping[str, Figure]) -> dict[str, Interval | None]:
+    """Give the interval of each figure."""
+    return {name: figure.interval() for name, figure in figures.items()}

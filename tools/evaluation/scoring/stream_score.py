@@ -3,129 +3,76 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, RocArea
+from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, RocArea, intervals_of, values_of
 from kinespace.tools.evaluation.scoring.stretches import Stretch, stretches_of
 from kinespace.tools.evaluation.scoring.timeline import NONE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from kinespace.tools.evaluation.scoring.bootstrap import Figure, Interval
+    from kinespace.tools.evaluation.scoring.bootstrap import Figure
     from kinespace.tools.evaluation.scoring.timeline import Course
 
 _Item = TypeVar("_Item")
+#: Seconds, units, and persons, by name.
+Basis = dict[str, float | None]
 
 #: Figures of which less is better; for all others more is better.
 LOWER_IS_BETTER = frozenset(
     (
         *("median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"),
-        *("false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute"),
+        *("false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute", "doubted"),
     )
 )
 
 
-@dataclass(frozen=True, slots=True)
-class ClassScore:
-    """The result of one class: seconds performed, the share guessed right, and the same with the last second inside."""
-
-    seconds: float
-    right: float
-    right_inside: float
+def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
+    """Give what figures rest on: the seconds of each segment together, segments, and persons, None if not all known."""
+    known = len(set(persons)) if all(persons) else None
+    return {"seconds": float(sum(seconds)), "segments": len(seconds), "persons": known}
 
 
-@dataclass(frozen=True, slots=True)
-class Basis:
-    """The basis of figures: seconds, segments (or takes), and persons; None when the persons are not known.
-
-    A segment that several libraries were asked about counts once.
-    """
-
-    seconds: float
-    segments: int
-    persons: int | None
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class StreamScore:
-    """How right the answers to some takes were. Shares are 0 to 1; None where there is nothing to take a share of.
+    """How right the answers to some takes were.
 
     Attributes
     ----------
-    frame_accuracy
-        Of the labelled time of known classes, the share in which the moment's best guess was the class performed.
-    segment_accuracy
-        The same, for moments whose last second lies wholly inside the segment.
-    known_answered
-        Share of that time, last second inside, in which a class was named, not answered unknown or still.
-    segments_found
-        Share of the known segments with a lasting right guess.
-    median_delay_s, p90_delay_s
-        Seconds from a found segment's start to its first lasting right guess.
-    median_seen
-        Share of a found segment's seconds that had passed at its first lasting right guess.
-    median_event_delay_s
-        Seconds from a segment's start to the start event of its class, for segments with such an event.
-    false_per_minute
-        Named classes that begin during motions the library does not know, per minute of such motions.
-    unknown_answered
-        Share of the time of such motions in which a class was named.
-    changes_per_minute, true_changes_per_minute
-        How often the motion that goes on changed, by the events and by the labels.
-    auc_unknown
-        Area under the ROC curve of the raw score, known against unknown motions, windows wholly inside a segment.
+    figures
+        By name; `scoring.stream_tables` says of each what it is. Shares are 0 to 1.
     classes
-        The result of each class, by name.
-    segment_majority
-        Share of the known segments for most of whose time the best guess was the class performed.
-    false_starts_per_minute
-        Start events during motions the library does not know, per minute of such motions.
-    takes_found
-        For takes that only say which classes they contain: the share of these classes named at some time in the take.
+        Of each class performed, the seconds, and the shares of its time guessed right, and right with the last second
+        inside the segment.
     known, unknown, containing
         The basis of the figures of known motions, of unknown motions, and of `takes_found` (segments are takes for the
-        last).
-    intervals
-        Lower and upper end of the 95 % interval of each figure, by name (`tools.evaluation.scoring.bootstrap`);
-        empty where none was asked for.
+        last). A segment that several libraries were asked about counts once.
     """
 
-    frame_accuracy: float | None
-    segment_accuracy: float | None
-    known_answered: float | None
-    segments_found: float | None
-    median_delay_s: float | None
-    p90_delay_s: float | None
-    median_seen: float | None
-    median_event_delay_s: float | None
-    false_per_minute: float | None
-    unknown_answered: float | None
-    changes_per_minute: float | None
-    true_changes_per_minute: float | None
-    auc_unknown: float | None
-    classes: dict[str, ClassScore] = field(repr=False)
-    segment_majority: float | None
-    false_starts_per_minute: float | None
-    takes_found: float | None
+    figures: Mapping[str, Figure]
+    classes: dict[str, dict[str, float]] = field(repr=False)
     known: Basis
     unknown: Basis
     containing: Basis
-    intervals: dict[str, Interval | None] = field(repr=False)
 
-    def figures(self) -> dict[str, float | None]:
-        """Give every figure by its name."""
-        others = ("classes", "known", "unknown", "containing", "intervals")
-        return {name: getattr(self, name) for name in self.__slots__ if name not in others}
+    @cached_property
+    def values(self) -> dict[str, float | None]:
+        """The value of each figure; None where there is nothing to take a share of."""
+        return values_of(self.figures)
+
+    def as_json(self) -> dict[str, object]:
+        """Give values, classes, bases, and the 95 % interval of each figure."""
+        bases = {"known": self.known, "unknown": self.unknown, "containing": self.containing}
+        return {**self.values, "classes": self.classes, **bases, "intervals": intervals_of(self.figures)}
 
 
-def score_courses(
-    courses: Sequence[Course], classes: Sequence[str], window: float, *, intervals: bool = False
-) -> StreamScore:
+def score_courses(courses: Sequence[Course], classes: Sequence[str], window: float) -> StreamScore:
     """Score some takes together.
 
     Parameters
@@ -136,50 +83,46 @@ def score_courses(
         The library's class names.
     window
         Seconds before a moment that must lie inside the segment.
-    intervals
-        Whether to compute the intervals of the figures.
     """
     stretches = list(stretches_of(courses, window))
     known = _Counting([each for each in stretches if each.known])
     unknown = _Counting([each for each in stretches if not each.known])
+    containing = [each for each in courses if each.contains]
     figures: dict[str, Figure] = {
         "frame_accuracy": known.ratio(lambda each: each.right, lambda each: each.seconds),
         "segment_accuracy": known.ratio(lambda each: each.right_inside, lambda each: each.inside),
+        "segment_majority": known.ratio(lambda each: each.mostly_right, lambda _: 1),
         "known_answered": known.ratio(lambda each: each.named_inside, lambda each: each.inside),
         "segments_found": known.ratio(lambda each: each.delay is not None, lambda _: 1),
         "median_delay_s": known.percentile(lambda each: each.delay, 50),
         "p90_delay_s": known.percentile(lambda each: each.delay, 90),
         "median_seen": known.percentile(lambda each: each.seen, 50),
         "median_event_delay_s": known.percentile(lambda each: each.event_delay, 50),
-        "false_per_minute": unknown.ratio(lambda each: each.begun, lambda each: each.seconds, 60),
         "unknown_answered": unknown.ratio(lambda each: each.named, lambda each: each.seconds),
-        "changes_per_minute": _changes_per_minute(courses, lambda each: each.event),
-        "true_changes_per_minute": _changes_per_minute(courses, lambda each: each.truth),
-        "auc_unknown": RocArea(known.scores(), unknown.scores()),
-        "segment_majority": known.ratio(lambda each: each.mostly_right, lambda _: 1),
+        "false_per_minute": unknown.ratio(lambda each: each.begun, lambda each: each.seconds, 60),
         "false_starts_per_minute": unknown.ratio(lambda each: each.started, lambda each: each.seconds, 60),
-        "takes_found": _takes_found(courses),
+        "auc_unknown": RocArea(known.scores(), unknown.scores()),
+        "takes_found": _over_takes(containing, _found, lambda each: len(each.contains)),
+        "changes_per_minute": _over_takes(courses, lambda each: _changes(each.event), lambda each: each.seconds, 60),
+        "true_changes_per_minute": _over_takes(
+            courses, lambda each: _changes(each.truth), lambda each: each.seconds, 60
+        ),
+        "doubted": _over_takes(courses, lambda each: each.doubted * each.seconds, lambda each: each.seconds),
     }
-    return StreamScore(
-        **{name: figure.value() for name, figure in figures.items()},
-        classes=_by_class(stretches, classes),
-        known=known.basis(),
-        unknown=unknown.basis(),
-        containing=_basis_of_takes([each for each in courses if each.contains]),
-        intervals={name: each.interval() for name, each in figures.items()} if intervals else {},
-    )
+    first = {each.name: each for each in reversed(containing)}.values()
+    rests_on = basis_of([each.seconds for each in first], [each.person for each in first])
+    return StreamScore(figures, _by_class(stretches, classes), known.basis(), unknown.basis(), rests_on)
 
 
 class _Counting:
     """Stretches by segment: the answers of several libraries to one segment belong together."""
 
     def __init__(self, stretches: Sequence[Stretch]) -> None:
-        self._units = list(_grouped(stretches, lambda each: each.key).values())
+        self._units = _grouped(stretches, lambda each: each.key)
 
     def ratio(self, counted: Callable[[Stretch], float], among: Callable[[Stretch], float], scale: float = 1) -> Ratio:
         """Divide two sums."""
-        above, below = ([float(sum(map(count, unit))) for unit in self._units] for count in (counted, among))
-        return Ratio(above, below, scale)
+        return _ratio(self._units, counted, among, scale)
 
     def percentile(self, measured: Callable[[Stretch], float | None], percent: float) -> Percentile:
         """Take a percentile of a number over the stretches that have it."""
@@ -193,35 +136,36 @@ class _Counting:
     def basis(self) -> Basis:
         """Count seconds, segments and persons."""
         first = [unit[0] for unit in self._units]
-        return _basis([each.seconds for each in first], [each.person for each in first])
+        return basis_of([each.seconds for each in first], [each.person for each in first])
 
 
-def _grouped(items: Sequence[_Item], key: Callable[[_Item], object]) -> dict[object, list[_Item]]:
+def _grouped(items: Sequence[_Item], key: Callable[[_Item], object]) -> list[list[_Item]]:
     groups = dict[object, list[_Item]]()
     for item in items:
         groups.setdefault(key(item), []).append(item)
-    return groups
+    return list(groups.values())
 
 
-def _basis(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
-    return Basis(float(sum(seconds)), len(seconds), len(set(persons)) if all(persons) else None)
+def _ratio(
+    units: Sequence[Sequence[_Item]], counted: Callable[[_Item], float], among: Callable[[_Item], float], scale: float
+) -> Ratio:
+    above, below = ([float(sum(map(count, unit))) for unit in units] for count in (counted, among))
+    return Ratio(above, below, scale)
 
 
-def _basis_of_takes(courses: Sequence[Course]) -> Basis:
-    first = {each.name: each for each in reversed(courses)}.values()
-    return _basis([each.seconds for each in first], [each.person for each in first])
+def _over_takes(
+    courses: Sequence[Course], counted: Callable[[Course], float], among: Callable[[Course], float], scale: float = 1
+) -> Ratio:
+    return _ratio(_grouped(courses, lambda each: each.name), counted, among, scale)
 
 
-def _takes_found(courses: Sequence[Course]) -> Ratio:
-    takes = _grouped([each for each in courses if each.contains], lambda each: each.name).values()
-    found = [sum(len({*each.contains} & {*each.published.tolist()}) for each in take) for take in takes]
-    return Ratio(found, [sum(len(each.contains) for each in take) for take in takes])
+def _seconds(course: Course) -> float:
+    return course.seconds
 
 
-def _changes_per_minute(courses: Sequence[Course], track: Callable[[Course], NDArray[np.intp]]) -> Ratio:
-    takes = _grouped(courses, lambda each: each.name).values()
-    counted = [sum(_changes(track(each)) for each in take) for take in takes]
-    return Ratio(counted, [sum(each.seconds for each in take) for take in takes], 60)
+def _found(course: Course) -> int:
+    """Count the classes of a take that were named at some time."""
+    return len({*course.contains} & {*course.published.tolist()})
 
 
 def _changes(track: NDArray[np.intp]) -> int:
@@ -230,21 +174,13 @@ def _changes(track: NDArray[np.intp]) -> int:
     return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
 
 
-def _by_class(stretches: Sequence[Stretch], classes: Sequence[str]) -> dict[str, ClassScore]:
-    performed = _grouped([each for each in stretches if each.known], lambda each: each.truth)
-    return {
-        classes[index]: ClassScore(
-            seconds=sum({each.key: each.seconds for each in performed[index]}.values()),
-            right=_share(performed[index], lambda each: each.right, lambda each: each.seconds),
-            right_inside=_share(performed[index], lambda each: each.right_inside, lambda each: each.inside),
-        )
-        for index in range(len(classes))
-        if index in performed
-    }
-
-
-def _share(
-    stretches: Sequence[Stretch], counted: Callable[[Stretch], float], among: Callable[[Stretch], float]
-) -> float:
-    whole = sum(map(among, stretches))
-    return sum(map(counted, stretches)) / whole if whole else 0.0
+def _by_class(stretches: Sequence[Stretch], classes: Sequence[str]) -> dict[str, dict[str, float]]:
+    performed = [each for each in stretches if each.known]
+    scores = dict[str, dict[str, float]]()
+    for own in sorted(_grouped(performed, lambda each: each.truth), key=lambda each: each[0].truth):
+        counting = _Counting(own)
+        right = counting.ratio(lambda each: each.right, lambda each: each.seconds).value()
+        inside = counting.ratio(lambda each: each.right_inside, lambda each: each.inside).value()
+        seconds = counting.basis()["seconds"] or 0.0
+        scores[classes[own[0].truth]] = {"seconds": seconds, "right": right or 0.0, "right_inside": inside or 0.0}
+    return scores

@@ -2,132 +2,102 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from kinespace.tools.evaluation.harness import print_table, written
 from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import add_names, counted, narrow_table
+from kinespace.tools.terminal.tables import add_names, counted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from kinespace.tools.evaluation.scoring.bootstrap import Interval
     from kinespace.tools.evaluation.scoring.protocols import Protocol
-    from kinespace.tools.evaluation.scoring.stream_score import Basis, StreamScore
-
-    #: The names of figures, and the form of their values.
-    _Rows = Mapping[str, tuple[str, Callable[[float], str]]]
+    from kinespace.tools.evaluation.scoring.stream_score import StreamScore
 
 #: Characters that the figures beside classes' names need.
 _BESIDE_CLASSES = 38
-
-
-def percent(value: float) -> str:
-    """Write a share."""
-    return f"{value:.1%}"
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.2f} s"
-
-
-def _plain(value: float) -> str:
-    return f"{value:.3g}"
-
-
-_KNOWN: _Rows = {
-    "frame_accuracy": ("share of their time guessed right", percent),
-    "segment_accuracy": ("the same, last second wholly inside", percent),
-    "segment_majority": ("segments most of which is guessed right", percent),
-    "known_answered": ("share named at all, last second inside", percent),
-    "segments_found": ("segments found: a lasting right guess", percent),
-    "median_delay_s": ("delay of that guess, median", _seconds),
-    "p90_delay_s": ("the same, 90 %", _seconds),
-    "median_seen": ("share of the motion seen by then, median", percent),
-    "median_event_delay_s": ("delay of the start event, median", _seconds),
+_SHARE, _SECONDS, _PLAIN = "{:.1%}", "{:.2f} s", "{:.3g}"
+#: What each figure is, and the form of its value; under a heading the basis of the figures below it.
+_KNOWN = {
+    "frame_accuracy": ("share of their time guessed right", _SHARE),
+    "segment_accuracy": ("the same, last second wholly inside", _SHARE),
+    "segment_majority": ("segments most of which is guessed right", _SHARE),
+    "known_answered": ("share named at all, last second inside", _SHARE),
+    "segments_found": ("segments found: a lasting right guess", _SHARE),
+    "median_delay_s": ("delay of that guess, median", _SECONDS),
+    "p90_delay_s": ("the same, 90 %", _SECONDS),
+    "median_seen": ("share of the motion seen by then, median", _SHARE),
+    "median_event_delay_s": ("delay of the start event, median", _SECONDS),
 }
-_UNKNOWN: _Rows = {
-    "unknown_answered": ("share of their time named", percent),
-    "false_per_minute": ("names begun per minute", _plain),
-    "false_starts_per_minute": ("start events per minute", _plain),
-    "auc_unknown": ("ROC area of the raw score against known", _plain),
+_UNKNOWN = {
+    "unknown_answered": ("share of their time named", _SHARE),
+    "false_per_minute": ("names begun per minute", _PLAIN),
+    "false_starts_per_minute": ("start events per minute", _PLAIN),
+    "auc_unknown": ("ROC area of the raw score against known", _PLAIN),
 }
-_CONTAINING: _Rows = {"takes_found": ("classes named at some time in the take", percent)}
-_CHANGES: _Rows = {
-    "changes_per_minute": ("changes of the motion per minute", _plain),
-    "true_changes_per_minute": ("the same, by the labels", _plain),
+_CONTAINING = {"takes_found": ("classes named at some time in the take", _SHARE)}
+_WHOLE = {
+    "changes_per_minute": ("changes of the motion per minute", _PLAIN),
+    "true_changes_per_minute": ("the same, by the labels", _PLAIN),
+    "doubted": ("share of their time in which joints are doubted", _SHARE),
 }
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 
 def print_score(score: StreamScore) -> None:
     """Print the figures with their intervals and their basis, and each class's result."""
-    table = narrow_table("Answers against the motion performed at that moment")
-    table.add_column("")
-    table.add_column("", justify="right")
-    table.add_column("95 %", justify="right")
-    for heading, basis, unit, rows in (
+    rows = list[tuple[str, ...]]()
+    for heading, basis, unit, figures in (
         ("known motions", score.known, "segment", _KNOWN),
         ("unknown motions", score.unknown, "segment", _UNKNOWN),
         ("takes that contain a class", score.containing, "take", _CONTAINING),
+        ("whole takes", score.known, "", _WHOLE),
     ):
-        if basis.segments:
-            table.add_row(f"{heading}: {_rests_on(basis, unit)}")
-            _add_rows(table, score, rows)
-    if score.known.segments:
-        table.add_row("whole takes")
-        _add_rows(table, score, _CHANGES)
-    console.print(table)
+        if basis["segments"]:
+            rows.append((f"{heading}: {rests_on(basis, unit)}" if unit else heading,))
+            for name, (text, form) in figures.items():
+                ends = interval(score.figures[name].interval(), form)
+                rows.append((f"  {text}", written(score.values[name], form), ends))
+    print_table(("", "", "95 %"), rows, title="Answers against the motion performed at that moment")
     if score.classes:
-        _print_classes(score)
+        _print_classes(score.classes)
 
 
 def print_persons(
-    persons: Mapping[str, StreamScore], summary: Mapping[str, Mapping[str, object]], by: Protocol
+    persons: Mapping[str, Mapping[str, float | None]], summary: Mapping[str, Mapping[str, float | None]], by: Protocol
 ) -> None:
     """Print every person's main figures, their mean, and the worst of each."""
     shown = [name for name in _SHOWN_OF_PERSONS if summary["mean"][name] is not None]
-    headings = {name: told for rows in (_KNOWN, _UNKNOWN, _CONTAINING) for name, (told, _) in rows.items()}
-    table = narrow_table(f"By person ({by})")
-    table.add_column("person")
-    for name in shown:
-        table.add_column(headings[name], justify="right")
-    rows = {person: score.figures() for person, score in persons.items()}
-    for person, figures in (*rows.items(), ("mean", summary["mean"]), ("worst", summary["worst"])):
-        shares = [figures[name] for name in shown]
-        table.add_row(person, *(percent(share) if isinstance(share, float) else "-" for share in shares))
-    console.print(table)
+    texts = _KNOWN | _UNKNOWN | _CONTAINING
+    rows = [(person, *(written(figures[name]) for name in shown)) for person, figures in {**persons, **summary}.items()]
+    print_table(("person", *(texts[name][0] for name in shown)), rows, title=f"By person ({by})")
 
 
-def interval(ends: Interval | None, write: Callable[[float], str]) -> str:
+def interval(ends: Interval | None, form: str = _SHARE) -> str:
     """Write the ends of an interval; their unit is written once, after the second.
 
     An interval without length says nothing: every draw had the same figure.
     """
     if ends is None or ends[0] == ends[1]:
         return "-"
-    low, high = map(write, ends)
+    low, high = map(form.format, ends)
     return f"{low.rstrip('% s')}–{high}"
 
 
-def _rests_on(basis: Basis, unit: str) -> str:
-    persons = "persons not told" if basis.persons is None else counted(basis.persons, "person")
-    return f"{basis.seconds:.0f} s, {counted(basis.segments, unit)}, {persons}"
+def rests_on(basis: Mapping[str, Any], unit: str) -> str:
+    """Write what figures rest on (`stream_score.basis_of`)."""
+    persons = "persons not known" if basis["persons"] is None else counted(basis["persons"], "person")
+    return f"{basis['seconds']:.0f} s, {counted(basis['segments'], unit)}, {persons}"
 
 
-def _add_rows(table: Table, score: StreamScore, rows: _Rows) -> None:
-    figures = score.figures()
-    for name, (told, write) in rows.items():
-        value = figures[name]
-        table.add_row(f"  {told}", "-" if value is None else write(value), interval(score.intervals.get(name), write))
-
-
-def _print_classes(score: StreamScore) -> None:
-    classes = Table(title="By class", title_justify="left")
-    add_names(classes, "class", score.classes, beside=_BESIDE_CLASSES)
+def _print_classes(scores: Mapping[str, Mapping[str, float]]) -> None:
+    table = Table(title="By class", title_justify="left")
+    add_names(table, "class", scores, beside=_BESIDE_CLASSES)
     for heading in ("seconds", "right", "right, last second inside"):
-        classes.add_column(heading, justify="right")
-    for name, each in score.classes.items():
-        classes.add_row(name, f"{each.seconds:.1f}", percent(each.right), percent(each.right_inside))
-    console.print(classes)
+        table.add_column(heading, justify="right")
+    for name, each in scores.items():
+        table.add_row(name, f"{each['seconds']:.1f}", written(each["right"]), written(each["right_inside"]))
+    console.print(table)

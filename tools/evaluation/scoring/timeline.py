@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinespace.stream.recognition import EventKind
+from kinespace.tools.evaluation.scoring.answers import guess_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.recordings.formats.labels import Segment
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Recognition
+    from kinespace.tools.evaluation.takes import Take
 
 #: The index that stands for "no class".
 NONE = -1
@@ -39,8 +41,6 @@ class Course:
         The segments performed, with the library's class names where it knows them.
     truth
         Index of the class performed; NONE where the library does not know it or no label says it.
-    labelled
-        Whether the moment is labelled, shape (frames,).
     segment
         Index of the segment, -1 outside all.
     guess
@@ -55,13 +55,14 @@ class Course:
         The person who performs; empty when not known.
     contains
         Indices of the classes that are performed at some time in the take.
+    doubted
+        Share of the frames at which the body was implausible or joints were left out.
     """
 
     name: str
     times: NDArray[np.float64]
     segments: tuple[Segment, ...]
     truth: NDArray[np.intp]
-    labelled: NDArray[np.bool_]
     segment: NDArray[np.intp]
     guess: NDArray[np.intp]
     published: NDArray[np.intp]
@@ -69,6 +70,7 @@ class Course:
     score: NDArray[np.float64]
     person: str = ""
     contains: tuple[int, ...] = ()
+    doubted: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -85,60 +87,53 @@ class Course:
 
 
 def course_of(
-    name: str,
+    take: Take,
     times: NDArray[np.float64],
-    segments: Sequence[Segment],
+    recognitions: Sequence[Recognition],
     *,
     classes: Sequence[str],
     known: Collection[str],
-    recognitions: Sequence[Recognition],
-    events: Sequence[Event],
-    person: str = "",
-    contains: Sequence[str] = (),
 ) -> Course:
     """Put the motions performed beside the answers, at every frame's time.
 
     Parameters
     ----------
-    name, times
-        The take's name, and its frames' times, seconds, shape (frames,).
-    segments
-        The segments performed, by start.
+    take
+        The take; classes in it that the library does not know are ignored.
+    times
+        Of the frames that were played, seconds, shape (frames,).
+    recognitions
+        The answers, by time.
     classes
         The class names in which indices count.
     known
         The classes that the recogniser's library knows.
-    recognitions, events
-        The answers and events, by time.
-    person
-        The person who performs.
-    contains
-        Classes that are performed at some time; classes that the library does not know are ignored.
     """
-    places = {class_name: index for index, class_name in enumerate(classes)}
+    places, segments = {class_name: index for index, class_name in enumerate(classes)}, take.segments
     inside = np.searchsorted([each.start for each in segments], times, side="right") - 1
     # The last element is for frames before the first segment, whose index is -1.
     ends = np.array([*(each.end for each in segments), -np.inf])
     segment = np.where(times < ends[inside], inside, -1)
     performed = np.array([*(places[each.label] if each.label in known else NONE for each in segments), NONE])
     last = np.searchsorted([each.time for each in recognitions], times, side="right") - 1
+    events = [event for each in recognitions for event in each.events]
     going_on = [places[each.label] if each.kind is EventKind.START else NONE for each in events]
-    guesses = [places[each.classes[each.best]] if each.guess_index >= 0 else NONE for each in recognitions]
+    guesses = [NONE if (guess := guess_of(each)) is None else places[guess] for each in recognitions]
     published = [NONE if each.class_name is None else places[each.class_name] for each in recognitions]
     last_event = np.searchsorted([each.time for each in events], times, side="right") - 1
     return Course(
-        name=name,
+        name=take.clip.name,
         times=times,
-        segments=tuple(segments),
+        segments=segments,
         truth=performed[segment],
-        labelled=segment >= 0,
         segment=segment,
         guess=_held(guesses, last, NONE),
         published=_held(published, last, NONE),
         event=_held(going_on, last_event, NONE),
         score=_held([each.score for each in recognitions], last, np.nan),
-        person=person,
-        contains=tuple(places[each] for each in contains if each in known),
+        person=take.person,
+        contains=tuple(places[each] for each in take.contains if each in known),
+        doubted=float(_held([each.is_doubted for each in recognitions], last, before=False).mean()),
     )
 
 
@@ -158,7 +153,7 @@ def confusion(courses: Sequence[Course], classes: Sequence[str]) -> tuple[list[s
     shares = np.zeros((len(labels), len(classes) + 1))
     for each in courses:
         rows = np.array([labels.index(segment.label) for segment in each.segments], dtype=np.intp)
-        told = each.labelled
-        np.add.at(shares, (rows[each.segment[told]], each.published[told]), each.lasts[told])
+        labelled = each.segment >= 0
+        np.add.at(shares, (rows[each.segment[labelled]], each.published[labelled]), each.lasts[labelled])
     whole = shares.sum(axis=1, keepdims=True)
     return labels, [*classes, "none"], shares / np.where(whole > 0, whole, 1.0)

@@ -13,6 +13,15 @@ function themeOf(element) {
     (name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
+const byId = (id) => document.getElementById(id);
+const isLight = () => document.documentElement.dataset.theme === "light";
+
+/** Choose the page's colours, and name the other choice on its button. */
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  byId("theme").textContent = theme === "light" ? "Dark" : "Light";
+}
+
 /** Fit a canvas to its place on the screen; give its context and its size in points. */
 function fitted(canvas) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);

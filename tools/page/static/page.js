@@ -5,7 +5,6 @@ const SHOWN = 60; // seconds of the timeline
 const KEPT_SCORES = 620; // points of a score's line: a minute at ten a second
 const OLD = 3; // seconds after which a notice is neither said nor sounded
 const SILENT = 2.5; // seconds without a status after which the recogniser counts as away
-const byId = (id) => document.getElementById(id);
 /** Make an element with text; text from outside never becomes markup. */
 function made(kind, { className = "", text = "" } = {}, ...children) {
   const element = document.createElement(kind);
@@ -18,7 +17,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, player: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  hits: [], sound: true, theme: null, drawnAfter: null };
+  hits: [], wrong: null, sound: true, theme: null, drawnAfter: null };
 window.kinespace = page;
 
 // --- what comes ---
@@ -97,10 +96,10 @@ function takeAnswer(performer, answer) {
   if (performer.scores.length > KEPT_SCORES) performer.scores.shift();
 }
 
-function takeMotion([name, key, className, begin, end, mark, meant]) {
+function takeMotion([name, key, className, begin, end, mark]) {
   const performer = page.performers.get(name);
   if (!performer) return;
-  performer.motions.set(key, { key, className, begin, end, mark, meant });
+  performer.motions.set(key, { ...performer.motions.get(key), key, className, begin, end, ...(mark ? { mark } : {}) });
   for (const [old, motion] of performer.motions) if (motion.end !== null && motion.end < page.now - SHOWN - 5) performer.motions.delete(old);
   performer.guesses = performer.guesses.filter(([at], place, all) => !(place < all.length - 1 && all[place + 1][0] < page.now - SHOWN));
   const going = [...performer.motions.values()].find((motion) => motion.end === null);
@@ -155,18 +154,17 @@ function choose(name) {
 
 function draw() {
   page.theme ??= themeOf(document.documentElement);
-  const light = document.documentElement.dataset.theme === "light";
-  for (const performer of page.performers.values()) drawPerformer(performer, light);
+  for (const performer of page.performers.values()) drawPerformer(performer);
   drawScores();
   drawPast();
   if (page.player?.speed && document.activeElement !== byId("scrub")) showPlace(placeNow());
 }
 
-function drawPerformer(performer, light) {
+function drawPerformer(performer) {
   const { answer, stage, carried } = performer;
   const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.doing.textContent) : -1;
   const progress = answer?.progress;
-  stage.draw({ colour: colourOf(class_, light ? 0.58 : 0.78), carried: answer?.label === "still" ? null : carried,
+  stage.draw({ colour: colourOf(class_, isLight() ? 0.58 : 0.78), carried: answer?.label === "still" ? null : carried,
     phase: progress ? progress.phase : null, theme: page.theme });
   if (!answer) return;
   const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
@@ -270,12 +268,13 @@ function tellState(text, lost) {
 
 setInterval(() => {
   if (socket.readyState !== WebSocket.OPEN || document.hidden) return;
-  const now = page.now + (performance.now() - page.since) / 1000;
-  if (!page.status || now - page.status.at > SILENT) tellState("no recogniser: waiting for kinespace live", true);
+  if (!page.status || nowThere() - page.status.at > SILENT) tellState("no recogniser: waiting for kinespace live", true);
 }, 500);
 
 // --- teaching ---
 
+/** Seconds on the clock of the page's process. */
+const nowThere = () => page.now + (performance.now() - page.since) / 1000;
 const ask = (command) => send({ ask: command });
 const teaches = () => Boolean(page.control?.teaches);
 
@@ -320,6 +319,13 @@ function takeNotice({ at, performer: name, state, seconds, reason, taught, check
 function takeReply({ states }) {
   const refused = states.find((each) => each.state === "refused");
   if (refused) say(`refused: ${refused.reason}`);
+  else if (page.wrong) {
+    const { performer, key, meant } = page.wrong;
+    // News of the bar may have come since the question.
+    Object.assign(performer.motions.get(key) ?? {}, { mark: "wrong", meant });
+    listMotions();
+  }
+  page.wrong = null;
 }
 
 let silence = 0;
@@ -367,9 +373,17 @@ function openWrong(performer, motion) {
   byId("meant").replaceChildren(...["nothing", ...page.classes.filter((name) => name !== motion.className)].map((name) => new Option(name)));
   dialog.returnValue = "";
   dialog.onclose = () => {
-    if (dialog.returnValue) send({ wrong: { performer: performer.name, bar: motion.key, meant: byId("meant").value } });
+    if (dialog.returnValue) correct(performer, motion, byId("meant").value);
   };
   dialog.showModal();
+}
+
+/** Teach that a bar was another class. A motion is named some time after it began: its bar begins with the guess that led to it. */
+function correct(performer, motion, meant) {
+  const led = performer.guesses.findLast(([at]) => at <= motion.begin);
+  const begin = led && led[1] === motion.className ? led[0] : motion.begin;
+  page.wrong = { performer, key: motion.key, meant };
+  ask({ do: "last", performer: performer.name, seconds: motion.end - begin, class: meant, ago: nowThere() - motion.end });
 }
 
 byId("timeline").addEventListener("click", (event) => {
@@ -431,15 +445,10 @@ byId("sound").addEventListener("click", ({ target }) => {
   target.setAttribute("aria-pressed", String(page.sound));
 });
 
-function setTheme(theme) {
-  document.documentElement.dataset.theme = theme;
-  byId("theme").textContent = theme === "light" ? "Dark" : "Light";
-  page.theme = null;
-}
 byId("theme").addEventListener("click", () => {
-  const theme = document.documentElement.dataset.theme === "light" ? "dark" : "light";
-  localStorage.setItem("theme", theme);
-  setTheme(theme);
+  setTheme(isLight() ? "dark" : "light");
+  localStorage.setItem("theme", document.documentElement.dataset.theme);
+  page.theme = null;
   draw();
 });
 

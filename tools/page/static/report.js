@@ -1,7 +1,6 @@
 "use strict";
 // The page of an evaluation: takes to scrub through, what was performed above what was answered.
 
-const byId = (id) => document.getElementById(id);
 const { classes, takes } = JSON.parse(byId("takes").textContent);
 const stage = new Stage(byId("body"));
 const colourOfClass = (name) => colourOf(classes.indexOf(name));
@@ -41,8 +40,7 @@ function draw() {
   report.theme ??= themeOf(document.documentElement);
   const { take, theme } = report;
   const [performed, event, named, guess] = [now(take.performed), now(take.events), now(take.named), now(take.guesses)];
-  const light = document.documentElement.dataset.theme === "light";
-  stage.draw({ colour: colourOf(named ?? -1, light ? 0.58 : 0.78), carried: null, phase: null, theme });
+  stage.draw({ colour: colourOf(named ?? -1, isLight() ? 0.58 : 0.78), carried: null, phase: null, theme });
   byId("performed").textContent = performed ?? "";
   byId("answered").textContent = `event ${classes[event] ?? "–"} · named ${classes[named] ?? "–"} · guess ${classes[guess] ?? "–"}`;
   byId("state").textContent = `${report.at.toFixed(2)} of ${take.seconds.toFixed(2)} s`;
@@ -93,12 +91,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === " ") { event.preventDefault(); play(!report.playing); }
   if (event.key === "ArrowLeft" || event.key === "ArrowRight") go(report.at + (event.key === "ArrowLeft" ? -0.1 : 0.1));
 });
-function setTheme(theme) {
-  document.documentElement.dataset.theme = theme;
-  byId("theme").textContent = theme === "light" ? "Dark" : "Light";
-  report.theme = null;
-}
-byId("theme").addEventListener("click", () => { setTheme(document.documentElement.dataset.theme === "light" ? "dark" : "light"); draw(); });
+byId("theme").addEventListener("click", () => { setTheme(isLight() ? "dark" : "light"); report.theme = null; draw(); });
 window.addEventListener("resize", () => draw());
 setTheme(matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
 choose(0);

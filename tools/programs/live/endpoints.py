@@ -1,85 +1,83 @@
-"""The ends that `kinespace live` opens: sources of frames, sinks of answers, the recording, doors for commands."""
+"""The ends that `kinespace live` opens: sources of frames, sinks of answers, the recording, ways in for commands."""
 
 from __future__ import annotations
 
 import ipaddress
 from contextlib import ExitStack
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs.commands import Allowed, CommandReader
+from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.outputs.zeromq_sink import BodySink
+from kinespace.stream.teaching import wire
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
-from kinespace.tools.teaching.door import WEKINATOR_PORT, Allowed, RequestDoor, TaughtDecoder, WekinatorDoor
+from kinespace.tools.page.player import PagePlan
+from kinespace.tools.page.process import PageProcess, require_websockets
+from kinespace.tools.teaching.requests import RequestSource
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
     from pathlib import Path
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs import Admission
-    from kinespace.stream.inputs.receiver import Networks
+    from kinespace.stream.outputs.zeromq_sink import Followed
+    from kinespace.stream.packet import Networks
     from kinespace.stream.zeromq import Keyring
-    from kinespace.tools.programs.live.options import Addresses, Feed, Teaching
-    from kinespace.tools.teaching.desk import Desk
 
+#: The port on which Wekinator listens.
+WEKINATOR_PORT = 6448
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
+#: Where the page's process finds its recogniser.
+_HERE = zeromq.Endpoint("tcp://127.0.0.1:*", bind=True)
 _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 def open_ends(
-    addresses: Addresses,
-    feed: Feed,
-    preset: Preset | None,
-    record: Path | None,
-    *,
-    networks: Networks,
-    keyring: Keyring | None,
-    admission: Admission,
+    options: argparse.Namespace, preset: Preset | None, keyring: Keyring | None, admission: Admission
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
     """Open the addresses and the recording; after a failure the open addresses are closed again."""
-    if preset and not (addresses.osc_in or addresses.zmq_in):
-        addresses = replace(addresses, osc_in=f"127.0.0.1:{preset.port}")
+    networks = _networks(options)
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
-        if addresses.osc_in:
+        if options.osc_in:
             with opening("--osc-in"):
-                receivers.append(osc.OscReceiver(*host_and_port(addresses.osc_in), networks))
+                receivers.append(osc.OscReceiver(*host_and_port(options.osc_in), networks))
             opened.callback(receivers[-1].close)
-        if addresses.zmq_in:
-            endpoint = Endpoint.parse(addresses.zmq_in, bind=True)
+        if options.zmq_in:
             with opening("--zmq-in"):
+                endpoint = _endpoint(options, options.zmq_in)
                 receivers.append(zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring))
             opened.callback(receivers[-1].close)
-        if addresses.osc_out:
+        if options.osc_out:
             with opening("--osc-out"):
-                sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(addresses.osc_out))))
+                sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(options.osc_out))))
             opened.callback(sinks[-1].close)
-        if addresses.zmq_out:
-            endpoint = Endpoint.parse(addresses.zmq_out, bind=True)
-            listeners = [*networks, *_LOOPBACK] if networks else ()
-            known = bool(keyring or networks) or not endpoint.is_open_to_others
+        if options.zmq_out:
             with opening("--zmq-out"):
-                sinks.append(ZmqSink(zeromq.ZmqSender(endpoint, keyring, listeners), named=known))
+                endpoint = _endpoint(options, options.zmq_out)
+                known = bool(keyring or networks) or not endpoint.is_open_to_others
+                sinks.append(ZmqSink(zeromq.ZmqSender(endpoint, keyring, _and_here(networks)), named=known))
             opened.callback(sinks[-1].close)
-        for out in feed.outs:
+        for out in options.out:
             with opening("--out"):
                 sinks.append(_layout_sink(out, receivers, admission))
             opened.callback(sinks[-1].close)
         _require_no_loop(receivers, sinks)
         # Last, because it may take another file's place.
-        writer = _writer(record, receivers, preset) if record else None
+        writer = _writer(options.record, receivers, preset) if options.record else None
         recorders = [Recorder(writer, index) if writer else None for index in range(len(receivers))]
-        sources = [_source(*each, preset, feed.sender, admission) for each in zip(receivers, recorders, strict=True)]
+        sources = [_source(*each, preset, options.sender, admission) for each in zip(receivers, recorders, strict=True)]
         opened.pop_all()
     return sources, sinks, writer
 
@@ -134,23 +132,80 @@ def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | No
     return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
 
 
-def open_doors(
-    teaching: Teaching, desk: Desk, sources: Sequence[Source], networks: Networks, keyring: Keyring | None
-) -> list[WekinatorDoor | RequestDoor]:
-    """Open the ways in for commands: the frames' own ports, and further ones."""
+def _and_here(networks: Networks) -> Networks:
+    """Add this machine to the networks that are let in, unless all are."""
+    return [*networks, *_LOOPBACK] if networks else ()
+
+
+def _networks(options: argparse.Namespace) -> Networks:
+    """Read the networks that are let in; ValueError for no network."""
+    return [ipaddress.ip_network(each, strict=False) for each in options.allow_from]
+
+
+def _endpoint(options: argparse.Namespace, address: str) -> zeromq.Endpoint:
+    """Read the address of an endpoint, which is bound unless it says otherwise; ValueError for no address."""
+    return zeromq.Endpoint.parse(address, bind=True, to_anybody=options.open)
+
+
+def open_controls(
+    options: argparse.Namespace, sources: Sequence[Source], keyring: Keyring | None, admission: Admission
+) -> list[Source | RequestSource]:
+    """Let the frames' own ports take commands, and open the further ways in for them."""
+    networks = _networks(options)
     allowed = Allowed(networks)
     for source in sources:
-        source.decoder = TaughtDecoder(source.decoder, desk, allowed)
-    doors: list[WekinatorDoor | RequestDoor] = []
-    for control in teaching.controls:
+        source.commands = CommandReader(wire.decode, wire.TEACH, allowed)
+    controls: list[Source | RequestSource] = []
+    for control in options.control:
         name, _, place = control.partition("=")
         if name == "wekinator":
             host, port = host_and_port(place) if place else ("127.0.0.1", WEKINATOR_PORT)
             with opening("--control"):
-                doors.append(WekinatorDoor(osc.OscReceiver(host, port), desk, allowed))
+                receiver = osc.OscReceiver(host, port, _and_here(networks))
+            wekinator = Source(receiver, OscDecoder(), admission=admission)
+            wekinator.commands = CommandReader(wire.Wekinator().decode, wire.WEKINATOR, allowed)
+            controls.append(wekinator)
         elif "://" in control:
             with opening("--control"):
-                doors.append(RequestDoor(Endpoint.parse(control, bind=True), desk, allowed, keyring))
+                # The owner of a known key may command from any network.
+                near = () if keyring else _and_here(networks)
+                controls.append(RequestSource(_endpoint(options, control), allowed, keyring, networks=near))
         else:
             raise ValueError(f"--control: expected wekinator or an endpoint like tcp://127.0.0.1:9330, got {control!r}")
-    return doors
+    return controls
+
+
+class PageEnds(NamedTuple):
+    """A page, and a recogniser's ends of the link to it, to be closed with its other sinks and sources."""
+
+    sinks: Sequence[Sink] = ()
+    sources: Sequence[RequestSource] = ()
+    page: PageProcess | None = None
+
+
+def open_page(
+    options: argparse.Namespace, keyring: Keyring | None, performers: Followed, *, commands: bool
+) -> PageEnds:
+    """Start the page that is asked for, and open a publisher for it and, if it may give commands, a socket for them.
+
+    Raises
+    ------
+    ImportError, OSError, ValueError
+        As `tools.page.process.PageProcess`.
+    """
+    if not options.page:
+        return PageEnds()
+    require_websockets()
+    sender = zeromq.ZmqSender(_HERE, keyring)
+    requests = [RequestSource(_HERE, Allowed(), keyring)] if commands else []
+    plan = PagePlan(
+        sender.address,
+        options.page,
+        requests[0].address if requests else None,
+        options.recordings,
+        # A port on all of this machine's addresses is reached on this one.
+        options.osc_in.replace("0.0.0.0:", "127.0.0.1:") if options.osc_in else None,
+        options.zmq_in,
+        options.keys,
+    )
+    return PageEnds([ZmqSink(sender), BodySink(sender, performers)], requests, PageProcess(plan))

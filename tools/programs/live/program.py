@@ -13,20 +13,15 @@ from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import (
     OSC_IN,
-    add_inputs,
-    add_keys,
     add_library,
     add_names,
     add_overwrite,
-    add_page,
-    add_sender,
     add_settings,
+    add_shared,
     count,
     names,
-    naming_of,
     settings_of,
 )
-from kinespace.tools.programs.live.options import Addresses, Feed, Guard, Teaching, Watched
 from kinespace.tools.programs.live.recognisers import Where
 from kinespace.tools.programs.live.session import recognise
 
@@ -34,8 +29,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.recognizer import SentJoints
+    from kinespace.tools.programs.live.recognisers import Known
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -65,7 +60,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
         f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
     )
-    add_inputs(parser)
+    add_shared(parser, "--osc-in", "--zmq-in")
     parser.add_argument(
         "--osc-out",
         metavar="[HOST:]PORT",
@@ -75,7 +70,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
     )
-    add_sender(parser)
+    add_shared(parser, "--sender")
     parser.add_argument(
         "--out",
         type=names,
@@ -104,7 +99,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         help="read packets from these networks alone; let them teach; let them and this machine hear the answers by "
         "ZeroMQ",
     )
-    add_keys(parser)
+    add_shared(parser, "--keys", "--open")
     parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
@@ -112,7 +107,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
-    add_page(parser)
+    add_shared(parser, "--page")
     parser.add_argument(
         "--recordings", type=Path, metavar="DIR", help="let the page begin recordings there, and play them"
     )
@@ -121,30 +116,13 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, where: Where | None = None) -> int:
     """Run the program with these options; return the exit status. Performers are recognised `where` it is said."""
-    usual_in = not (options.osc_in or options.zmq_in or options.feed)
-    usual_out = not (options.osc_out or options.zmq_out or options.out)
-    addresses = Addresses(
-        osc_in=OSC_IN if usual_in else options.osc_in,
-        osc_out=OSC_OUT if usual_out else options.osc_out,
-        zmq_in=options.zmq_in,
-        zmq_out=options.zmq_out,
-    )
-    where = where or (in_workers(options.workers) if options.workers else Where())
+    if not (options.osc_in or options.zmq_in or options.feed):
+        options.osc_in = OSC_IN
+    if not (options.osc_out or options.zmq_out or options.out):
+        options.osc_out = OSC_OUT
+    where = where or (in_workers() if options.workers else Where())
     with closing(where), Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        return recognise(
-            addresses,
-            library=options.library,
-            settings=settings_of(options),
-            most=options.performers,
-            plain=options.plain,
-            record=options.record,
-            overwrite=options.overwrite,
-            feed=Feed(options.feed, options.sender, tuple(options.out), options.joints, naming_of(options)),
-            guard=Guard(options.allow, options.allow_from, options.merge, keyring),
-            teaching=Teaching(options.teach, tuple(options.control)),
-            watched=Watched(options.page, options.bodies, options.recordings, options.keys),
-            where=where,
-        )
+        return recognise(options, keyring, where)
 
 
 def workers(text: str) -> int:
@@ -152,24 +130,26 @@ def workers(text: str) -> int:
     return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
 
 
-def in_workers(number: int) -> Where:
+def in_workers() -> Where:
     """Recognise in processes of their own."""
     from kinespace.library.windows.index import opened  # noqa: PLC0415 - only where there are workers
-    from kinespace.stream.workers.crew import Crew  # noqa: PLC0415 - as above
+    from kinespace.stream.workers.local import LocalGateway  # noqa: PLC0415 - as above
 
-    def make(
-        library: MotionLibrary | WindowIndex,
-        settings: Settings,
-        *,
-        most: int,
-        joints: SentJoints,
-        classes: Sequence[str] = (),
-    ) -> Crew:
+    def make(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]) -> LocalGateway:
+        settings = settings_of(options)
         if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
             library = opened(library)
-        crew = Crew(number, library, settings, most=most, joints=joints, classes=classes)
-        where.sources += crew.sources
-        return crew
+        gateway = LocalGateway(
+            options.workers,
+            library,
+            settings,
+            most=options.performers,
+            joints=joints,
+            naming=options.naming,
+            classes=classes,
+        )
+        where.sources.append(gateway.source)
+        return gateway
 
     where = Where(make)
     return where

@@ -1,23 +1,23 @@
-"""The recognisers of `kinespace live`: the library cut to the feed's joints, and the desk where people may teach."""
+"""The recognisers of `kinespace live`: the library cut to the feed's joints, and the lessons where people may teach."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from kinespace.library.naming import Naming
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
-from kinespace.stream.service.background_opener import background_restricter, background_windows
+from kinespace.stream.service.background_opener import BackgroundViews
 from kinespace.stream.service.recognising import Teachable
-from kinespace.tools.cli.arguments import library_at
+from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
-from kinespace.tools.teaching.desk import Start, open_desk
+from kinespace.tools.teaching.lessons import Start, open_lessons
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Callable, Sequence
 
     from kinespace.library import MotionLibrary
@@ -25,41 +25,24 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
-    from kinespace.stream.recognizer.joints.fewer_joints import Restricter
     from kinespace.stream.service.loop import Source
     from kinespace.stream.service.recognising import Recognising
-    from kinespace.tools.programs.live.options import Feed, Teaching
-    from kinespace.tools.teaching.desk import Desk
+    from kinespace.tools.teaching.lessons import Lessons
+
+    #: A library, perhaps opened already.
+    Known = MotionLibrary | WindowIndex
+    Making = Callable[[argparse.Namespace, Known, SentJoints, Sequence[str]], Recognising]
 
 #: In place of a library: only taught motions are known.
 _NO_LIBRARY = Path("none")
 
 
-class Making(Protocol):
-    """Makes the recognisers of a service, in this process or elsewhere; parameters as for `Performers`."""
-
-    def __call__(
-        self,
-        library: MotionLibrary | WindowIndex,
-        settings: Settings,
-        *,
-        most: int,
-        joints: SentJoints,
-        classes: Sequence[str] = (),
-    ) -> Recognising:
-        """Make them."""
-
-
 def in_this_process(
-    library: MotionLibrary | WindowIndex,
-    settings: Settings,
-    *,
-    most: int,
-    joints: SentJoints,
-    classes: Sequence[str] = (),
-) -> Performers:
+    options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]
+) -> Teachable:
     """Make recognisers that the service's own loop calls."""
-    return Performers(library, settings, most=most, joints=joints, opener=background_windows(), classes=classes)
+    settings, views = settings_of(options), BackgroundViews()
+    return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
 
 
 @dataclass(slots=True)
@@ -69,7 +52,8 @@ class Where:
     Attributes
     ----------
     make
-        Makes the recognisers; it appends to `sources` and `sinks`.
+        Makes the recognisers of a library by the options, the joints that senders do not name, and the order of the
+        classes; it appends to `sources` and `sinks`.
     sources, sinks
         Where their answers come back, and further sinks.
     """
@@ -84,23 +68,17 @@ class Where:
             each.close()
 
 
-def recognisers(
-    library: Path | None,
-    preset: Preset | None,
-    feed: Feed,
-    *,
-    teaching: Teaching,
-    settings: Settings,
-    most: int,
-    make: Making = in_this_process,
-) -> tuple[Recognising, Desk | None]:
-    """Make the recognisers, and the desk in front of them if people may teach."""
+def recognisers(options: argparse.Namespace, preset: Preset | None, make: Making) -> tuple[Recognising, Lessons | None]:
+    """Make the recognisers, and the lessons if people may teach."""
+    library, naming = options.library, naming_of(options)
     nothing = library == _NO_LIBRARY
-    if nothing and not teaching.file:
+    if nothing and not options.teach:
         raise ValueError("--library none: expected --teach with it")
-    joints = _assumed_joints(feed)
+    if options.joints and preset:
+        raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
+    joints = naming.read(joints_in_order(options.joints)).joints if options.joints else ()
     motions = library_at(None if nothing else library)
-    if feed.naming.convention or feed.naming.finds:
+    if naming.convention or naming.finds:
         motions = motions.in_our_names(Naming())
     if nothing:
         joints = joints or (preset.joints if preset else ())
@@ -108,20 +86,12 @@ def recognisers(
         motions = fitted(motions, f"feed {preset.name}", preset.joints)
     elif joints:
         motions = fitted(motions, "--joints", joints)
-    sent = SentJoints(joints, feed.naming, background_restricter(settings))
-    if teaching.file:
-        desk = _desk(
-            teaching, None if nothing else motions, sent, settings, partial(make, settings=settings, most=most)
-        )
-        return desk, desk
-    _require_room_for(motions, settings)
-    return make(motions, settings, most=most, joints=sent), None
-
-
-def _assumed_joints(feed: Feed) -> tuple[str, ...]:
-    if feed.joints and feed.preset:
-        raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
-    return feed.naming.read(joints_in_order(feed.joints)).joints if feed.joints else ()
+    sent = SentJoints(joints, naming)
+    if options.teach:
+        lessons = _lessons(options, None if nothing else motions, sent, make)
+        return lessons.performers, lessons
+    _require_room_for(motions, settings_of(options))
+    return make(options, motions, sent, ()), None
 
 
 def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
@@ -150,31 +120,22 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     return shared
 
 
-def _desk(
-    teaching: Teaching,
-    motions: MotionLibrary | None,
-    sent: SentJoints,
-    settings: Settings,
-    make: Callable[..., Recognising],
-) -> Desk:
+def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints, make: Making) -> Lessons:
     """Open the taught library."""
-    assert teaching.file is not None  # noqa: S101 - for mypy
 
-    def performers(index: WindowIndex, classes: Sequence[str], restrict: Restricter) -> Teachable:
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Teachable:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
-        joints = replace(
-            sent, assumed=sent.assumed if covers else (), restricter=background_restricter(settings, restrict)
-        )
-        _require_room_for(index, settings)
-        made = make(index, joints=joints, classes=classes)
+        joints = replace(sent, assumed=sent.assumed if covers else ())
+        _require_room_for(index, settings_of(options))
+        made = make(options, index, joints, classes)
         if not isinstance(made, Teachable):
             raise ValueError(f"--teach: expected recognisers that take another library, got {type(made).__name__}")  # noqa: TRY004 - the program's options are at fault
         return made
 
-    return open_desk(Start(teaching.file, motions, sent.assumed), performers)
+    return open_lessons(Start(options.teach, motions, sent.assumed), performers)
 
 
-def _require_room_for(motions: MotionLibrary | WindowIndex, settings: Settings) -> None:
+def _require_room_for(motions: Known, settings: Settings) -> None:
     """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
     try:
         Recognizer(motions, settings)

@@ -18,17 +18,17 @@ from kinespace.library.recordings import (
     performed,
     segments_beside,
 )
-from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_actor_in,
-    add_changes,
     add_labels,
     add_overwrite,
     add_reading,
-    add_recorded_feed,
+    add_shared,
     library_at,
+    mapping,
+    names,
     reading_of,
 )
 from kinespace.tools.terminal.console import console, progress
@@ -107,18 +107,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Puts the motions of recordings and library files together, over the joints that all of them have. A "
         "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, with "
-        "the take's name and the ending .csv, .tsv or .txt, cuts it into motions; so does UTKinect's actionLabel.txt."
+        "the take's name and the ending .csv, .tsv or .txt, cuts it into motions."
     )
     parser.add_argument(
         "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     add_overwrite(parser)
-    add_changes(parser)
+    parser.add_argument(
+        "--without",
+        action="extend",
+        type=names,
+        default=[],
+        metavar="CLASS|PERSON,...",
+        help="leave these classes or persons out",
+    )
+    parser.add_argument(
+        "--rename",
+        nargs="+",
+        action="extend",
+        type=mapping,
+        default=[],
+        metavar="OLD=NEW",
+        help="rename these classes",
+    )
+    parser.add_argument(
+        "--nothing",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FOLDER",
+        help='recordings whose motions are to be answered "unknown"',
+    )
     add_labels(
         parser, "for each recording, in order: cut it into these motions (default: the file beside it, if there is one)"
     )
-    add_recorded_feed(parser)
+    add_shared(parser, "--feed")
     add_reading(parser)
     add_actor_in(parser)
     parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
@@ -126,68 +150,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return build(
-        options.sources,
-        options.output,
-        nothing=options.nothing,
-        labels=options.labels,
-        reading=reading_of(options),
-        terms=Terms(options.licence, options.attribution),
-        changes=Changes(options.without, dict(options.rename)),
-        overwrite=options.overwrite,
-    )
-
-
-def build(
-    sources: Sequence[Path],
-    output: Path,
-    *,
-    nothing: Sequence[Path],
-    labels: Sequence[Path],
-    reading: Reading,
-    terms: Terms,
-    changes: Changes,
-    overwrite: bool,
-) -> int:
-    """Build a library from recordings and libraries, save it, and print its contents.
-
-    Parameters
-    ----------
-    sources
-        Folders, recordings and library files.
-    output
-        The file to write.
-    nothing
-        Folders and recordings whose motions are to be answered "unknown".
-    labels
-        For each recording among the sources, in their order, a file of labels: its segments become the motions. None:
-        the files beside the recordings; a recording without one is one motion.
-    reading
-        How to read recordings.
-    terms
-        The terms of the recordings' motions; a library's motions keep their own.
-    changes
-        Changes to all motions together.
-    overwrite
-        Whether a file that is there may be written over.
-    """
+    """Build a library from recordings and libraries, save it, and print its contents; return the exit status."""
+    sources, output, labels = options.sources, options.output, options.labels
     files = [each for each in sources if each == BUILT_IN or (each.suffix == ".npz" and not is_recording(each))]
     places = [source for source in sources if source not in files]
     if labels and not places:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
-    require_place_for(output, overwrite=overwrite)
+    require_place_for(output, overwrite=options.overwrite)
     libraries = [library_at(file) for file in files]
-    read = _Recordings(reading, terms)
+    reading, terms = reading_of(options), Terms(options.licence, options.attribution)
+    read, unknown = _Recordings(reading, terms), _Recordings(reading, terms)
     clips = list(read.motions(places, labels)) if places else []
-    unknown = _Recordings(reading, terms)
-    if nothing:
-        clips += (replace(clip, class_name=NOTHING) for clip in unknown.motions(nothing))
+    if options.nothing:
+        clips += (replace(clip, class_name=NOTHING) for clip in unknown.motions(options.nothing))
     if not (clips or libraries):
         told = f" ({'; '.join(read.told)})" if read.told else ""
         raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{told}")
     libraries += by_body(clips)
-    merged = changes.made_in(reduce(MotionLibrary.merged_with, libraries))
+    merged = Changes(options.without, dict(options.rename)).made_in(reduce(MotionLibrary.merged_with, libraries))
     if not merged.classes:
         raise ValueError(f"motions: expected some of a class beside {NOTHING!r}, got none")
     merged.save(output)
@@ -229,16 +209,16 @@ class _Recordings:
             self.told.append(f"{path.name}: cut by {first.name}, not by {', '.join(each.name for each in others)}")
         self.told += _passed_over(places, {*paths, *labels, *(each for files in beside.values() for each in files)})
         damaged = list[str]()
-        with RecordingReader(self._reading) as reader:
-            for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
-                try:
-                    clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
-                except RecordingError as error:
-                    damaged.append(str(error))
-                    continue
-                self._filled += sum(clip.filled for clip in clips)
-                self._read += sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
-                yield from self._motions_of(clips, path, segments)
+        reader = RecordingReader(self._reading)
+        for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
+            try:
+                clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
+            except RecordingError as error:
+                damaged.append(str(error))
+                continue
+            self._filled += sum(clip.filled for clip in clips)
+            self._read += sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
+            yield from self._motions_of(clips, path, segments)
         if damaged:
             more = f"; and {len(damaged) - _MAX_NAMED} more" if len(damaged) > _MAX_NAMED else ""
             raise RecordingError("; ".join(damaged[:_MAX_NAMED]) + more)
@@ -285,12 +265,11 @@ def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
 
 def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str]:
     """List the files in folders that are neither recordings, nor skeletons, nor labels of a recording."""
-    known = (utkinect.LABELS, ".asf")
     files = [path for place in places if place.is_dir() for path in sorted(place.rglob("*")) if path.is_file()]
     told = [
         f"{path.name} ({instead_of_recording(path)})"
         for path in files
-        if path not in used and not path.name.startswith(".") and not path.name.lower().endswith(known)
+        if path not in used and not path.name.startswith(".") and path.suffix.lower() != ".asf"
     ]
     if told:
         yield f"{counted(len(told), 'file')} passed over: {_listed(told)}"

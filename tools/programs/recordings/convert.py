@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
-import os
 import tempfile
 from array import array
-from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library import find_recordings
+from kinespace.library.motion_library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
-from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
+from kinespace.stream.inputs.recording.takes import events_of, ordered_frames, seen_in
 from kinespace.tools.cli.arguments import (
     add_library,
     add_overwrite,
     add_reading,
-    add_recorded_feed,
+    add_shared,
     library_at,
     reading_of,
 )
+from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.feeding.followed import Followed
-from kinespace.tools.feeding.raw_takes import JointOrder, events_of, seen_in
-from kinespace.tools.programs.feeds import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
@@ -36,14 +34,13 @@ from kinespace.tools.terminal.tables import csv_text
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from kinespace.library import Clip, MotionLibrary, Reading
+    from kinespace.library import MotionLibrary, Reading
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.feeds import Preset
-    from kinespace.tools.feeding.raw_takes import Seen
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]
@@ -85,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_library(parser)
     add_overwrite(parser)
-    add_recorded_feed(parser)
+    add_shared(parser, "--feed")
     add_reading(parser)
 
 
@@ -102,15 +99,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--library: expected --progress with it, got {options.library}")
     library = library_at(options.library) if options.progress else None
     for source, output in pairs:
-        convert(
-            source,
-            output,
-            library=library,
-            performer=options.performer,
-            feed=options.feed,
-            reading=reading_of(options),
-            overwrite=options.overwrite,
-        )
+        _convert(source, output, options, library)
     return 0
 
 
@@ -131,52 +120,28 @@ def _in_folder(folder: Path, output: Path, ending: str) -> list[tuple[Path, Path
     return pairs
 
 
-def convert(
-    source: Path,
-    output: Path,
-    *,
-    performer: str | None,
-    feed: str | None,
-    reading: Reading,
-    overwrite: bool,
-    library: MotionLibrary | None = None,
-) -> None:
+def _convert(source: Path, output: Path, options: argparse.Namespace, library: MotionLibrary | None) -> None:
     """Convert one file, frame by frame.
 
-    Parameters
-    ----------
-    source
-        A raw recording or a motion file.
-    output
-        The file to write, ending in `.npz` (`time` (frames,), seconds; `positions` (frames, joints, 3), metres;
-        `joints`; `parents`, empty when they are not known; `performer`) or `.csv` (a column for the time and three for
-        each joint).
-    performer
-        The performer, if a raw recording has several.
-    feed
-        Name or file of the preset for a raw recording's packets; None for the preset that the recording names.
-    reading
-        How to read a motion file.
-    overwrite
-        Whether a file that is there may be written over.
-    library
-        The library that recognises the motions, so that an `.npz` holds the progress of each frame
-        (`kinespace.tools.feeding.followed`); None for none.
+    An `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
+    they are not known; `performer`; and with a library that recognises the motions the progress of each frame
+    (`kinespace.tools.feeding.followed`). A `.csv` has a column for the time and three for each joint.
     """
     if library and output.suffix.lower() != ".npz":
         raise ValueError(f"--progress: expected a file that ends in .npz, got {output}")
     if output.suffix.lower() not in (".npz", ".csv"):
         raise ValueError(f"{output}: expected a file that ends in .npz or .csv")
-    require_place_for(output, overwrite=overwrite)
+    require_place_for(output, overwrite=options.overwrite)
+    feed = options.feed
     damage = ""
     if source.suffix.lower() == ENDING:
         recording = RawFile(source)
-        motion, refused = _of_raw(recording, performer, preset_named(feed) if feed else None)
+        motion, refused = _of_raw(recording, options.performer, preset_named(feed) if feed else None)
         damage = recording.damage()
     elif feed:
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {source}")
     else:
-        motion, refused = _of_file(source, reading), 0
+        motion, refused = _of_file(source, reading_of(options)), 0
     motion.postures = progress(motion.postures, "Writing", motion.frames)
     followed = Followed(library, motion.skeleton.joints) if library else None
     if followed:
@@ -192,23 +157,8 @@ def convert(
 
 
 def _of_file(source: Path, reading: Reading) -> _Motion:
-    clips = _clips(find_recordings([source])[0], reading)
-    first = next(clips)
-    return _Motion(first.skeleton, first.actor, None, _postures_of(chain([first], clips)))
-
-
-def _clips(path: Path, reading: Reading) -> Iterator[Clip]:
-    with RecordingReader(reading) as reader:
-        yield from map(NameTeller(), reader.pieces(path))
-
-
-def _postures_of(clips: Iterable[Clip]) -> Iterator[_Posture]:
-    """Give the frames of clips that follow each other."""
-    start = 0
-    for clip in clips:
-        times = np.arange(start, start + clip.frames) / clip.frame_rate
-        start += clip.frames
-        yield from zip(times.tolist(), clip.positions, strict=True)
+    clip = NameTeller()(RecordingReader(reading).clip(find_recordings([source])[0]))
+    return _Motion(clip.skeleton, clip.actor, clip.frames, zip(clip.times.tolist(), clip.positions, strict=True))
 
 
 def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
@@ -221,30 +171,21 @@ def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) ->
     if chosen not in performing:
         raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
     skeleton = seen[chosen].skeleton()
-    frames = sum(1 for _ in _postures(recording, preset, chosen, seen[chosen]))
+
+    def postures() -> Iterator[_Posture]:
+        frames = ordered_frames(recording, preset, {chosen: seen[chosen]})
+        return ((seconds, positions) for _, _, seconds, positions in frames)
+
+    frames = sum(1 for _ in postures())
     if not frames:
         raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
-    motion = _Motion(skeleton, chosen, frames, _postures(recording, preset, chosen, seen[chosen]))
-    return motion, seen[chosen].frames - frames
-
-
-def _postures(recording: RawFile, preset: Preset | None, performer: str, seen: Seen) -> Iterator[_Posture]:
-    order, clock = JointOrder(seen.skeleton()), seen.times()
-    for arrival, event in events_of(recording, preset):
-        if event.performer != performer:
-            continue
-        if isinstance(event, Announcement):
-            order.announce(event)
-            continue
-        seconds = clock.read(event.time, arrival)
-        if (positions := order.ordered(event)) is not None:
-            yield seconds, positions
+    return _Motion(skeleton, chosen, frames, postures()), seen[chosen].frames - frames
 
 
 def _write_csv(output: Path, motion: _Motion) -> int:
     frames = 0
-    with _replacing(output) as part, part.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
+    with replacing(output) as file:
+        rows = csv.writer(codecs.getwriter("utf-8")(file))
         rows.writerow(["time", *(csv_text(f"{joint}_{axis}") for joint in motion.skeleton.joints for axis in "xyz")])
         for moment, positions in motion.postures:
             # Nine digits give every 32-bit number back exactly.
@@ -263,7 +204,7 @@ def _write_npz(output: Path, motion: _Motion, followed: Followed | None) -> int:
         scratch.flush()
         shape = (len(times), len(motion.skeleton.joints), 3)
         positions = np.memmap(scratch, dtype="<f8", mode="r", shape=shape)
-        with _replacing(output) as part, part.open("wb") as file:
+        with replacing(output) as file:
             np.savez(
                 file,
                 allow_pickle=False,
@@ -275,19 +216,3 @@ def _write_npz(output: Path, motion: _Motion, followed: Followed | None) -> int:
                 **(followed.arrays() if followed else {}),
             )
     return len(times)
-
-
-@contextmanager
-def _replacing(output: Path) -> Iterator[Path]:
-    """Give a file to write beside the output, which takes its place when it is whole."""
-    handle, name = tempfile.mkstemp(dir=output.absolute().parent, prefix=f".{output.name}.", suffix=".part")
-    os.close(handle)
-    part = Path(name)
-    try:
-        yield part
-        mask = os.umask(0)
-        os.umask(mask)
-        part.chmod(0o666 & ~mask)
-        part.replace(output)
-    finally:
-        part.unlink(missing_ok=True)

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING
 
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
-from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_recorded_feed, positive, reading_of
+from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_shared, positive, reading_of
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
 
 if TYPE_CHECKING:
     import argparse
-
-    from kinespace.library import Reading
 
 COLUMNS = ("start_s", "end_s", "label", "performer")
 #: Seconds: a longer row hardly is one motion; HDM05's longest cut clip has eight.
@@ -45,47 +43,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="movement, relative to the body, that counts as rest (0.01)",
     )
     add_overwrite(parser)
-    add_recorded_feed(parser)
+    add_shared(parser, "--feed")
     add_reading(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return propose(
-        options.source,
-        options.output,
-        reading=reading_of(options),
-        stillness=options.stillness,
-        overwrite=options.overwrite,
-    )
-
-
-def propose(source: Path, output: Path | None, *, reading: Reading, stillness: float, overwrite: bool) -> int:
-    """Propose labels for a recording, every label empty.
-
-    Parameters
-    ----------
-    source
-        The recording.
-    output
-        The CSV to write; by default beside the recording, with its name.
-    reading
-        How to read the recording.
-    stillness
-        Movement below which a body stands still (`library.teaching.movement`).
-    overwrite
-        Whether a file that is there may be written over.
-    """
-    labels = output or source.with_suffix(".csv")
+    """Propose labels for a recording, every label empty; return the exit status."""
+    source = options.source
+    labels = options.output or source.with_suffix(".csv")
     if labels == source:
         raise ValueError(f"{source}: expected --output, because the labels would replace the recording")
-    require_place_for(labels, overwrite=overwrite)
-    with RecordingReader(reading) as reader:
-        takes = reader.clips(find_recordings([source])[0])
+    require_place_for(labels, overwrite=options.overwrite)
+    takes = RecordingReader(reading_of(options)).clips(find_recordings([source])[0])
     found = [
         (stretch, take.actor)
         for take in progress(takes, "Looking", len(takes))
-        for stretch in stretches_of(take, stillness)
+        for stretch in stretches_of(take, options.stillness)
     ]
     found.sort()
     with labels.open("w", newline="", encoding="utf-8") as file:
@@ -99,9 +72,10 @@ def propose(source: Path, output: Path | None, *, reading: Reading, stillness: f
     )
     long = [each for each, _ in found if each.duration > _MAX_SECONDS]
     if long:
+        advice = f"cut at quieter moments by --stillness above {options.stillness:g}"
         console.print(
             f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, because the performer never stood still: divide "
-            f"these rows where the motions change, or cut at quieter moments by --stillness above {stillness:g}",
+            f"these rows where the motions change, or {advice}",
             soft_wrap=True,
         )
     return 0

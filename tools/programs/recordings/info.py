@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from rich.table import Table
 
-from kinespace.library import distance_rows, find_recordings
-from kinespace.library.kernels import compiled
+from kinespace.library import distance_rows, find_recordings, kernels
 from kinespace.library.recordings import is_recording, labelled
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
@@ -22,12 +21,12 @@ from kinespace.tools.cli.arguments import (
     add_actor_in,
     add_json,
     add_reading,
-    add_recorded_feed,
+    add_shared,
     class_at,
     library_at,
     reading_of,
 )
-from kinespace.tools.programs.feeds import preset_named
+from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.tables import add_names, narrow_table
@@ -59,44 +58,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
     add_json(parser)
-    add_recorded_feed(parser)
+    add_shared(parser, "--feed")
     add_reading(parser)
     add_actor_in(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return describe(options.file, reading_of(options), feed=options.feed, clips=options.clips, as_json=options.json)
-
-
-def describe(
-    file: Path | None, reading: Reading, *, feed: str | None = None, clips: bool = False, as_json: bool = False
-) -> int:
-    """Describe a library or recordings.
-
-    Parameters
-    ----------
-    file
-        A library, a recording or a folder; None for the built-in library.
-    reading
-        How to read motion files.
-    feed
-        Name or file of the preset for a raw recording's packets; None for the preset that the recording names.
-    clips
-        List every motion or recording too.
-    as_json
-        Print one JSON object and nothing else.
-    """
+    """Describe a library or recordings; return the exit status."""
+    file, feed = options.file, options.feed
     if feed and not (file and file.suffix.lower() == ENDING):
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
     show: Callable[[Mapping[str, Any]], None]
     if file and file.suffix.lower() == ENDING:
         told, show = _raw(file, preset_named(feed) if feed else None), _show_raw
     elif file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
-        told, show = _recordings(file, reading, clips=clips), _show_recordings
+        told, show = _recordings(file, reading_of(options), clips=options.clips), _show_recordings
     else:
-        told, show = _library(file, clips=clips), _show_library
-    if as_json:
+        told, show = _library(file, clips=options.clips), _show_library
+    if options.json:
         print(json.dumps(told))
     else:
         show(told)
@@ -282,7 +261,7 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     told |= {
         "joints": list(library.skeleton.joints),
         "sources": list(dict.fromkeys(each.source for each in kept if each.source)),
-        "arithmetic": compiled.kind(),
+        "arithmetic": kernels.kind(),
         "licence": library.licence,
         "attribution": library.attribution,
     }

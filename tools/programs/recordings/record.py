@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import zmq
 from rich.status import Status
 
-from kinespace.stream import osc, zeromq
-from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
-from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.cli.arguments import OSC_IN, add_inputs, add_keys, add_overwrite, positive
+from kinespace.stream.inputs import Admission
+from kinespace.stream.inputs.recording import source_name
+from kinespace.stream.status import InputCounts
+from kinespace.stream.zeromq import Keyring
+from kinespace.tools.cli.arguments import OSC_IN, add_overwrite, add_shared, positive
 from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.programs.live.endpoints import open_ends
 from kinespace.tools.terminal.console import console, progress_console
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
+
+    from kinespace.stream.inputs import Source
+    from kinespace.stream.inputs.recording import RawWriter
 
 #: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100
-
-_Receivers = list[osc.OscReceiver | zeromq.ZmqReceiver]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,118 +39,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "kinespace replay sends the file again bit for bit; kinespace live --record records while it recognises."
     )
     parser.add_argument("output", type=Path, metavar="FILE", help="the recording to make, like tonight.kinerec")
-    add_inputs(parser)
-    add_keys(parser)
+    add_shared(parser, "--osc-in", "--zmq-in", "--keys", "--open")
     parser.add_argument("--seconds", type=positive, help="seconds to record (default: until Ctrl-C)")
     add_overwrite(parser)
+    # A recording has no answers, and lets everybody in.
+    parser.set_defaults(osc_out=None, zmq_out=None, out=(), allow_from=(), sender="")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return record(
-        options.output,
-        osc_in=options.osc_in or (None if options.zmq_in else OSC_IN),
-        zmq_in=options.zmq_in,
-        keys=options.keys,
-        seconds=options.seconds,
-        overwrite=options.overwrite,
-    )
-
-
-def record(
-    output: Path, *, osc_in: str | None, zmq_in: str | None, keys: Path | None, seconds: float | None, overwrite: bool
-) -> int:
-    """Record until interrupted, or for so many seconds; print the counts.
-
-    Parameters
-    ----------
-    output
-        The file to write.
-    osc_in, zmq_in
-        Where packets come in; at least one of the two.
-    keys
-        Folder of the keys of ZeroMQ senders; None for none.
-    seconds
-        How long; by default until interrupted.
-    overwrite
-        Whether a file that is there may be written over.
-    """
-    require_place_for(output, overwrite=overwrite)
-    with ExitStack() as opened:
-        receivers = _open(opened, osc_in, zmq_in, keys)
-        output.unlink(missing_ok=True)
-        names = list(map(source_name, receivers))
-        writer = opened.enter_context(RawWriter(output, names))
-        recording = _Recording(receivers, writer)
-        stop_on_signals(recording.stop)
-        console.print(f"recording {', '.join(names)} to {output}; Ctrl-C ends", soft_wrap=True)
-        with Status("no packets yet", console=progress_console) as shown:
-            recording.run(seconds, shown)
-    lost = sum(receiver.kernel_drops for receiver in receivers)
+    """Record until interrupted, or for so many seconds; print the counts and return the exit status."""
+    output = options.record = options.output
+    require_place_for(output, overwrite=options.overwrite)
+    if not options.zmq_in:
+        options.osc_in = options.osc_in or OSC_IN
+    stopped = threading.Event()
+    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
+        sources, _, writer = open_ends(options, None, keyring, Admission())
+        assert writer  # noqa: S101 - for mypy
+        with writer, ExitStack() as opened, Status("no packets yet", console=progress_console) as shown:
+            for source in sources:
+                opened.callback(source.close)
+            stop_on_signals(stopped.set)
+            names = ", ".join(source_name(source.receiver) for source in sources)
+            console.print(f"recording {names} to {output}; Ctrl-C ends", soft_wrap=True)
+            _record(sources, writer, stopped, options.seconds, shown)
+            counts = sum((source.counts for source in sources), InputCounts())
     console.print(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
-        f"{writer.failed} could not be written, {lost} were lost by the system before they came here"
-        + (f", {recording.broken} connections broke (messages too large or too many?)" if recording.broken else ""),
+        f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"
+        + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else ""),
         soft_wrap=True,
     )
     return 0
 
 
-def _open(opened: ExitStack, osc_in: str | None, zmq_in: str | None, keys: Path | None) -> _Receivers:
-    if not (osc_in or zmq_in):
-        raise ValueError("record: expected --osc-in or --zmq-in, got neither")
-    receivers: _Receivers = []
-    keyring = opened.enter_context(Keyring(keys)) if keys else None
-    if osc_in:
-        with opening("--osc-in"):
-            receivers.append(osc.OscReceiver(*host_and_port(osc_in)))
-        opened.callback(receivers[-1].close)
-    if zmq_in:
-        with opening("--zmq-in"):
-            receivers.append(zeromq.ZmqReceiver(Endpoint.parse(zmq_in, bind=True), keyring=keyring))
-        opened.callback(receivers[-1].close)
-    return receivers
-
-
-class _Recording:
-    """Writes packets from sockets to a file, until stopped.
-
-    Attributes
-    ----------
-    broken
-        ZeroMQ connections that broke while the sender was there.
-    """
-
-    def __init__(self, receivers: _Receivers, writer: RawWriter) -> None:
-        self._receivers = receivers
-        self._recorders = [Recorder(writer, index) for index in range(len(receivers))]
-        self._writer = writer
-        self.broken = 0
-        self._stopped = False
-        self._poller = zmq.Poller()
-        for receiver in self._receivers:
-            self._poller.register(receiver.socket, zmq.POLLIN)
-
-    def stop(self) -> None:
-        """Make `run` return soon."""
-        self._stopped = True
-
-    def run(self, seconds: float | None, shown: Status) -> None:
-        """Go on until stopped or until so many seconds have passed; packets that have arrived by then are kept."""
-        began = told = time.monotonic()
-        while not self._stopped and (seconds is None or time.monotonic() < began + seconds):
-            self._poller.poll(_MAX_SLEEP)
-            self._keep()
-            if time.monotonic() >= told + 1.0:
-                told = time.monotonic()
-                self.broken = sum(receiver.broken() for receiver in self._receivers)
-                if self._writer.written:
-                    shown.update(f"{self._writer.written} packets in {told - began:.0f} s")
-        self._keep()
-
-    def _keep(self) -> None:
-        for receiver, recorder in zip(self._receivers, self._recorders, strict=True):
-            while (packet := receiver.receive()) is not None:
-                recorder.keep(packet, time.monotonic(), receiver.sender)
-                if self._stopped:
-                    return
+def _record(
+    sources: Sequence[Source], writer: RawWriter, stopped: threading.Event, seconds: float | None, shown: Status
+) -> None:
+    """Go on until stopped or until so many seconds have passed; packets that have arrived by then are kept."""
+    poller = zmq.Poller()
+    for source in sources:
+        poller.register(source.pollable, zmq.POLLIN)
+    began = told = now = time.monotonic()
+    over = False
+    while not over:
+        over = stopped.is_set() or (seconds is not None and now >= began + seconds)
+        poller.poll(0 if over else _MAX_SLEEP)
+        for source in sources:
+            while source.take(time.monotonic()) is not None and not stopped.is_set():
+                pass
+        now = time.monotonic()
+        if now >= told + 1.0:
+            told = now
+            if writer.written:
+                shown.update(f"{writer.written} packets in {told - began:.0f} s")

@@ -4,29 +4,81 @@ from __future__ import annotations
 
 import json
 import time
+from collections import Counter
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from kinespace.stream import osc
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, told_unheard
 from kinespace.tools.loopback.answer_listener import answer_in
-from kinespace.tools.programs.replay.score import Score
 from kinespace.tools.terminal.console import console, printable, progress_console
+from kinespace.tools.terminal.tables import add_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from kinespace.stream.frame import Announcement
-    from kinespace.tools.feeding.feed import Cue, FrameSender, Piece
-    from kinespace.tools.feeding.prefetch import ReadAhead
+    from kinespace.tools.feeding.feed import Cue, FrameSender
     from kinespace.tools.loopback.answer_listener import Heard, Listener
 
 #: Seconds without an answer after which no more are expected, and seconds to wait after the last frame, at most.
 _LINGER, _MAX_LINGER = 0.3, 3.0
 #: Seconds for which a feed may stand still without a note.
 _NOTICED = 0.05
+#: Characters of the columns beside classes' names.
+_BESIDE_CLASSES = 24
+
+
+@dataclass(slots=True)
+class Score:
+    """The share of right answers while each class was performed.
+
+    Attributes
+    ----------
+    answers, right
+        By class.
+    unlabelled
+        Answers at moments without a label.
+    """
+
+    answers: Counter[str] = field(default_factory=Counter)
+    right: Counter[str] = field(default_factory=Counter)
+    unlabelled: int = 0
+
+    def add(self, performed: str, label: str) -> None:
+        """Count one answer."""
+        if not performed:
+            self.unlabelled += 1
+            return
+        self.answers[performed] += 1
+        self.right[performed] += performed == label
+
+    @property
+    def heard(self) -> int:
+        """The number of answers, at labelled moments and others."""
+        return self.answers.total() + self.unlabelled
+
+    def share(self) -> float | None:
+        """Give the share of answers that was right; None without any."""
+        return self.right.total() / self.answers.total() if self.answers else None
+
+    def table(self) -> Table:
+        """Draw the shares by class, and of all answers."""
+        table = Table(title="Answers while each class was performed", title_justify="left")
+        add_names(table, "performed", [*self.answers, "unlabelled"], beside=_BESIDE_CLASSES)
+        table.add_column("answers", justify="right")
+        table.add_column("right", justify="right")
+        for performed, answers in sorted(self.answers.items()):
+            table.add_row(performed, f"{answers}", f"{self.right[performed] / answers:.0%}")
+        table.add_section()
+        table.add_row("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}")
+        if self.unlabelled:
+            table.add_row("unlabelled", f"{self.unlabelled}", "")
+        return table
 
 
 class Exchange:
@@ -43,18 +95,17 @@ class Exchange:
         self._stood_still = 0.0
         self._performed = ""
 
-    def play(self, cues: Iterable[Cue], pieces: ReadAhead[Piece]) -> None:
+    def play(self, cues: Iterable[Cue]) -> None:
         """Send every frame when it is due, the skeleton before the first and every second.
 
-        When a recording is not read in time the feed stands still, and then goes on at its own pace: frames sent all at
-        once to catch up would be no feed.
+        Each recording is read in the pause before it. When that takes longer the feed stands still, and then goes on
+        at its own pace: frames sent all at once to catch up would be no feed.
         """
-        pace, next_announcement, waited = Pace(), 0.0, pieces.waited
+        pace, next_announcement, recording = Pace(), 0.0, 0
         for cue in cues:
-            if pieces.waited > waited:
-                late = min(time.perf_counter() - pace.moment(cue.due), pieces.waited - waited)
-                waited = pieces.waited
-                self._stood_still += pace.put_off(max(late, 0.0))
+            if cue.recording != recording:
+                recording = cue.recording
+                self._stood_still += pace.put_off(cue.due)
             if cue.due >= next_announcement:
                 self._sender.announce(self._announcement)
                 next_announcement = cue.due + ANNOUNCE_EVERY

@@ -1,4 +1,4 @@
-"""The options of `kinespace replay`, as typed, in groups: how recordings are played, and the faults of the feed."""
+"""The faults of the feed that `kinespace replay` sends, as typed."""
 
 from __future__ import annotations
 
@@ -13,22 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from kinespace.tools.feeding.feed import Cue
-
-
-@dataclass(frozen=True, slots=True)
-class Course:
-    """How recordings are played: performer, speed, pause, loop, and the part of each recording (seconds)."""
-
-    performer: str
-    speed: float = 1.0
-    pause: float = 1.0
-    loop: bool = False
-    begin: float = 0.0
-    end: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.end is not None and self.end <= self.begin:
-            raise ValueError(f"--to: expected more than --from ({self.begin:g}), got {self.end:g}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,28 +1,46 @@
-"""The command line of `kinespace replay`: its arguments, and the run that they ask for."""
+"""The command line of `kinespace replay`, and its run: the feed is sent, and the answers are counted."""
 
 from __future__ import annotations
 
+import time
+from contextlib import ExitStack, suppress
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.stream import osc, zeromq
+from kinespace.stream.frame import Announcement
+from kinespace.stream.inputs.recording.kinerec import ENDING
+from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import (
     OSC_IN,
     add_json,
-    add_keys,
-    add_page,
     add_reading,
+    add_shared,
     not_negative,
     positive,
     reading_of,
     share,
 )
-from kinespace.tools.page.process import PagePlan, PageProcess
-from kinespace.tools.programs.replay.options import Course, Faults
-from kinespace.tools.programs.replay.session import play
-from kinespace.tools.terminal.console import progress_console
+from kinespace.tools.feeding import packets
+from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender, piece_cues
+from kinespace.tools.loopback.answer_listener import Listener
+from kinespace.tools.page.player import PagePlan
+from kinespace.tools.page.process import PageProcess
+from kinespace.tools.programs.replay.exchange import Exchange, shown
+from kinespace.tools.programs.replay.options import Faults
+from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
+from kinespace.tools.terminal.console import console, progress_console
 
 if TYPE_CHECKING:
     import argparse
+
+    from kinespace.tools.feeding.feed import FrameSender
+
+
+#: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
+_MEETING = 0.5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,8 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
-    add_page(parser)
-    add_keys(parser)
+    add_shared(parser, "--page", "--keys", "--open")
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     parser.add_argument("--speed", type=positive, default=1.0, help="play so many times as fast (default %(default)s)")
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
@@ -71,30 +88,75 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     if not options.page:
-        return _played(options)
+        return _play(options)
     if "://" not in (options.listen or ""):
         raise ValueError(f"--page: expected --listen with a recogniser's ZeroMQ endpoint, got {options.listen}")
     with PageProcess(PagePlan(options.listen, options.page, keys=options.keys)) as page:
         progress_console.print(f"page: {page.address}", soft_wrap=True)
-        return _played(options)
+        return _play(options)
 
 
-def _played(options: argparse.Namespace) -> int:
-    return play(
-        options.clips,
-        reading=reading_of(options),
-        osc_to=options.osc or (None if options.zmq else OSC_IN),
-        zmq_to=options.zmq,
-        listen=options.listen,
-        keys=options.keys,
-        course=Course(
-            options.performer,
-            speed=options.speed,
-            pause=options.pause,
-            loop=options.loop,
-            begin=options.begin,
-            end=options.end,
-        ),
-        faults=Faults(drop=options.drop, jitter=options.jitter_ms / 1000, reorder=options.reorder, seed=options.seed),
-        as_json=options.json,
-    )
+def _play(options: argparse.Namespace) -> int:
+    """Send the recordings; with `--listen`, print the share of right answers.
+
+    Returns
+    -------
+    The exit status: 1 when no program heard the frames, or when listening and no answers came, else 0.
+
+    Raises
+    ------
+    ValueError
+        A place is no recording, folder or class, a recording cannot be used, or an option does not apply to the places.
+    """
+    places, reading = options.clips, reading_of(options)
+    if options.end is not None and options.end <= options.begin:
+        raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
+    faults = Faults(options.drop, options.jitter_ms / 1000, options.reorder, options.seed)
+    osc_to = options.osc or (None if options.zmq else OSC_IN)
+    zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
+    if any(place.suffix.lower() == ENDING for place in places):
+        if len(places) != 1:
+            raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
+        if options.listen or faults != Faults(seed=faults.seed):
+            raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen, --drop, --jitter-ms or --reorder")
+        return packets.replay(places[0], osc_to, zmq_to, options)
+    recordings = recordings_in(places, reading)
+    with ExitStack() as opened:
+        keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
+        pieces = pieces_of(recordings, reading, options)
+        with progress_console.status("Reading"):
+            first = next(pieces)
+        announcement = Announcement(options.performer, first.clip.skeleton.joints)
+        played = piece_cues(chain([first], pieces), options.performer, speed=options.speed, pause=options.pause)
+        listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
+        if listener:
+            opened.callback(listener.close)
+        sender = _sender(osc_to, zmq_to, keyring)
+        opened.callback(sender.close)
+        exchange = Exchange(sender, listener, announcement, zmq_to.address if zmq_to else osc_to or "")
+        # Ctrl-C, or a recording that cannot be read, does not end the report.
+        opened.callback(exchange.report, as_json=options.json)
+        with suppress(KeyboardInterrupt):
+            if zmq_to:
+                time.sleep(_MEETING)
+            if not options.json:
+                console.print(announced(recordings, options))
+            exchange.play(shown(faults.applied(played), None if options.loop else len(recordings)))
+        unheard = exchange.was_unheard
+    return 1 if unheard or (listener and not exchange.answered) else 0
+
+
+def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:
+    """Open the ZeroMQ endpoint, or HOST:PORT, on which answers come."""
+    with opening("--listen"):
+        if "://" in listen:
+            endpoint = Endpoint.parse(listen, bind=False, to_anybody=to_anybody)
+            return Listener(zeromq.ZmqReceiver(endpoint, b"class/", keyring=keyring))
+        return Listener(osc.OscReceiver(*host_and_port(listen)))
+
+
+def _sender(osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None) -> FrameSender:
+    if zmq_to:
+        with opening("--zmq"):
+            return ZmqFrameSender(zmq_to, keyring, asks=True)
+    return OscFrameSender(*host_and_port(osc_to or ""), asks=True)

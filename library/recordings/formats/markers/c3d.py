@@ -1,23 +1,25 @@
-"""C3D recordings (www.c3d.org) read into clips, by ezc3d (an extra: `pip install kinespace[c3d]`).
+"""C3D recordings (www.c3d.org) read into clips.
 
 A C3D holds labelled points: markers, joint centres that a model computed, and often, among the same labels, angles,
 forces and other results that are no positions. These results (the file lists them in POINT:ANGLES and similar
 parameters) and markers without a label (`*12`) are left out unless they are asked for by name.
 
-Mistakes in the header that we check for are reported with their byte. Any other broken file can only crash ezc3d's own
-process, not ours.
+The file is blocks of 512 bytes: a header; parameters in groups, each with its type and dimensions; then frames of
+points (x, y, z and a residual, below 0 where the point is out of sight) and analog values, as floats or scaled
+integers. No size in it is believed before it is compared with the bytes that are there. Read here and not by a library:
+ezc3d trusts a broken file, which can end the process; c3d reads nothing of a file of 65,535 frames.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from kinespace.library.recordings.formats.errors import RecordingError
-from kinespace.library.recordings.formats.markers.c3d_process import C3dProcess
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.units import guessed_metres, metres_of
 
@@ -32,106 +34,118 @@ if TYPE_CHECKING:
 #: Parameters of the group POINT in which files list the points that are no positions.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _BLOCK = 512
-_INTEL = 84
-_MAX_POINTS = 10_000
-#: Parameters that the reader counts by: a number below 0 would be taken for a huge one.
-_COUNTS = (b"USED", b"RATIO")
-_HEADER = struct.Struct("<BBHHHHHfHHf")
+#: The second byte of every C3D.
+_KEY = 0x50
+#: The processor that wrote a file: Intel's, or DEC's with its own floats.
+_INTEL, _DEC = 84, 85
+#: First block of the parameters, key, points, analog values, first frame, last frame, longest gap, scale, first block
+#: of the frames.
+_HEADER = struct.Struct("<BBHHHHH4sH")
+#: The last frame in the header of a file with more frames than fit there.
+_MANY = 0xFFFF
+
+_Values = list[str] | list[float]
+#: The values of each parameter, by group and name.
+_Parameters = dict[tuple[str, str], _Values]
 
 
-class C3dError(RecordingError):
-    """A C3D file cannot be used; the message names the file and, where it is known, the byte."""
+@dataclass(frozen=True, slots=True)
+class _File:
+    """The bytes of a C3D, and the processor that wrote them."""
+
+    path: Path
+    content: bytes
+    processor: int
+
+    def fail(self, byte: int, what: str) -> NoReturn:
+        raise RecordingError(f"{self.path}: byte {byte}: {what}")
+
+    def floats(self, content: bytes) -> NDArray[np.float32]:
+        """Read single-precision numbers."""
+        if self.processor != _DEC:
+            return np.frombuffer(content, dtype="<f4")
+        # VAX keeps the halves of a number the other way round, and its exponent is two higher.
+        halves = np.frombuffer(content, dtype="<u2").reshape(-1, 2)[:, ::-1]
+        return (halves.copy().view("<f4").ravel() / 4).astype(np.float32)
 
 
-def _require_whole(path: Path) -> None:
-    """Refuse a file that is no C3D or is cut short: the reader would make up the missing part."""
-    with path.open("rb") as file:
-        start = file.read(_HEADER.size).ljust(_HEADER.size, b"\0")
-        parameters, key, points, analog, first, last, _, scale, data, samples, _ = _HEADER.unpack(start)
-        if key != 0x50 or not parameters:
-            raise C3dError(f"{path}: byte 1: expected a C3D's 0x50, got a file of another kind")
-        file.seek((parameters - 1) * _BLOCK + 3)
-        processor = file.read(1)
-        size = file.seek(0, 2)
-    if processor != bytes([_INTEL]):
-        return  # other byte orders are left to the reader
-    _require_sound_parameters(path, (parameters - 1) * _BLOCK)
-    number = 4 if scale < 0 else 2
-    frames = last - first + 1
-    if data < 2 or points > _MAX_POINTS or (analog and not samples):
-        raise C3dError(f"{path}: byte 2: an impossible header ({points} points, {analog} analog values)")
-    wanted = (data - 1) * _BLOCK + frames * (4 * points + analog) * number
-    # The header does not tell how many frames there are if there are more than 65 535.
-    if first <= last < 0xFFFF and size < wanted:
-        raise C3dError(f"{path}: byte {size}: the file ends, expected {wanted} bytes")
-
-
-def _require_sound_parameters(path: Path, start: int) -> None:
-    """Walk through the parameters and refuse any that points outside of them: the reader trusts their sizes."""
-    with path.open("rb") as file:
-        file.seek(start)
-        blocks = file.read(4)[2:3]
-        section = blocks + file.read(max(blocks[0] if blocks else 0, 1) * _BLOCK - 4)
-    place, groups, used = 1, set[int](), set[int]()
-    while True:
-        if place + 2 > len(section):
-            raise C3dError(f"{path}: byte {start + place + 3}: the parameters have no end")
-        name, group = struct.unpack_from("bb", section, place)
-        if not name:
-            break
-        after = place + 2 + abs(name)
-        at = after + 2
-        if at + 1 > len(section) or not group:
-            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that ends outside the parameters")
-        (offset,) = struct.unpack_from("<h", section, after)
-        if group < 0:
-            groups.add(-group)
-        else:
-            used.add(group)
-            called = section[place + 2 : after].upper()
-            if called in _COUNTS and section[at : at + 2] == b"\x02\x00" and section[at + 3 : at + 4] > b"\x7f":
-                raise C3dError(f"{path}: byte {start + place + 3}: {called.decode()} is below 0")
-            at = _end_of_data(section, at)
-        end = at + 1 + section[at] if 0 < at < len(section) else len(section) + 1
-        if end > len(section) or (offset and after + offset < end):
-            raise C3dError(f"{path}: byte {start + place + 3}: a parameter that ends outside the parameters")
-        if not offset:
-            break
-        place = after + offset
-    if not used <= groups:
-        raise C3dError(f"{path}: byte {start}: parameters of groups that are not there")
-
-
-def _end_of_data(section: bytes, at: int) -> int:
-    """Find the end of a parameter's data, which begins with its type; 0 when the data makes no sense."""
-    kind: int
-    dimensions: int
-    kind, dimensions = struct.unpack_from("bB", section.ljust(at + 2, b"\0"), at)
-    sizes = section[at + 2 : at + 2 + dimensions]
-    if kind not in (-1, 1, 2, 4) or dimensions > 7 or len(sizes) != dimensions:
-        return 0
-    return at + 2 + dimensions + abs(kind) * math.prod(sizes)
-
-
-def _read(path: Path, process: C3dProcess | None) -> tuple[dict[str, list[Any]], NDArray[np.float64]]:
+def _parameters(file: _File, start: int) -> _Parameters:
+    """Walk through the parameters, which begin at a byte."""
+    groups, found = dict[int, str](), list[tuple[int, str, _Values]]()
+    place = start + 4
     try:
-        if process:
-            return process.read(path)
-        with C3dProcess() as alone:
-            return alone.read(path)
-    except ImportError as error:
-        raise C3dError(f"{path}: {error}") from error
-    except ValueError as error:
-        raise C3dError(f"{path}: not a usable C3D ({error})") from error
+        while True:
+            size, group = struct.unpack_from("bb", file.content, place)
+            after = place + 2 + abs(size)
+            name = file.content[place + 2 : after].decode("utf-8", "replace").upper()
+            (offset,) = struct.unpack_from("<h", file.content, after) if size else (0,)
+            if size and group < 0:
+                groups[-group] = name
+            elif size and group > 0:
+                found.append((group, name, _values(file, after + 2)))
+            if not offset:
+                break
+            if offset < 0:
+                file.fail(place + 1, "a parameter that lies before itself")
+            place = after + offset
+    except (struct.error, IndexError):
+        file.fail(place + 1, "a parameter that ends outside the file")
+    return {(groups.get(group, ""), name): values for group, name, values in found}
+
+
+def _values(file: _File, place: int) -> _Values:
+    """Read a parameter's values, which begin with their type and dimensions; struct.error beyond the file's end."""
+    kind, dimensions = struct.unpack_from("bB", file.content, place)
+    sizes = struct.unpack_from(f"{dimensions}B", file.content, place + 2)
+    count, begin = math.prod(sizes), place + 2 + dimensions
+    if kind not in (-1, 1, 2, 4):
+        file.fail(place + 1, f"expected a parameter of type -1, 1, 2 or 4, got {kind}")
+    (content,) = struct.unpack_from(f"{abs(kind) * count}s", file.content, begin)
+    if kind == -1:
+        width = sizes[0] if sizes else 1
+        texts = (content[at : at + width] for at in range(0, len(content), width or 1))
+        return [text.decode("utf-8", "replace").strip(" \0") for text in texts]
+    numbers = file.floats(content) if kind == 4 else np.frombuffer(content, dtype=f"<i{kind}")
+    return [float(number) for number in numbers]
+
+
+def _frames(first: int, last: int, said: _Parameters) -> int:
+    """Give the number of frames; more than the header can hold are counted in TRIAL, by numbers of two words."""
+    words = [*said.get(("TRIAL", "ACTUAL_START_FIELD"), ()), *said.get(("TRIAL", "ACTUAL_END_FIELD"), ())]
+    if last == _MANY and len(words) == 4:
+        low, high, last_low, last_high = (int(word) % 65536 for word in words)
+        first, last = low + high * 65536, last_low + last_high * 65536
+    return last - first + 1
+
+
+def _read(path: Path) -> tuple[_Parameters, NDArray[np.float64]]:
+    """Read the parameters and the points, (frames, points, 3) in the file's unit, NaN where a point is out of sight."""
+    content = path.read_bytes()
+    if len(content) < _BLOCK or content[1] != _KEY or not content[0]:
+        raise RecordingError(f"{path}: byte 1: expected a C3D's 0x50, got a file of another kind")
+    start = (content[0] - 1) * _BLOCK
+    processor = content[start + 3] if len(content) > start + 3 else 0
+    file = _File(path, content, processor)
+    if processor not in (_INTEL, _DEC):
+        file.fail(start + 3, f"expected Intel's processor, {_INTEL}, or DEC's, {_DEC}, got {processor}")
+    _, _, points, analog, first, last, _, packed, data = _HEADER.unpack_from(content)
+    said = _parameters(file, start)
+    frames, scale = _frames(first, last, said), float(file.floats(packed)[0])
+    begin = (data - 1) * _BLOCK
+    end = begin + frames * (4 * points + analog) * (4 if scale < 0 else 2)
+    if not 0 < begin < end or points < 2:
+        file.fail(2, f"an impossible header ({points} points, {analog} analog values, {frames} frames)")
+    if len(content) < end:
+        file.fail(len(content), f"the file ends, expected {end} bytes")
+    numbers = file.floats(content[begin:end]) if scale < 0 else np.frombuffer(content[begin:end], dtype="<i2")
+    each = numbers.reshape(frames, -1)[:, : 4 * points].reshape(frames, points, 4).astype(np.float64)
+    positions = each[:, :, :3] if scale < 0 else each[:, :, :3] * scale
+    positions[each[:, :, 3] < 0] = np.nan
+    return said, positions
 
 
 def read_clip(
-    path: Path,
-    *,
-    metres_per_unit: float | None = None,
-    frame_rate: float | None = None,
-    joints: Sequence[str] = (),
-    process: C3dProcess | None = None,
+    path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
 ) -> Clip:
     """Read a C3D into a clip.
 
@@ -143,8 +157,6 @@ def read_clip(
         Metres of the file's unit, and frames per second; as POINT:UNITS and POINT:RATE say when not given.
     joints
         Which points, by name (`library.formats.joint_choice.chosen`); all labelled positions when not given.
-    process
-        Reads the file; when not given, a process is started for this file alone, which takes a moment.
 
     Returns
     -------
@@ -152,57 +164,42 @@ def read_clip(
 
     Raises
     ------
-    C3dError
-        ezc3d is not installed or breaks down on the file; the file is no C3D, is malformed or cut off, lacks a point
-        that is asked for, or has a point out of sight for too long.
+    RecordingError
+        The file is no C3D, is malformed or cut off.
+    ValueError
+        It lacks a point that is asked for, or has a point out of sight for too long.
     OSError
         The file cannot be opened.
     """
-    _require_whole(path)
-    said, points = _read(path, process)
-    try:
-        labels, positions = _places(points, said, joints)
-        if len(labels) < 2:
-            raise ValueError(f"expected at least 2 labelled points, got {len(labels)}")  # noqa: TRY301 - told alike
-        if not positions.size:
-            raise ValueError("no frames in it")  # noqa: TRY301 - told alike
-        metres = metres_per_unit or _unit(said, positions)
-        rate = _rate(said) if frame_rate is None else frame_rate
-        return clip_of_markers(path, labels, positions * metres, rate, joints)
-    except ValueError as error:
-        raise C3dError(f"{path}: {error}") from error
-
-
-def _places(
-    points: NDArray[np.float64], said: dict[str, list[Any]], named: Sequence[str]
-) -> tuple[list[str], NDArray[np.float64]]:
-    """Give the labels of points and their positions, (frames, points, 3), NaN where a point is out of sight."""
-    labels = _texts("LABELS", said)
-    positions = np.array(np.moveaxis(points[:3], 0, 2).swapaxes(0, 1))
-    labels = labels[: positions.shape[1]]
-    positions[points[3].T < 0] = np.nan
+    said, positions = _read(path)
+    labels = _texts("LABELS", said)[: positions.shape[1]]
     no_places = {label for kind in _NO_PLACES for label in _texts(kind, said)}
     kept = [
         index
         for index, label in enumerate(labels)
-        if label in named or (label and label not in no_places and not label.startswith("*"))
+        if label in joints or (label and label not in no_places and not label.startswith("*"))
     ]
-    return [labels[index] for index in kept], positions[:, kept]
+    if len(kept) < 2:
+        raise ValueError(f"expected at least 2 labelled points, got {len(kept)}")
+    positions = positions[:, kept]
+    rate = _rate(said) if frame_rate is None else frame_rate
+    metres = metres_per_unit or _unit(said, positions)
+    return clip_of_markers(path, [labels[index] for index in kept], positions * metres, rate, joints)
 
 
-def _texts(name: str, said: dict[str, list[Any]]) -> list[str]:
-    """Give the texts of a parameter and of the parameters that continue it.
+def _texts(name: str, said: _Parameters) -> list[str]:
+    """Give the texts of a parameter of POINT and of the parameters that continue it.
 
     A parameter holds 255 entries at most; LABELS continues in LABELS2.
     """
     names = (name, *(f"{name}{number}" for number in range(2, 100)))
-    texts = [text for each in names for text in said.get(each, ())]
+    texts = [text for each in names for text in said.get(("POINT", each), ())]
     if not all(isinstance(text, str) for text in texts):
         raise ValueError(f"expected texts in POINT:{name}, got numbers")
-    return [text.strip() for text in texts]
+    return [str(text) for text in texts]
 
 
-def _unit(said: dict[str, list[Any]], positions: NDArray[np.float64]) -> float:
+def _unit(said: _Parameters, positions: NDArray[np.float64]) -> float:
     named = next((unit for unit in _texts("UNITS", said) if unit), "")
     metres = metres_of(named) if named else None
     if named and metres is None:
@@ -216,8 +213,8 @@ def _unit(said: dict[str, list[Any]], positions: NDArray[np.float64]) -> float:
     return guessed_metres(float(np.median(np.linalg.norm(extent, axis=1))))
 
 
-def _rate(said: dict[str, list[Any]]) -> float:
-    rate = float(said["RATE"][0]) if len(said.get("RATE", ())) else 0.0
-    if not 0 < rate < np.inf:
+def _rate(said: _Parameters) -> float:
+    rate = next((number for number in said.get(("POINT", "RATE"), ()) if isinstance(number, float)), 0.0)
+    if not 0 < rate < math.inf:
         raise ValueError(f"expected a positive POINT:RATE, got {rate:g}; give it with --frame-rate")
     return rate

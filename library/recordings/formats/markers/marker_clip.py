@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,5 +57,4 @@ def clip_of_markers(
         name=path.stem,
         filled=int(missing.sum()),
     )
-    named = hdm05.read_clip_name(path)
-    return replace(clip, class_name=named.class_name, actor=named.actor, take=named.take) if named else clip
+    return hdm05.titled(clip, path)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import zmq
+from fakes import FakeSink
 from golden import LAYOUTS, Moment
 from programs import builtin_library, ghost_cues
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
@@ -20,11 +21,10 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, Performers, Settings, osc, zeromq
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.source import FeedSource
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import Recorder, decoded, source_name
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
-from kinespace.stream.outputs import Sink
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.service.loop import STATUS_EVERY, Service
 from kinespace.stream.zeromq import Endpoint
@@ -38,17 +38,6 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 20.0
-
-
-class Kept(Sink):
-    """A sink that keeps recognitions."""
-
-    def __init__(self) -> None:
-        self.recognitions: list[Recognition] = []
-
-    def publish(self, recognition: Recognition) -> None:
-        """Keep one."""
-        self.recognitions.append(recognition)
 
 
 def recognitions(performers: Performers, stream: Iterable[Decoded]) -> Iterator[Recognition]:
@@ -89,7 +78,7 @@ def a_feed() -> list[bytes]:
 def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path, signature: LiveSignature) -> None:
     """A recording by OSC and ZeroMQ at once gives the live answers twice again, number for number."""
     library = MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
-    path, sink = tmp_path / "a.kinerec", Kept()
+    path, sink = tmp_path / "a.kinerec", FakeSink()
     settings = Settings(signature=signature)
     with ExitStack() as opened:
         datagrams = osc.OscReceiver(LOOPBACK, 0)
@@ -151,7 +140,7 @@ def test_a_recorded_feed_gets_the_same_answers(tmp_path: Path, name: str) -> Non
     """Another product's packets, recorded on their way, are put together and answered again, number for number."""
     preset = builtin_preset(name)
     library = builtin_library().restricted_to(preset.joints)
-    path, sink, now = tmp_path / "a.kinerec", Kept(), [5.0]
+    path, sink, now = tmp_path / "a.kinerec", FakeSink(), [5.0]
     performers = Performers(library, Settings(hop=1 / 15))
     with ExitStack() as opened:
         receiver = osc.OscReceiver(LOOPBACK, 0)
@@ -267,3 +256,14 @@ def test_senseless_packets_hold_no_frames() -> None:
     header = RawHeader("", ("osc here", "zmq there"))
     packets = [RawPacket(1.0, 0, "", (b"x",)), RawPacket(2.0, 1, "", (b"frame/p/",)), RawPacket(3.0, 1, "", ())]
     assert [(each.arrival, list(each.events)) for each in decoded(header, packets)] == [(1, []), (2, []), (3, [])]
+
+
+def test_a_last_frame_that_nothing_closes_comes_too() -> None:
+    """Loose joints are a frame when the next one begins; the last frame of a recording has no next."""
+    places = dict(zip(SKELETON.joints, np.random.default_rng(4).normal(size=(31, 3)), strict=True))
+    sent = [(number, LAYOUTS["osceleton -q"][1](Moment(places, number / 30, number))[:-1]) for number in range(3)]
+    packets = [RawPacket(number / 30, 0, "x:1", (packet,)) for number, each in sent for packet in each]
+    events = [
+        event for each in decoded(RawHeader("now", ("osc here feed osceleton",)), packets) for event in each.events
+    ]
+    assert [event.time for event in events if isinstance(event, Frame)] == pytest.approx([0.0, 1 / 30, 2 / 30])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import naive_score
@@ -11,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinespace.tools.evaluation.scoring.bootstrap import RESAMPLES, Percentile, Ratio, RocArea
+from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, RocArea
 
 if TYPE_CHECKING:
     from kinespace.tools.evaluation.scoring.bootstrap import Figure
@@ -41,22 +40,6 @@ def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
     assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
     expected = naive_score.middle(shares)
     assert figure.interval() == (expected and pytest.approx(expected))
-
-
-def test_more_units_make_a_figure_surer() -> None:
-    """With nine in ten right, the interval of 400 segments is about a quarter as wide as the interval of 25."""
-    widths = []
-    for units in (25, 400):
-        right = [float(index % 10 != 0) for index in range(units)]
-        low, high = Ratio(right, [1.0] * units).interval() or (0.0, 0.0)
-        assert low <= 0.9 <= high
-        widths.append(high - low)
-    assert widths[1] == pytest.approx(widths[0] / 4, rel=0.3)
-
-
-def test_a_ratio_of_units_that_agree_is_sure() -> None:
-    """Where every unit has the same share no draw has another."""
-    assert Ratio([1, 2, 3], [2, 4, 6]).interval() == (0.5, 0.5)
 
 
 # --- percentiles -------------------------------------------------------------------------------------------------
@@ -121,12 +104,3 @@ def test_of_nothing_there_is_no_figure(figure: Figure) -> None:
     """Without units, or with empty ones, there is neither a figure nor an interval: None, not zero."""
     assert figure.value() is None
     assert figure.interval() is None
-
-
-def test_the_same_figure_has_the_same_interval() -> None:
-    """Draws are seeded, a thousand of them: twice the same units have the same interval, others another."""
-    intervals = [Ratio(counted, [1.0] * 9).interval() for counted in ([1.0] * 5 + [0.0] * 4,) * 2]
-    assert intervals[0] == intervals[1]
-    assert RESAMPLES == 1000
-    ends = [Ratio([float(index < right) for index in range(9)], [1.0] * 9).interval() for right in range(1, 9)]
-    assert all(first < second for first, second in pairwise(ends) if first and second)

@@ -121,10 +121,3 @@ def test_a_protocol_without_motions_is_an_error(
     """One take, or one person, leaves no motion for a library; unlabelled takes do not help."""
     with pytest.raises(ValueError, match=message):
         folds_of([*takes[kept], _take("zoe", 7, NOTHING)], protocol, _unused)
-
-
-@pytest.mark.parametrize("protocol", [Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON])
-def test_persons_must_be_told(takes: list[Take], protocol: Protocol) -> None:
-    """A labelled take without a person is named, with the option that tells persons."""
-    with pytest.raises(ValueError, match=r"^9: expected a name that tells the actor, .* --actor-in"):
-        folds_of([*takes, _take("", 9)], protocol, _unused)

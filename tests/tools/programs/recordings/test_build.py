@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from programs import finished
 from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
 from synthetic import amc_text, stick_clips
 
@@ -161,19 +160,6 @@ def test_the_path_names_the_person_of_a_cut_take(tmp_path: Path) -> None:
     labels.write_text("start_s,end_s,label\n0,0.5,up\n")
     assert build(take, "--labels", labels, "-o", tmp_path / "mine.npz", "--actor-in", "name") == 0
     assert MotionLibrary.load(tmp_path / "mine.npz").actors == ("ann",)
-
-
-def test_uncut_takes_of_hdm05_are_cut_by_their_labels(tmp_path: Path) -> None:
-    """An uncut take beside its actor's skeleton becomes motions of this actor's, under HDM05's terms."""
-    (tmp_path / "HDM_bd.asf").write_text(TWO_ARMS.asf())
-    take = tmp_path / "HDM_bd_03-03_01_120.amc"
-    take.write_text(amc_text(two_arms_frames("raiseBoth", frames=240)))
-    labels = tmp_path / "labels.csv"
-    labels.write_text("start_s,end_s,label\n0,0.5,up\n1,2,down\n")
-    assert build(take, "--labels", labels, "-o", tmp_path / "mine.npz") == 0
-    library = MotionLibrary.load(tmp_path / "mine.npz")
-    assert [(motion.class_name, motion.actor) for motion in library.motions] == [("down", "bd"), ("up", "bd")]
-    assert library.licence == hdm05.LICENCE
 
 
 def test_motions_too_short_for_a_window_are_named_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -364,26 +350,3 @@ def test_a_failed_build_leaves_the_old_library(tmp_path: Path, capsys: pytest.Ca
     assert output.read_bytes() == before
     assert list(output.parent.iterdir()) == [output]
     assert capsys.readouterr().err.startswith(f"kinespace: {paths[-1]}:")
-
-
-def test_the_command_builds_a_library_that_info_reads(tmp_path: Path) -> None:
-    """As a command of its own, build writes a file and says so, and info lists it."""
-    write_takes(tmp_path, takes=1)
-    status, output, errors = finished("build", tmp_path, "-o", tmp_path / "mine.npz")
-    assert (status, errors) == (0, "")
-    assert output.startswith(f"{tmp_path / 'mine.npz'}: 6 motions, 3 classes, ")
-    assert output.count("\n") == 1
-    status, output, errors = finished("info", tmp_path / "mine.npz")
-    assert (status, errors) == (0, "")
-    assert "motions: 6 of 3 classes, 9 s" in output
-
-
-def test_a_folder_of_real_recordings_becomes_a_library(hdm05_folder: Path, tmp_path: Path) -> None:
-    """A class's folder of HDM05 becomes a library with the same motions as the built-in one holds of that class."""
-    status, _, errors = finished("build", hdm05_folder / "squat1Reps", "-o", tmp_path / "squats.npz")
-    assert (status, errors) == (0, "")
-    builtin = MotionLibrary.builtin()
-    squats = builtin.without(classes=[name for name in builtin.classes if name != "squat1Reps"])
-    built = MotionLibrary.load(tmp_path / "squats.npz")
-    assert [motion.name for motion in built.motions] == [motion.name for motion in squats.motions]
-    assert positions_alike(built, squats)

@@ -88,18 +88,6 @@ def test_info_says_what_a_library_does_not_state(tmp_path: Path, capsys: pytest.
         assert f"{told}\n" in printed
 
 
-def test_words_of_a_file_cannot_steer_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Control characters in a library's words are shown as replacement characters."""
-    clip = dataclasses.replace(stick_clips()[0], class_name="a\x1b[2Jb", actor="\x07", licence="x\ny", source="[/b]")
-    MotionLibrary.of_clips([clip]).save(tmp_path / "mine.npz")
-    assert main(["info", str(tmp_path / "mine.npz")]) == 0
-    printed = capsys.readouterr().out
-    assert not {"\x1b", "\x07"} & set(printed)
-    assert "a�[2Jb" in printed
-    assert "licence: x�y\n" in printed
-    assert "sources: [/b]\n" in printed
-
-
 def test_persons_are_summed_up_and_motions_listed(capsys: pytest.CaptureFixture[str]) -> None:
     """Each person has a row of motions, classes and seconds; --clips lists every motion; --json holds the same."""
     library = MotionLibrary.builtin()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import signal
 import time
 from contextlib import contextmanager
 from itertools import pairwise
@@ -14,11 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, live, started
-from recorded import JOINTS, TWO_ARMS, two_arms_frames, write_take, write_takes
-from synthetic import amc_text
+from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, started
+from recorded import JOINTS, write_take, write_takes
 
-from kinespace.library import read_recordings
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
@@ -124,22 +121,6 @@ def test_recorded_packets_are_replayed_bit_for_bit(
     assert heard(stage, 200) == sent
 
 
-def test_a_killed_recorder_loses_at_most_the_last_second(tmp_path: Path) -> None:
-    """Packets from more than a second (and a busy machine's pause) before the kill are in the file, whole."""
-    path, sent = tmp_path / "a.kinerec", datagrams(50)
-    with recording(path) as (program, sender):
-        for datagram in sent:
-            sender.send(datagram)
-        wait_for(path, 50)
-        for datagram in sent[:5]:
-            sender.send(datagram)
-        program.process.send_signal(signal.SIGKILL)
-        program.wait()
-    kept = [packet.parts[0] for packet in RawFile(path).packets()]
-    assert kept[:50] == sent
-    assert kept[50:] == sent[: len(kept) - 50]
-
-
 def test_zeromq_is_recorded_beside_osc_for_some_seconds(tmp_path: Path) -> None:
     """Messages of several parts are kept with their parts, and --seconds ends by itself."""
     publisher = Publisher()
@@ -160,19 +141,6 @@ def test_zeromq_is_recorded_beside_osc_for_some_seconds(tmp_path: Path) -> None:
     packets = list(kept.packets())
     assert [list(packet.parts) for packet in packets if packet.source == 1] == messages
     assert [packet.parts for packet in packets if packet.source == 0] == [(b"datagram",)]
-
-
-def test_live_records_every_packet(tmp_path: Path) -> None:
-    """With --record a running recogniser keeps every packet and says how many."""
-    path = tmp_path / "a.kinerec"
-    cues = ghost_cues("squat1Reps", 1.0)
-    with live("--record", path) as stage:
-        stage.play(cues)
-        assert stage.answers(1)
-        wait_for(path, len(cues))
-        assert stage.stopped()["received"] == len(cues)
-        assert f"{path}: {len(cues)} packets, 0 could not be written" in stage.program.output
-    assert [packet.parts[0] for packet in RawFile(path).packets()] == [osc.encode_frame(cue.frame) for cue in cues]
 
 
 @pytest.mark.parametrize("program", ["record", "live"])
@@ -279,17 +247,6 @@ def test_packets_without_an_address_are_counted(tmp_path: Path, capsys: pytest.C
     assert "expected --osc or --zmq, because its packets came by zmq" in capsys.readouterr().err
 
 
-def test_a_cut_off_file_is_replayed_and_said(
-    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Whole records are sent, and the place where the file is cut off is reported."""
-    path = written(tmp_path / "a.kinerec", RawPacket(0.0, 0, "", (b"one",)), RawPacket(0.0, 0, "", (b"two",)))
-    path.write_bytes(path.read_bytes()[:-1])
-    assert replay(path, "--osc", f"{LOOPBACK}:{stage.address[1]}") == 0
-    assert heard(stage, 1) == [b"one"]
-    assert "cut off or damaged" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("options", [["--drop", "0.5"], ["--listen", "127.0.0.1:0"], ["--jitter-ms", "3"]])
 def test_options_that_would_change_packets_are_refused(
     tmp_path: Path, options: Sequence[str], capsys: pytest.CaptureFixture[str]
@@ -299,18 +256,6 @@ def test_options_that_would_change_packets_are_refused(
     assert "is sent bit for bit" in capsys.readouterr().err
     assert replay(written(tmp_path / "b.kinerec"), tmp_path / "a.kinerec") == 2
     assert "expected one .kinerec alone" in capsys.readouterr().err
-
-
-def test_clips_are_cut_too(tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]) -> None:
-    """--from and --to cut each clip; beyond its end there are no frames."""
-    take = write_take(tmp_path, "bd", "bendLeft", 1)
-    options = ("--osc", f"{LOOPBACK}:{stage.address[1]}", "--json", "--speed", 8)
-    assert replay(take, *options, "--from", 0.5, "--to", 0.75) == 0
-    assert json.loads(capsys.readouterr().out)["sent"] == 30
-    assert replay(take, *options, "--from", 60) == 2
-    assert "expected --from and --to within its 1.50 s" in capsys.readouterr().err
-    assert replay(take, *options, "--from", 2, "--to", 1) == 2
-    assert "--to: expected more than --from" in capsys.readouterr().err
 
 
 # --- telling and converting --------------------------------------------------------------------------------------
@@ -366,19 +311,6 @@ def test_unannounced_joints_are_numbered(tmp_path: Path) -> None:
     with np.load(tmp_path / "a.npz") as numbers:
         assert numbers["joints"].tolist() == [f"joint{number}" for number in range(1, 7)]
         assert len(numbers["positions"]) == 3
-
-
-def test_a_motion_file_becomes_numbers(tmp_path: Path) -> None:
-    """A motion file is converted like a feed, its parents known."""
-    (tmp_path / "arms.asf").write_text(TWO_ARMS.asf())
-    path = tmp_path / "arms.amc"
-    path.write_text(amc_text(two_arms_frames("bendLeft", frames=7)))
-    (clip,) = read_recordings([path])
-    assert main(["convert", str(path), "-o", str(tmp_path / "a.npz")]) == 0
-    with np.load(tmp_path / "a.npz") as numbers:
-        np.testing.assert_array_equal(numbers["positions"], clip.positions)
-        np.testing.assert_array_equal(numbers["time"], clip.times)
-        assert tuple(numbers["parents"].tolist()) == clip.skeleton.parents
 
 
 def test_a_folder_is_converted_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -459,45 +391,20 @@ def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: py
         np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=1e-6)
 
 
-def test_a_feeds_recording_holds_its_preset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file of `kinespace live --feed --record` needs no --feed; an edited preset needs its file."""
-    path, _ = an_osceleton(tmp_path / "a.kinerec", told="osc here feed osceleton")
-    assert main(["info", str(path)]) == 0
-    assert "performer 1: 10 frames" in capsys.readouterr().out
-    path, _ = an_osceleton(tmp_path / "b.kinerec", told="osc here feed mine")
-    assert main(["info", str(path)]) == 2
-    assert "feed: expected a .toml file or one of captury, " in capsys.readouterr().err
-
-
-def test_live_records_the_preset_in_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A recording made with an edited copy of a preset, of any name, is read by that copy, and says so."""
-    assert main(["feeds", "osceleton"]) == 0
-    mine = tmp_path / "osceleton.toml"
-    mine.write_text(capsys.readouterr().out.replace('"/joint', '"/limb'), encoding="utf-8")
-    path, cues = tmp_path / "a.kinerec", ghost_cues("squat1Reps", 1.0)[::4]
-    with started("live", "--feed", mine, "--osc-in", f"{LOOPBACK}:0", "--record", path) as program:
-        sender = osc.OscSender(LOOPBACK, int(program.expect(r"listening on osceleton 127\.0\.0\.1:(\d+)")[1]))
-        for number, cue in enumerate(cues):
-            places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-            for datagram in LAYOUTS["osceleton"][1](Moment(places, number / 30, number)):
-                sender.send(datagram.replace(b"/joint\0\0", b"/limb\0\0\0"))
-                time.sleep(0.001)
-        wait_for(path, 15 * len(cues))
-        sender.close()
-        assert (program.interrupt(), program.errors) == (0, "")
-    assert main(["info", str(path)]) == 0
-    told = capsys.readouterr().out
-    assert "preset osceleton: kept in the recording, other than the built-in one" in told
-    # On a busy machine the sender may pause within a frame, which then is two, or none.
-    found = re.search(r"performer 1: (\d+) frames", told)
-    assert found
-    assert int(found[1]) > len(cues) / 2
-    assert main(["info", str(path), "--feed", "osceleton"]) == 0
-    assert "performer" not in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("command", [["info"], ["info", "a.bvh"], ["convert", "a.bvh", "-o", "a.npz"]], ids=" ".join)
 def test_a_feed_is_for_raw_recordings(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """Motion files and libraries hold no packets to be read as a feed, and that is said in a line."""
     assert main([*command, "--feed", "vmc"]) == 2
     assert "--feed: expected a .kinerec file with it, got" in capsys.readouterr().err
+
+
+def test_clips_are_cut_too(tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]) -> None:
+    """--from and --to cut each clip; beyond its end there are no frames."""
+    take = write_take(tmp_path, "bd", "bendLeft", 1)
+    options = ("--osc", f"{LOOPBACK}:{stage.address[1]}", "--json", "--speed", 8)
+    assert replay(take, *options, "--from", 0.5, "--to", 0.75) == 0
+    assert json.loads(capsys.readouterr().out)["sent"] == 30
+    assert replay(take, *options, "--from", 60) == 2
+    assert "expected --from and --to within its 1.50 s" in capsys.readouterr().err
+    assert replay(take, *options, "--from", 2, "--to", 1) == 2
+    assert "--to: expected more than --from" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import json
 import re
 import threading
 import time
+from argparse import Namespace
 from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
@@ -14,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-import zmq
 from programs import LOOPBACK, PATIENCE, finished, free_udp_port
 from recorded import write_take, write_takes
 from rich.console import Console
@@ -31,9 +31,9 @@ from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, clip_cues, piece_cues
 from kinespace.tools.programs.replay import exchange
-from kinespace.tools.programs.replay.options import Course, Faults
+from kinespace.tools.programs.replay.exchange import Score
+from kinespace.tools.programs.replay.options import Faults
 from kinespace.tools.programs.replay.recordings import announced, pieces_of
-from kinespace.tools.programs.replay.score import Score
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -45,6 +45,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 #: Fast enough for a short test, slow enough for a busy machine.
 SPEED = 8.0
 KEYS = {"sent", "failed", "unheard", "answers", "unlabelled", "right"}
+
+
+def course(**wanted: object) -> Namespace:
+    """Give options with which recordings are played."""
+    usual = {"performer": "me", "speed": 1.0, "pause": 1.0, "loop": False, "begin": 0.0, "end": None}
+    return Namespace(**{**usual, **wanted})
 
 
 @pytest.fixture
@@ -116,23 +122,14 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
 def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
     """Each frame of a take has the class of its label, and no class without one; all frames are sent."""
     take.with_suffix(".csv").write_text("start_s;end_s;label\n0,25;0,5;up\n0,5;1,0;down\n")
-    pieces = list(pieces_of([take], Reading(), Course("me")))
+    pieces = list(pieces_of([take], Reading(), course()))
     classes = [cue.class_name for cue in piece_cues(pieces, "me")]
     assert classes == [""] * 30 + ["up"] * 30 + ["down"] * 60 + [""] * 60
     (clip,) = read_recordings([take])
     np.testing.assert_array_equal(np.concatenate([piece.clip.positions for piece in pieces]), clip.positions)
-    late = Course("me", begin=0.4, end=0.6)
+    late = course(begin=0.4, end=0.6)
     classes = [cue.class_name for cue in piece_cues(pieces_of([take], Reading(), late), "me")]
     assert classes == ["up"] * 12 + ["down"] * 12
-
-
-def test_unlabelled_stretches_are_not_scored() -> None:
-    """Answers in stretches without a label are counted apart, and change no share."""
-    score = Score()
-    for performed, label in (("up", "up"), ("", "up"), ("", "down"), ("up", "down")):
-        score.add(performed, label)
-    assert (score.share(), score.heard, score.unlabelled) == (0.5, 4, 2)
-    assert score.table().row_count == 3
 
 
 def test_the_terminal_shows_the_recording_being_sent(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,45 +157,24 @@ def test_the_joints_are_announced_every_second(
     assert len({event for event in events if isinstance(event, Announcement)}) == 1
 
 
-def test_a_feed_takes_its_recordings_time(stage: osc.OscReceiver, take: Path) -> None:
-    """A feed ends no sooner than its last frame is due."""
-    begun = time.perf_counter()
-    assert main(["replay", str(take), "--osc", target(stage), "--speed", "4"]) == 0
-    assert time.perf_counter() - begun >= 179 / 120 / 4
-
-
-def test_folders_are_replayed_clip_by_clip(stage: osc.OscReceiver, tmp_path: Path) -> None:
-    """All clips under a folder are sent one after the other with the pause ordered between them."""
-    paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
-    assert replay(tmp_path, "--osc", target(stage), "--pause", "0.25") == 0
-    frames = frames_in(heard(stage))
-    assert len(frames) == 30 * len(paths)
-    steps = np.diff([frame.time for frame in frames])
-    assert np.flatnonzero(steps > 0.1).tolist() == [29, 59]
-    assert steps[29] == pytest.approx(0.25 + 1 / 120)
-
-
-def test_recordings_are_read_while_others_play(
+def test_a_recording_that_takes_long_to_read_moves_the_rest(
     stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The first recording is sent before the fourth is read; one that is read too late moves the rest, unhurried."""
+    """Each recording is read when its turn comes; when that takes longer than the pause the rest comes later."""
     paths = find_recordings(write_takes(tmp_path, actors=("bd",), takes=2, frames=30))
     clips, sent_before = list(read_recordings(paths)), list[int]()
 
-    def slowly(_: RecordingReader, path: Path) -> Iterator[Clip]:
+    def slowly(_: RecordingReader, path: Path) -> Clip:
         if path == paths[3]:
             time.sleep(1.0)
         sent_before.append(len(frames_in(heard(stage))))
-        yield clips[paths.index(path)]
+        return clips[paths.index(path)]
 
-    monkeypatch.setattr(RecordingReader, "pieces", slowly)
+    monkeypatch.setattr(RecordingReader, "clip", slowly)
     begun = time.perf_counter()
     assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
     assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
-    assert sent_before[0] == 0
-    # Two are kept ready or being read while one plays.
-    assert sum(sent_before[:4]) > 0
-    assert sum(sent_before) + len(frames_in(heard(stage))) == 6 * 30
+    assert sent_before == [0, 30, 30, 30, 30, 30]
     assert re.search(r"180 frames sent, .*\nthe feed stood still for [01]\.\d s", capsys.readouterr().out)
 
 
@@ -213,42 +189,6 @@ def test_a_recording_that_cannot_be_read_ends_the_feed(
     assert json.loads(printed.out)["sent"] == len(frames_in(heard(stage))) == 60
     assert printed.err.startswith(f"kinespace: {paths[-1]}")
     assert printed.err.count("\n") == 1
-
-
-@pytest.mark.parametrize("cut", [(), ("--from", 0.3, "--to", 1.1)])
-def test_a_long_take_is_sent_in_pieces_as_if_whole(
-    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, cut: tuple[object, ...]
-) -> None:
-    """Read some frames at a time or all at once, cut or not, the same frames go out."""
-    assert replay(take, "--osc", target(stage), *cut) == 0
-    expected = frames_in(heard(stage))
-    monkeypatch.setattr("kinespace.library.recordings.formats.acclaim._BLOCK_BYTES", 4000)
-    assert replay(take, "--osc", target(stage), *cut) == 0
-    frames = frames_in(heard(stage))
-    assert [frame.time for frame in frames] == [frame.time for frame in expected]
-    np.testing.assert_array_equal([each.positions for each in frames], [each.positions for each in expected])
-    assert len(frames) == (96 if cut else 180)
-
-
-def test_a_take_is_sent_before_all_of_it_is_read(
-    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Frames before a mistake in a long take are sent; frames after --to are not even read."""
-    monkeypatch.setattr("kinespace.library.recordings.formats.acclaim._BLOCK_BYTES", 4000)
-    take.write_text(take.read_text() + "nonsense\n")
-    assert replay(take, "--osc", target(stage)) == 2
-    assert "nonsense" in capsys.readouterr().err
-    assert 100 < len(frames_in(heard(stage))) <= 180
-    assert replay(take, "--osc", target(stage), "--to", 1) == 0
-    assert len(frames_in(heard(stage))) == 120
-
-
-def test_a_given_skeleton_is_used(stage: osc.OscReceiver, take: Path) -> None:
-    """With --asf no skeleton is looked for by name."""
-    (take.parents[1] / "HDM_bd.asf").rename(take.parents[1] / "other.asf")
-    assert replay(take, "--osc", target(stage)) == 2
-    assert replay(take, "--osc", target(stage), "--asf", take.parents[1] / "other.asf") == 0
-    assert len(frames_in(heard(stage))) == 180
 
 
 def test_without_a_recording_the_built_in_motions_are_played(
@@ -302,32 +242,11 @@ def test_it_says_before_how_much_it_sends(monkeypatch: pytest.MonkeyPatch) -> No
     motions = small_library(monkeypatch).motions
     cues = list(clip_cues(motions, "me", speed=0.5))
     # The last frame lasts, too.
-    assert announced(motions, Course("me", speed=0.5)) == f"sending 3 motions, {cues[-1].due + 2 / 60:.0f} s"
-    assert announced(motions[:1], Course("me", begin=0.1, end=0.2, speed=0.05, loop=True)) == (
+    assert announced(motions, course(speed=0.5)) == f"sending 3 motions, {cues[-1].due + 2 / 60:.0f} s"
+    assert announced(motions[:1], course(begin=0.1, end=0.2, speed=0.05, loop=True)) == (
         "sending 1 motion, 2 s, again and again"
     )
-    assert announced([Path("a"), Path("b")], Course("me")) == "sending 2 recordings"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (("squat",), "squat: no such file or folder"),
-        (
-            ("squat1Reps", "--unit", "cm"),
-            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names",
-        ),
-        (("--frame-rate", "30"), "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
-    ],
-)
-def test_places_and_options_that_do_not_fit_are_refused(
-    arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A place that is neither file nor class, and useless options for reading: one line, status 2."""
-    assert replay(*arguments, "--osc", f"{LOOPBACK}:9") == 2
-    errors = capsys.readouterr().err
-    assert errors.startswith(f"kinespace: {told}")
-    assert errors.count("\n") == 1
+    assert announced([Path("a"), Path("b")], course()) == "sending 2 recordings"
 
 
 def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -355,13 +274,8 @@ def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys
     assert replay(take, *to, "--speed", SPEED) == 1
     _, sent, unheard = capsys.readouterr().out.splitlines()
     assert sent == "180 frames sent, 0 refused by the system"
-    assert re.match(rf"no program listens at {re.escape(to[1])}: 18\d packets were lost; start", unheard)
-
-
-def test_no_faults_change_nothing() -> None:
-    """Without faults the feed is unchanged, with any seed."""
-    cues = [Cue(index / 120, Frame("me", 1.0, np.zeros((6, 3))), index) for index in range(50)]
-    assert list(Faults(seed=3).applied(iter(cues))) == cues
+    place = to[1].removeprefix("@")
+    assert re.match(rf"no program listens at {re.escape(place)}: 18\d packets were lost; start", unheard)
 
 
 @pytest.mark.parametrize("performer", ["me", "my dancer", "[/]", "søren"])
@@ -418,12 +332,6 @@ def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[in
     return len(right), sum(right) / len(right)
 
 
-def test_silence_is_explained(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without answers the program lists checks instead of printing a table, and the status is 1."""
-    assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:0") == 1
-    assert "no answers heard: is a recogniser running" in capsys.readouterr().out
-
-
 def test_answers_to_others_are_not_counted(
     stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -456,28 +364,6 @@ def _recognition(performer: str) -> object:
     recognizer = Recognizer(library)
     answers = [recognizer.push(cue.frame) for cue in clip_cues(library.motions[:1], performer)]
     return next(answer for answer in answers if answer is not None)
-
-
-def test_a_published_feed_is_numbered(take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over ZeroMQ with @ the feed is published where it is bound: numbered without gap, the joints with the first."""
-    context = zmq.Context.instance()
-    subscriber = context.socket(zmq.SUB)
-    received: list[zeromq.NumberedFrame] = []
-    try:
-        subscriber.linger = 0
-        subscriber.subscribe(b"frame/me/")
-        port = subscriber.bind_to_random_port(f"tcp://{LOOPBACK}")
-        subscriber.unbind(f"tcp://{LOOPBACK}:{port}")
-        subscriber.connect(f"tcp://{LOOPBACK}:{port}")
-        assert replay(take, "--zmq", f"@tcp://{LOOPBACK}:{port}", "--performer", "me", "--json") == 0
-        while subscriber.poll(500):
-            received.append(zeromq.decode(subscriber.recv_multipart(), 0.0))
-    finally:
-        subscriber.close()
-    assert [each.seq for each in received] == list(range(180))
-    announced = [each.announcement is not None for each in received]
-    assert announced[0]
-    assert json.loads(capsys.readouterr().out)["sent"] == 180
 
 
 def test_ctrl_c_ends_the_feed_and_reports(
@@ -514,24 +400,18 @@ def test_the_score_is_kept_by_class() -> None:
     assert score.share() == 0.75
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [("--osc", "nowhere"), ("--zmq", "nowhere"), ("--listen", "nowhere"), ("--listen", "tcp://"), ("--performer", "")],
-)
-def test_a_wrong_address_leaves_no_socket(
-    arguments: tuple[str, str], take: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """With any wrong address or name, open sockets are closed again, and the port is free."""
-    port = free_udp_port()
-    listen = () if "--listen" in arguments else ("--listen", f"{LOOPBACK}:{port}")
-    assert replay(take, *listen, *arguments) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    osc.OscReceiver(LOOPBACK, port).close()
-
-
 def test_the_command_replays(stage: osc.OscReceiver, take: Path) -> None:
     """As a command of its own, replay sends the clip and prints exactly one JSON object."""
     status, output, errors = finished("replay", take, "--osc", target(stage), "--speed", SPEED, "--json")
     assert (status, errors) == (0, "")
     assert json.loads(output) == {"sent": 180, "failed": 0, "unheard": 0, "answers": 0, "unlabelled": 0, "right": None}
     assert len(frames_in(heard(stage))) == 180
+
+
+def test_unlabelled_stretches_are_not_scored() -> None:
+    """Answers in stretches without a label are counted apart, and change no share."""
+    score = Score()
+    for performed, label in (("up", "up"), ("", "up"), ("", "down"), ("up", "down")):
+        score.add(performed, label)
+    assert (score.share(), score.heard, score.unlabelled) == (0.5, 4, 2)
+    assert score.table().row_count == 3

@@ -1,0 +1,558 @@
+"""The kernels in numpy: here one reads what each computes. A function takes a kernel's arguments and gives the call.
+
+The arguments are described in `kernels.table`; they are checked before they come here.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library.kernels.table import LANE
+from kinespace.library.signature import parts
+from kinespace.library.signature.body import Body
+from kinespace.library.signature.parts import Eigenpairs, Moments
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    Numbers = NDArray[np.float64]
+    Floats = NDArray[np.float32]
+    Halves = NDArray[np.float16]
+    Indices = NDArray[np.intp]
+    Call = Callable[..., float]
+
+#: Rounding of a number, relative to it.
+EPSILON = float(np.finfo(np.float64).eps)
+#: Frames whose distances are measured at once: more would not fit into the processor's cache.
+_FRAMES = 16
+
+
+# --- distances ---------------------------------------------------------------------------------------------------
+
+
+def distances(positions: Numbers, pairs: Indices, rows: Numbers) -> Call:
+    """Write the distances of the first frames (frames, joints, 3) between pairs (pairs, 2) to rows (frames, pairs)."""
+    joints, count = positions.shape[1], len(pairs)
+    room = np.empty(3 * _FRAMES * (joints + 2 * count))
+    first, second = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
+
+    def measure(frames: NDArray[np.float64], measured: Numbers) -> None:
+        # Two or four frames lie side by side, number by number, so that picking out a pair's joints copies 16 or 32
+        # bytes at once, for which numpy has a fast path. One frame gives the same numbers alone and among many.
+        together = math.gcd(len(frames), 4)
+        shape, begin = (3, len(frames) // together, -1, together), 3 * len(frames) * joints
+        end = begin + 3 * len(frames) * count
+        coordinates, difference = room[:begin].reshape(shape), room[begin:end].reshape(shape)
+        other = room[end : 2 * end - begin].reshape(shape)
+        coordinates[...] = frames.reshape(len(frames) // together, together, joints, 3).transpose(3, 0, 2, 1)
+        # No index is out of range; numpy writes straight into `out` only when the mode says so.
+        coordinates.take(first, axis=2, out=difference, mode="clip")
+        coordinates.take(second, axis=2, out=other, mode="clip")
+        difference -= other
+        difference *= difference
+        squared = difference[0]
+        squared += difference[1]
+        squared += difference[2]
+        np.sqrt(squared, out=squared)
+        measured.reshape(len(frames) // together, together, count)[...] = squared.transpose(0, 2, 1)
+
+    def call(frames: float) -> float:
+        for begin in range(0, int(frames), _FRAMES):
+            some = slice(begin, min(begin + _FRAMES, int(frames)))
+            measure(positions[some], rows[some])
+        return 0.0
+
+    return call
+
+
+# --- sums that follow the rows of a window -----------------------------------------------------------------------
+
+
+def follow(  # noqa: PLR0913, PLR0917 - a kernel's arguments
+    rows: Numbers,
+    times: Numbers,
+    places: Indices,
+    drift: Numbers,
+    sums: Numbers,
+    clock: Numbers,
+    seconds: float,
+    most: float,
+    tolerance: float,
+    no_movement: float,
+) -> Call:
+    """Let sums follow a window's rows; give whether they were computed afresh.
+
+    `sums` are the reference row, and of the rows relative to it the sum, the products with time, and the squares;
+    `clock` is the reference time, and of the times relative to it the sum and the squares.
+    """
+
+    def begin(some: slice) -> None:
+        sums[1:] = clock[:] = 0.0
+        np.mean(rows[some], axis=0, out=sums[0])
+        clock[0] = times[some.stop - 1]
+        drift[1] = (no_movement * float(sums[0].mean())) ** 2
+
+    def add(entered: slice, left: slice) -> None:
+        relative, weights = _weighed(rows, entered, left)
+        relative -= sums[0]
+        since = np.concatenate([times[entered], times[left]]) - clock[0]
+        factors = np.array([weights, weights * since])
+        sums[1:3] += factors @ relative
+        relative *= relative
+        sums[3] += weights @ relative
+        clock[1:] += factors @ since if len(since) else 0.0
+
+    def bounds(count: int) -> tuple[float, float]:
+        # The largest sum and its own scatter: a distance that stood still while others moved must not be lost.
+        place = int(sums[3].argmax())
+        squares, total = sums.item(3, place), sums.item(1, place)
+        return squares, max(squares - total * total / count, count * drift.item(1))
+
+    return _following(_Span(times, places, seconds, most), drift, tolerance, begin, add, bounds)
+
+
+def follow_products(  # noqa: PLR0913, PLR0917 - a kernel's arguments
+    points: Numbers,
+    times: Numbers,
+    places: Indices,
+    drift: Numbers,
+    reference: Numbers,
+    total: Numbers,
+    products: Numbers,
+    seconds: float,
+    most: float,
+    tolerance: float,
+    no_movement: float,
+) -> Call:
+    """Let the sum and the products of points relative to a reference follow a window; else as `follow`."""
+
+    def begin(some: slice) -> None:
+        np.mean(points[some], axis=0, out=reference)
+        drift[1] = no_movement**2 * float(reference @ reference)
+        total[:] = 0.0
+        products[:] = 0.0
+
+    def add(entered: slice, left: slice) -> None:
+        relative, weights = _weighed(points, entered, left)
+        relative -= reference
+        total[...] += weights @ relative
+        products[...] += (relative.T * weights) @ relative
+
+    def bounds(count: int) -> tuple[float, float]:
+        trace = float(products.trace())
+        return trace, max(trace - float(total @ total) / count, count * drift.item(1))
+
+    return _following(_Span(times, places, seconds, most), drift, tolerance, begin, add, bounds)
+
+
+class _Span:
+    """The last seconds of a window: `places` say where they begin and end, as if no row had moved back."""
+
+    def __init__(self, times: Numbers, places: Indices, seconds: float, most: float) -> None:
+        self._times, self._places, self._seconds, self._most = times, places, seconds, most
+
+    def move_on(self, end: int, moved: int) -> tuple[slice, slice, slice]:
+        """Give the rows that entered and those that left since the last call, and those that are in it now."""
+        last = end - 1
+        left, entered = (max(place - moved, 0) for place in self._places.tolist())
+        start, too_old = left, self._times.item(last) - self._seconds
+        while start < last and (self._times.item(start) <= too_old or last - start >= self._most):
+            start += 1
+        self._places[:] = start + moved, end + moved
+        return slice(max(entered, start), end), slice(left, max(min(start, entered), left)), slice(start, end)
+
+
+def _following(  # noqa: PLR0913, PLR0917 - the pieces of one call
+    span: _Span,
+    drift: Numbers,
+    tolerance: float,
+    begin: Callable[[slice], None],
+    add: Callable[[slice, slice], None],
+    bounds: Callable[[int], tuple[float, float]],
+) -> Call:
+    def afresh(rows: slice) -> float:
+        begin(rows)
+        add(rows, slice(0, 0))
+        count = rows.stop - rows.start
+        drift[0] = EPSILON * count * bounds(count)[0]
+        return 1.0
+
+    def call(end: float, moved: float) -> float:
+        if not end:
+            return 0.0
+        entered, left, rows = span.move_on(int(end), int(moved))
+        new, count = entered.stop - entered.start, rows.stop - rows.start
+        if not new:
+            return 0.0
+        if new == count:
+            drift[0] = 0.0
+            return afresh(rows)
+        add(entered, left)
+        largest, scatter = bounds(count)
+        drift[0] += EPSILON * (new + left.stop - left.start) * largest
+        return afresh(rows) if drift[0] > tolerance * scatter else 0.0
+
+    return call
+
+
+def _weighed(rows: Numbers, entered: slice, left: slice) -> tuple[Numbers, Numbers]:
+    """Copy the rows that entered and left to one array, and give their signs, 1 and -1."""
+    return np.concatenate([rows[entered], rows[left]]), _signs(entered.stop - entered.start, left.stop - left.start)
+
+
+@lru_cache(256)
+def _signs(entered: int, left: int) -> Numbers:
+    weights = np.repeat((1.0, -1.0), (entered, left))
+    weights.flags.writeable = False
+    return weights
+
+
+# --- parts of a signature ----------------------------------------------------------------------------------------
+
+
+def read_parts(  # noqa: PLR0913, PLR0917 - a kernel's arguments
+    sums: Numbers,
+    clock: Numbers,
+    places: Indices,
+    sizing: Numbers,
+    segments: Indices,
+    above: Numbers,
+    ends: NDArray[np.uint16],
+    spread: Numbers,
+    posture: Numbers,
+    trend: Numbers,
+    *_: float,
+) -> Call:
+    """Write spread, posture and trend of a window, the last two if there is room; give its movement."""
+    body = Body(sizing, segments, above, ends)
+    wanted = [
+        (compute, numbers)
+        for compute, numbers in ((parts.spread, spread), (parts.posture, posture), (parts.trend, trend))
+        if len(numbers)
+    ]
+
+    def call() -> float:
+        moments = _moments(sums, clock, int(places[1] - places[0]))
+        for compute, numbers in wanted:
+            numbers[:] = compute(moments, body)[0]
+        return float(parts.movement(moments)[0])
+
+    return call
+
+
+def _moments(sums: Numbers, clock: Numbers, count: int) -> Moments:
+    middle = clock[1] / count
+    swing = clock[2] / count - middle * middle
+    relative = sums[1:] / count
+    mean, trend, variance = relative
+    trend -= mean * middle
+    trend /= np.sqrt(swing if swing > 0 else np.inf)
+    variance -= mean * mean
+    np.maximum(variance, 0.0, out=variance)
+    mean += sums[0]
+    return Moments(mean[None], np.sqrt(variance, out=variance)[None], trend[None])
+
+
+def read_eigen(  # noqa: PLR0913, PLR0917 - a kernel's arguments
+    total: Numbers,
+    products: Numbers,
+    places: Indices,
+    drift: Numbers,
+    values: Numbers,
+    vectors: Numbers,
+    scaled: Numbers,
+    block: Numbers,  # noqa: ARG001 - only the compiled kernel begins where the last one ended
+) -> Call:
+    """Write a window's leading eigenpairs and its part `eigen`; give the trace of its covariance."""
+    covariance = np.empty((1, *products.shape))
+    found = eigenpairs(covariance, values[None], vectors[None])
+
+    def call() -> float:
+        count = int(places[1] - places[0])
+        mean = total / count
+        np.divide(products, count, out=covariance[0])
+        covariance[0] -= mean[:, None] * mean
+        if covariance[0].trace() <= drift[1]:
+            covariance[:] = 0.0
+        if not found():
+            return math.nan
+        scaled[:] = parts.eigen(Eigenpairs(values[None], vectors[None]))[0]
+        return float(covariance[0].trace())
+
+    return call
+
+
+def eigenpairs(covariances: Numbers, values: Numbers, vectors: Numbers) -> Call:
+    """Write the largest eigenvalues of each symmetric matrix and their eigenvectors; give whether all were found."""
+    from scipy.linalg.lapack import dsyevr  # noqa: PLC0415 - slow to load, and the compiled kernels do not need it
+
+    size, found = covariances.shape[-1], values.shape[-1]
+
+    def call() -> float:
+        if not np.isfinite(covariances).all():
+            return 0.0
+        for matrix, own_values, own_vectors in zip(covariances, values, vectors, strict=True):
+            few, columns, *_ = dsyevr(matrix, range="I", il=size - found + 1, iu=size, lower=1)
+            own_values[:], own_vectors[:] = few[found - 1 :: -1], columns.T[::-1]
+        return 1.0
+
+    return call
+
+
+# --- windows compared --------------------------------------------------------------------------------------------
+
+
+def place(numbers: Numbers, origin: Floats, axes: Halves, vector: Numbers) -> Call:
+    """Map numbers by a metric, (numbers − origin) axes."""
+    whole = axes[:, : len(vector)].astype(np.float32)
+
+    def call() -> float:
+        vector[:] = np.subtract(numbers, origin, dtype=np.float32) @ whole
+        return 0.0
+
+    return call
+
+
+def flatten(scaled: Numbers, vector: Numbers) -> Call:
+    """Write the matrix Σᵢ sᵢ sᵢᵀ of scaled eigenvectors as a vector."""
+
+    def call() -> float:
+        vector[:] = parts.flattened(scaled)
+        return 0.0
+
+    return call
+
+
+def compare(  # noqa: PLR0913, PLR0917 - a kernel's arguments
+    groups: Indices,
+    windows: Halves,
+    lengths: Floats,
+    weights: Floats,
+    blocks: Indices,
+    classes: Indices,
+    vectors: Numbers,
+    products: Floats,  # noqa: ARG001 - only the compiled kernel needs room
+    logs: Numbers,
+    nearest: float,
+    by_products: float,
+) -> Call:
+    """Compare a live window with all windows of a library: log distances of each class, by each row of weights."""
+    weigh = weighing(groups, windows, lengths[:, : blocks[-1]], weights, vectors, nearest, by_products=by_products > 0)
+    agreed = agreeing(blocks, classes)
+
+    def call() -> float:
+        logs[:] = agreed(weigh())
+        return 0.0
+
+    return call
+
+
+def weighing(  # noqa: PLR0913, PLR0917 - as `compare`
+    groups: Indices,
+    windows: Halves,
+    lengths: Floats,
+    weights: Floats,
+    vectors: Numbers,
+    nearest: float,
+    *,
+    by_products: bool = False,
+) -> Callable[[], Floats]:
+    """Give a function that weighs the log distances from a window's vectors to all windows, (rows of weights, windows).
+
+    Parameters
+    ----------
+    groups, windows, weights, vectors, nearest, by_products
+        As in `compare`; by products, what is weighed is the negative |inner product| of two eigenvectors.
+    lengths
+        Squared lengths of the windows' vectors, shape (groups, windows).
+    """
+    count = lengths.shape[1]
+    all_of = []
+    for axes, eigenvectors, begin, first in groups.tolist():
+        width = axes * max(eigenvectors, 1)
+        lanes = -(-count // LANE)
+        in_lanes = windows[first : first + lanes * LANE * width].reshape(lanes, width, LANE)
+        # Axes come first, because products with few rows are faster from the left.
+        laid = in_lanes.transpose(1, 0, 2).reshape(width, -1)[:, :count].astype(np.float32)
+        if eigenvectors:
+            laid = laid.reshape(eigenvectors, axes, count).transpose(1, 0, 2).reshape(axes, -1)
+        all_of.append((slice(begin, begin + width), eigenvectors, np.ascontiguousarray(laid)))
+    squared = np.empty((len(groups), count), dtype=np.float32)
+    minus_two = np.full(LANE, -2, dtype=np.float32)
+
+    def call() -> Floats:
+        live = vectors.astype(np.float32)
+        for place, (some, eigenvectors, laid) in enumerate(all_of):
+            vector = live[some]
+            if eigenvectors:
+                alike = vector.reshape(eigenvectors, -1) @ laid
+                np.square(alike, out=alike)
+                np.dot(minus_two[: eigenvectors**2], alike.reshape(-1, count), out=squared[place])
+                squared[place] += np.float32(1)
+            else:
+                np.dot(vector * np.float32(-2), laid, out=squared[place])
+                squared[place] += vector @ vector
+            squared[place] += lengths[place]
+        np.maximum(squared, np.float32(nearest), out=squared)
+        if by_products:
+            np.negative(np.sqrt(np.maximum(1 - squared / 2, 0.0, out=squared), out=squared), out=squared)
+        else:
+            np.log(squared, out=squared)
+        weighed: Floats = weights @ squared
+        return weighed
+
+    return call
+
+
+def agreeing(blocks: Indices, classes: Indices) -> Callable[[NDArray[np.floating]], Numbers]:
+    """Give a function that takes the mean of the two least of each class, from (..., windows) to (..., classes).
+
+    Where several persons perform a class, the second nearest must agree: one person's way may resemble another motion.
+
+    Parameters
+    ----------
+    blocks
+        Where the windows of each person in each class start, and where the last ones end, shape (blocks + 1,).
+    classes
+        Where the blocks of each class start, and where the last ones end, shape (classes + 1,).
+    """
+    counts = np.diff(classes)
+    # For each class its blocks, filled up with the index of an absent block.
+    places = np.full((len(counts), counts.max()), len(blocks) - 1)
+    places[np.arange(counts.max()) < counts[:, None]] = np.arange(len(blocks) - 1)
+
+    def agreed(numbers: NDArray[np.floating]) -> Numbers:
+        nearest = np.minimum.reduceat(numbers, blocks[:-1], axis=-1)
+        padded = np.full((*nearest.shape[:-1], nearest.shape[-1] + 1), np.inf)
+        padded[..., :-1] = nearest
+        by_person = np.sort(padded.take(places, axis=-1), axis=-1)
+        first: Numbers = by_person[..., 0]
+        if by_person.shape[-1] == 1:
+            return first
+        second = by_person[..., 1]
+        return (first + np.where(np.isfinite(second), second, first)) / 2
+
+    return agreed
+
+
+def scores(windows: Floats, products: Floats, starts: Indices, eigenvector: Numbers, found: Numbers) -> Call:
+    """Write each class's best |inner product| of its windows' leading eigenvectors with another."""
+    directions = windows.shape[1]
+    laid = windows.transpose(1, 0, 2).reshape(directions, -1)[:, : starts[-1]].copy()
+    part = products[: starts[-1]]
+
+    def call() -> float:
+        np.dot(eigenvector.astype(np.float32), laid, out=part)
+        np.abs(part, out=part)
+        found[:] = np.maximum.reduceat(part, starts[:-1])
+        return 0.0
+
+    return call
+
+
+# --- how far a motion is -----------------------------------------------------------------------------------------
+
+
+def follow_phase(  # noqa: PLR0913, PLR0917 - a kernel's arguments
+    course: Numbers,
+    indices: Indices,
+    starts: Indices,
+    vectors: Floats,
+    lengths: Floats,
+    expected: Numbers,
+    constants: Numbers,
+    live: Floats,
+    belief: Numbers,
+    after: Numbers,
+    room: Floats,  # noqa: ARG001 - only the compiled kernel needs room
+    found: Numbers,
+) -> Call:
+    """Take one step of the filter that follows a body through the moments of a class."""
+    phases, beginning, rounds, alike = course
+    bins, order = indices
+    ends = np.append(starts[1:], len(phases)) - 1
+    stay, one, two, changes, begins, again, _, near = constants.tolist()
+    # In double precision, which a number of numpy's own asks for.
+    sharpness = constants[6]
+
+    def go_on() -> None:
+        """Move every probability on by a step."""
+        by_one, by_two = belief.copy(), belief.copy()
+        # A recording's last moments must not go on to the next recording.
+        by_one[ends] = by_two[ends] = by_two[ends - 1] = 0.0
+        after[:] = stay * belief
+        after[1:] += one * by_one[:-1]
+        after[2:] += two * by_two[:-2]
+        beyond = (one + two) * belief[ends] + two * belief[ends - 1] * (ends > starts)
+        after[ends] += (1 - again) * beyond
+        after[:] += again * beyond.sum() * rounds
+        mass = np.bincount(bins, weights=after)
+        after[:] = (1 - changes - begins) * after + changes * alike * mass[bins] + begins * beginning
+
+    def call() -> float:
+        squares = lengths - 2 * (live @ vectors)
+        weights = np.exp(-0.5 * sharpness * (squares - squares.min()))
+        go_on()
+        after[:] *= weights
+        total = float(after.sum())
+        belief[:] = after / total if total > 0 else beginning
+        middle = int(np.searchsorted(np.cumsum(belief[order[:-1]]), 0.5))
+        phase = phases[order[middle]]
+        found[:] = phase, belief[np.abs(phases - phase) <= near].sum(), *(expected @ belief)
+        return 0.0
+
+    return call
+
+
+def moving(points: Numbers, whitening: Numbers, live: Floats, found: Numbers, factor: float) -> Call:
+    """Whiten the newest point and its velocity; find the velocity's squared length and the variance of the points."""
+
+    def call(begin: float, end: float, back: float) -> float:
+        some = points[int(begin) : int(end)]
+        if len(some):
+            velocity = factor * (some[-1] - some[max(len(some) - 1 - int(back), 0)])
+            live[:] = np.concatenate([some[-1], velocity]) @ whitening
+            found[:] = float(velocity @ velocity), float(some.var(axis=0).sum())
+        return 0.0
+
+    return call
+
+
+# --- which joints can be believed --------------------------------------------------------------------------------
+
+
+def steps(positions: Numbers, last: Numbers, found: Numbers) -> Call:
+    """Write the steps of joints from frame to frame; give the largest sum of squares of a frame's about their mean."""
+
+    def call(frames: float) -> float:
+        count = int(frames)
+        if not count:
+            return 0.0
+        some = found[:count]
+        np.subtract(positions[0], last, out=some[0])
+        np.subtract(positions[1:count], positions[: count - 1], out=some[1:])
+        own = some - some.mean(axis=1, keepdims=True)
+        return float(np.einsum("fjc,fjc->f", own, own).max())
+
+    return call
+
+
+def extremes(positions: Numbers, ends: Indices, lengths: Numbers, moved: Numbers) -> Call:
+    """Find how segments and joints change in some frames; NaN counts only where there is nothing else."""
+
+    def call(frames: float) -> float:
+        looks = positions[: int(frames)]
+        along = looks[:, ends[:, 0]] - looks[:, ends[:, 1]]
+        measured = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
+        least, greatest = np.fmin.reduce(measured), np.fmax.reduce(measured)
+        lengths[0], lengths[1] = (least + greatest) / 2, greatest - least
+        moved[...] = (np.fmax.reduce(looks) - np.fmin.reduce(looks)).max(axis=1)
+        return 0.0
+
+    return call

@@ -1,0 +1,90 @@
+"""The body behind the distances: its size, and the lengths of its segments, to which a posture is relative."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.skeleton import Skeleton
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """Reads the body's size off a distance row, and the length of the segments between two joints.
+
+    Attributes
+    ----------
+    sizing
+        A distance row times these weights is the body's size, metres: the mean length of its segments. A skeleton
+        without known parents has no segments, so the mean of all its distances is used. Shape (pairs,).
+    segments
+        Index of each segment among the pairs, shape (segments,); none without known parents.
+    above
+        The segments between the root and each joint, as flags, shape (segments, joints), 0 or 1.
+    ends
+        The two joints of each pair, and the joint where their ways to the root meet, shape (3, pairs).
+    """
+
+    sizing: NDArray[np.float64] = field(repr=False)
+    segments: NDArray[np.intp] = field(repr=False)
+    above: NDArray[np.float64] = field(repr=False)
+    ends: NDArray[np.uint16] = field(repr=False)
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def of(cls, skeleton: Skeleton) -> Body:
+        """Find segments and paths by a skeleton's parents; equal skeletons share one body.
+
+        Raises
+        ------
+        ValueError
+            The parents do not make one tree.
+        """
+        pairs = len(skeleton.pairs)
+        if not skeleton.parents:
+            none = np.empty(0, dtype=np.intp)
+            return cls(np.full(pairs, 1 / pairs), none, np.empty((0, 0)), np.zeros((3, pairs), dtype=np.uint16))
+        places = {(int(a), int(b)): index for index, (a, b) in enumerate(skeleton.pairs)}
+        children = [joint for joint, parent in enumerate(skeleton.parents) if parent >= 0]
+        segments = [places[min(j, skeleton.parents[j]), max(j, skeleton.parents[j])] for j in children]
+        above = _segments_above(skeleton.parents, children)
+        first, second = skeleton.pairs.T
+        sizing = np.bincount(segments, minlength=pairs) / len(segments)
+        joints = {flags.tobytes(): joint for joint, flags in enumerate(above)}
+        meeting = [joints[flags.tobytes()] for flags in above[first] & above[second]]
+        ends = np.array([first, second, meeting], dtype=np.uint16)
+        return cls(sizing, np.array(segments, dtype=np.intp), above.T.astype(np.float64, order="C"), ends)
+
+    def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
+        size: NDArray[np.float64] = rows @ self.sizing
+        return size
+
+    def lengths(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Length of the segments between the joints of each pair, in rows (..., pairs), metres: shape (..., pairs)."""
+        if not len(self.segments):
+            return np.broadcast_to(self.size(rows)[..., None], rows.shape)
+        heights = rows.take(self.segments, axis=-1) @ self.above
+        first, second, meeting = (heights.take(joints, axis=-1) for joints in self.ends)
+        lengths: NDArray[np.float64] = first + second - 2.0 * meeting
+        return lengths
+
+
+def _segments_above(parents: tuple[int, ...], children: list[int]) -> NDArray[np.bool_]:
+    """Find the segments between each joint and the root, as flags, shape (joints, segments)."""
+    above = np.zeros((len(parents), len(children)), dtype=bool)
+    place = {joint: index for index, joint in enumerate(children)}
+    for joint in range(len(parents)):
+        step = joint
+        while parents[step] >= 0 and not above[joint, place[step]]:
+            above[joint, place[step]] = True
+            step = parents[step]
+        if parents[step] >= 0 or len(children) != len(parents) - 1:
+            raise ValueError(f"skeleton: expected parents that make one tree, got {parents}")
+    return above

@@ -1,0 +1,148 @@
+"""The segments of a library's bodies: how long they are, which joints they join, and which joints have another side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.motion_library import MotionLibrary
+
+#: The joints are in another order if the mean segment is as long as this share of the distances between all joints, and
+#: this factor longer than in any motion of the library. No frame of 22,000 of eight honest sets has such segments; 99 %
+#: of random orders of their joints have.
+DISORDER = 0.65
+BEYOND_LIBRARY = 1.1
+#: One in so many of the library's frames is measured for lengths.
+_EVERY = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segments:
+    """The segments of the bodies in a library: their lengths, and the joints on the two sides.
+
+    Attributes
+    ----------
+    parents
+        The parent of each joint, as in `Skeleton`; empty when parents are not known: then segments are not judged.
+    children
+        The joint at the lower end of each segment, shape (segments,).
+    ends
+        The joints at the ends of each segment, the child first; after them the same parents, each with the child of the
+        other side, for the segments in `crossing`, shape (segments + crossings, 2).
+    crossing, partner
+        Index of each segment whose two joints have others on the other side, and where among these segments the one
+        between the others is, shape (crossings,).
+    mean, spread
+        Length of each segment in metres: mean, and the greatest change in one motion.
+    disorder
+        The share from which segments are too long for joints that are in order (`shares_of_size`).
+    mirrored
+        Index of each joint on the other side of the body, a joint's own index in the middle, shape (joints,); None when
+        the names tell no sides.
+    """
+
+    parents: NDArray[np.intp]
+    children: NDArray[np.intp]
+    ends: NDArray[np.intp] = field(repr=False)
+    crossing: NDArray[np.intp] = field(repr=False)
+    partner: NDArray[np.intp] = field(repr=False)
+    mean: NDArray[np.float64] = field(repr=False)
+    spread: NDArray[np.float64] = field(repr=False)
+    disorder: float
+    mirrored: NDArray[np.intp] | None = field(repr=False)
+
+    @classmethod
+    def of(cls, library: MotionLibrary) -> Self:
+        """Measure the segments of a library's motions."""
+        skeleton = library.skeleton
+        parents = np.array(skeleton.parents, dtype=np.intp)
+        children = np.flatnonzero(parents >= 0)
+        mirrored = mirrored_places(skeleton.joints)
+        ends = np.column_stack([children, parents[children]]) if len(children) else np.empty((0, 2), dtype=np.intp)
+        others = ends if mirrored is None else mirrored[ends]
+        crossed = (others != ends).all(axis=1) & (parents[others[:, 0]] == others[:, 1])
+        crossing = np.flatnonzero(crossed)
+        some = [motion.positions[::_EVERY] for motion in library.motions]
+        lengths = [_lengths(each, ends) for each in some]
+        largest = max(float(shares_of_size(each, ends).max()) for each in some) if len(ends) else 0.0
+        return cls(
+            parents=parents,
+            children=children,
+            ends=np.concatenate([ends, np.column_stack([others[crossing, 0], ends[crossing, 1]])]),
+            crossing=crossing,
+            partner=np.searchsorted(children[crossing], others[crossing, 0]),
+            mean=np.concatenate(lengths).mean(axis=0),
+            spread=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
+            disorder=max(DISORDER, BEYOND_LIBRARY * largest),
+            mirrored=mirrored,
+        )
+
+    @property
+    def segments(self) -> NDArray[np.intp]:
+        """The joints at the ends of each segment alone, shape (segments, 2)."""
+        return self.ends[: len(self.children)]
+
+    def lengths(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Measure the segments in frames (frames, joints, 3): shape (frames, segments)."""
+        return _lengths(positions, self.segments)
+
+
+def _lengths(positions: NDArray[np.float64], ends: NDArray[np.intp]) -> NDArray[np.float64]:
+    along = positions[:, ends[:, 0]]
+    along = along - positions[:, ends[:, 1]]
+    lengths: NDArray[np.float64] = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
+    return lengths
+
+
+def shares_of_size(positions: NDArray[np.float64], segments: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Compare the mean length of the segments with the root mean square of the distances between all joints.
+
+    Parameters
+    ----------
+    positions
+        Shape (frames, joints, 3), without NaN.
+    segments
+        The joints at the ends of each segment, shape (segments, 2).
+
+    Returns
+    -------
+    For each frame the share, shape (frames,): some .2 to .4 for a body, some .9 for joints in another order, and 0 for
+    joints that are all in one place.
+    """
+    own = positions - positions.mean(axis=1, keepdims=True)
+    # The mean square of all distances is twice the variance of the positions, by n / (n - 1).
+    squares = np.einsum("fjc,fjc->f", own, own) * (2 / (positions.shape[1] - 1))
+    shares: NDArray[np.float64] = _lengths(positions, segments).mean(axis=1) / np.sqrt(
+        np.where(squares > 0, squares, np.inf)
+    )
+    return shares
+
+
+def mirrored_places(joints: Sequence[str]) -> NDArray[np.intp] | None:
+    """Find each joint's name on the other side: `lwrist` and `rwrist`, `LeftHand` and `RightHand`, `hand.L`."""
+    places = {name: place for place, name in enumerate(joints)}
+    others = [next((places[other] for other in _other_sides(name) if other in places), None) for name in joints]
+    if not any(other is not None for other in others):
+        return None
+    return np.array([place if other is None else other for place, other in enumerate(others)], dtype=np.intp)
+
+
+def _other_sides(name: str) -> Iterable[str]:
+    for one, other in (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")):
+        if one in name:
+            yield name.replace(one, other)
+        if other in name:
+            yield name.replace(other, one)
+    for one, other in (("l", "r"), ("L", "R")):
+        for before, after in ((one, other), (other, one)):
+            if name.startswith(before):
+                yield after + name[1:]
+            if len(name) > 2 and name.endswith(before) and name[-2] in "._- ":
+                yield name[:-1] + after

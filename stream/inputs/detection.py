@@ -1,0 +1,356 @@
+"""Detection: kinds of messages on a port, rates, senders, gaps, and the preset that fits best."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import Naming, hdm05
+from kinespace.stream.feeds.decoder import FeedDecoder
+from kinespace.stream.feeds.frame_assembler import FrameAssembler
+from kinespace.stream.feeds.message_reader import Mapper, MessageError
+from kinespace.stream.feeds.preset import Means
+from kinespace.stream.feeds.unpackers import UNPACKERS
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs.clock import SenderClock
+from kinespace.stream.inputs.decoder import OscDecoder
+from kinespace.stream.osc.frames import SKELETON, decode
+from kinespace.stream.osc.packet import PacketError
+from kinespace.stream.packet import datagram_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.stream.feeds.preset import Preset
+    from kinespace.stream.feeds.unpackers import Unpacker
+    from kinespace.stream.inputs.decoder import Decoder
+    from kinespace.stream.osc.packet import Message
+    from kinespace.stream.packet import Packet, Sender
+
+#: Kinds of messages that are told apart, at most; only a sender that makes up addresses reaches the limit.
+MAX_KINDS = 200
+_MAX_SENDERS = 50
+#: Messages and packets that are kept for reading by each preset, at most.
+_MAX_KEPT = 20_000
+#: The preset of our own messages, and their addresses.
+NATIVE, OURS = "native", ("/motion/frame", SKELETON)
+#: Packings whose packets can be recognised.
+_PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
+#: Share of a preset's joints that must come for the preset to fit.
+_LIKELY = 0.25
+#: Share of its length by which a segment may change, and share of the segments that may change by more.
+_STRETCHES, _MANY = 0.1, 0.25
+_NUMBERED = re.compile(r"\d+")
+_TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", list: "[", tuple: "m"}
+
+
+@dataclass(slots=True)
+class Kind:
+    """Messages of one address, apart from numbers in it, and of one list of types."""
+
+    address: str
+    types: str
+    count: int = 0
+    example: tuple[object, ...] = ()
+    first: float = 0.0
+    last: float = 0.0
+    #: Longest time between two of them, seconds.
+    longest_gap: float = 0.0
+
+    @property
+    def rate(self) -> float:
+        """Messages a second."""
+        return (self.count - 1) / (self.last - self.first) if self.last > self.first else 0.0
+
+
+class Guess(NamedTuple):
+    """How well a preset explains the messages.
+
+    Attributes
+    ----------
+    preset
+        The preset.
+    understood
+        Share of the messages that the preset can read.
+    joints
+        Joints that came, by the motion library's names.
+    missing
+        Joints of the preset that did not come.
+    frames
+        Frames made of the messages.
+    rate
+        Frames a second of one performer.
+    performers
+        The performers' names.
+    """
+
+    preset: Preset
+    understood: float
+    joints: tuple[str, ...]
+    missing: tuple[str, ...]
+    frames: int
+    rate: float
+    performers: tuple[str, ...]
+    unknown: tuple[str, ...]
+    refused: int
+
+
+class Findings(NamedTuple):
+    """Oddities of a feed's frames.
+
+    Attributes
+    ----------
+    clocks
+        By performer, the conversion of times that are not seconds.
+    stretching
+        Performers many of whose segments change their length by more than a tenth.
+    refusals
+        The last packets that could not be read, with the reason, a line each.
+    """
+
+    clocks: dict[str, str]
+    stretching: tuple[str, ...]
+    refusals: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Survey:
+    """Collects packets.
+
+    Attributes
+    ----------
+    packets, undecodable, bundles
+        Datagrams; those that are no OSC; those that were bundles.
+    largest
+        Bytes of the largest datagram.
+    senders
+        Datagrams by host and port they came from.
+    kinds
+        Messages by address and types.
+    announced
+        The joint names of the last announcement in our own messages.
+    """
+
+    packets: int = 0
+    undecodable: int = 0
+    bundles: int = 0
+    largest: int = 0
+    senders: dict[str, int] = field(default_factory=dict)
+    kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
+    announced: tuple[str, ...] = ()
+    _kept: list[tuple[bytes, float, str]] = field(default_factory=list)
+    #: The kept packets as each packing reads them, and how many there were then.
+    _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
+
+    #: There is nothing to say of it as a recorder.
+    note = ""
+
+    def keep(self, packet: Packet, arrival: float, sender: Sender) -> None:
+        """Take in a packet as a source's recorder."""
+        host, port = sender or ("", 0)
+        self.see(datagram_of(packet), f"{host}:{port}", arrival)
+
+    def see(self, datagram: bytes, sender: str, arrival: float) -> None:
+        """Take in one datagram from `host:port`, at a moment in seconds."""
+        self.packets += 1
+        self.largest = max(self.largest, len(datagram))
+        if sender in self.senders or len(self.senders) < _MAX_SENDERS:
+            self.senders[sender] = self.senders.get(sender, 0) + 1
+        read = (_unpacked(UNPACKERS[packing](), datagram) for packing in _PACKINGS)
+        messages = next((each for each in read if each is not None), None)
+        if messages is None:
+            self.undecodable += 1
+            self._keep(datagram, sender, arrival)
+            return
+        self.bundles += datagram[:1] == b"#"
+        for message in messages:
+            self._count(message, arrival)
+            if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
+                self.announced = tuple(map(str, message.arguments[1:]))
+        self._keep(datagram, sender, arrival)
+
+    def _keep(self, datagram: bytes, sender: str, arrival: float) -> None:
+        if len(self._kept) < _MAX_KEPT:
+            self._kept.append((datagram, arrival, sender))
+
+    def _count(self, message: Message, arrival: float) -> None:
+        types = shortened("".join(_TAGS.get(type(argument), "?") for argument in message.arguments))
+        key = (_NUMBERED.sub("#", message.address), types)
+        kind = self.kinds.get(key)
+        if kind is None:
+            if len(self.kinds) >= MAX_KINDS:
+                return
+            kind = self.kinds[key] = Kind(*key, first=arrival, example=tuple(message.arguments[:6]))
+        elif kind.count:
+            kind.longest_gap = max(kind.longest_gap, arrival - kind.last)
+        kind.count += 1
+        kind.last = arrival
+
+    def looked_at_as(self, preset: Preset) -> Guess:
+        """Read all packets by a preset, and say how well it fits."""
+        if preset.name == NATIVE and self.announced:
+            return self._as_our_own(preset)
+        mapper, assembler = Mapper(preset), FrameAssembler(preset)
+        understood = total = 0
+        joints = dict[str, None]()
+        times: dict[str, list[float]] = {}
+        for messages, arrival, bundle in self._unpacked_as(preset.packing):
+            for message in messages:
+                total += 1
+                joints_here = _joints_in(mapper, message)
+                if joints_here is not None:
+                    understood += 1
+                    joints |= dict.fromkeys(joints_here)
+            for made in assembler.push(messages, arrival, bundle=bundle):
+                if isinstance(made, Frame):
+                    times.setdefault(made.performer, []).append(arrival)
+        came = {preset.joint_map[name] for name in joints} - {""}
+        if preset.bones and came:
+            # A bone that does not come stays at rest.
+            came = set(preset.joints)
+        return Guess(
+            preset=preset,
+            understood=understood / total if total else 0.0,
+            joints=tuple(joint for joint in preset.joints if joint in came),
+            missing=tuple(joint for joint in preset.joints if joint not in came),
+            frames=assembler.counts.frames,
+            rate=_rate(times),
+            performers=tuple(times),
+            unknown=tuple(sorted(mapper.unknown)),
+            refused=assembler.counts.incomplete,
+        )
+
+    def _as_our_own(self, preset: Preset) -> Guess:
+        """Read our own messages, whose senders name their joints, as the recogniser does: by our joint names."""
+        named = set(Naming().read(self.announced).joints)
+        frames, times = 0, dict[str, list[float]]()
+        for datagram, arrival, _ in self._kept:
+            for event in decode(datagram, arrival).events:
+                if isinstance(event, Frame) and len(event.positions) == len(self.announced):
+                    times.setdefault(event.performer, []).append(arrival)
+                frames += isinstance(event, Frame)
+        whole, joints = sum(map(len, times.values())), tuple(each for each in preset.joints if each in named)
+        ours = sum(kind.count for kind in self.kinds.values() if kind.address in OURS)
+        return Guess(
+            preset=preset,
+            understood=ours / max(sum(kind.count for kind in self.kinds.values()), 1),
+            joints=joints,
+            missing=tuple(each for each in preset.joints if each not in named),
+            frames=whole if len(joints) >= MIN_JOINTS else 0,
+            rate=_rate(times),
+            performers=tuple(times),
+            unknown=(),
+            refused=frames - whole,
+        )
+
+    def findings(self, preset: Preset) -> Findings:
+        """List the oddities of the packets, read by a preset."""
+        decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
+        joints: dict[str, tuple[str, ...]] = {}
+        clocks: dict[str, SenderClock] = {}
+        lengths: dict[str, list[NDArray[np.float64]]] = {}
+        for datagram, arrival, sender in self._kept:
+            host, _, port = sender.rpartition(":")
+            for event in decoder.decode(datagram, arrival, (host, int(port))):
+                name = event.performer
+                if isinstance(event, Announcement):
+                    joints[name] = Naming().read(event.joints).joints
+                    lengths.pop(name, None)
+                    continue
+                clocks.setdefault(name, SenderClock()).read(event.time, arrival)
+                if len(named := joints.get(name, hdm05.SKELETON.joints)) == len(event.positions):
+                    lengths.setdefault(name, []).append(_segment_lengths(named, event.positions))
+        return Findings(
+            {name: clock.told for name, clock in clocks.items() if clock.told},
+            tuple(name for name, rows in lengths.items() if _stretches(np.array(rows))),
+            tuple(decoder.refusals.lines()),
+        )
+
+    def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
+        """Give the kept packets as messages, by one packing; packets of other packings hold none."""
+        if packing not in self._read or self._read[packing][0] != len(self._kept):
+            unpack = UNPACKERS[packing]()
+            read = [
+                (_unpacked(unpack, datagram) or [], arrival, packing != "osc" or datagram[:1] == b"#")
+                for datagram, arrival, _ in self._kept
+            ]
+            self._read[packing] = len(self._kept), read
+        return self._read[packing][1]
+
+    def guess(self, presets: Sequence[Preset]) -> Guess | None:
+        """Give the preset that explains most of the packets, None when none explains any.
+
+        It is chosen by the frames made, then the joints found, then the messages read.
+        """
+        guesses = [self.looked_at_as(preset) for preset in presets]
+        likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.joints)]
+        return max(likely, key=_likelihood, default=None)
+
+
+def _rate(times: Mapping[str, Sequence[float]]) -> float:
+    """Give the frames a second of the performer with the most arrivals; 0 for none."""
+    longest = max(times.values(), key=len, default=())
+    span = longest[-1] - longest[0] if longest else 0.0
+    return (len(longest) - 1) / span if span > 0 else 0.0
+
+
+def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
+    """Give a packet's messages, None when it is packed otherwise."""
+    try:
+        return unpack(datagram)
+    except PacketError:
+        return None
+
+
+def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where no joint is known."""
+    ours = hdm05.SKELETON.joints
+    kept = [place for place, name in enumerate(ours) if name in joints]
+    if len(kept) < MIN_JOINTS:
+        return np.empty(0)
+    skeleton = hdm05.SKELETON.restricted_to(kept)
+    there = positions[[joints.index(name) for name in skeleton.joints]].astype(np.float64)
+    children = [child for child, parent in enumerate(skeleton.parents) if parent >= 0]
+    lengths: NDArray[np.float64] = np.linalg.norm(
+        there[children] - there[[skeleton.parents[child] for child in children]], axis=1
+    )
+    return lengths
+
+
+def _stretches(lengths: NDArray[np.float64]) -> bool:
+    """Say whether many segments of (frames, segments) change by more than a tenth, apart from stray frames."""
+    # A segment with a lost end is not judged.
+    lengths = lengths[:, np.isfinite(lengths).all(axis=0)]
+    if not lengths.any():
+        return False
+    least, usual, most = np.percentile(lengths, [5, 50, 95], axis=0)
+    return bool(np.mean((most - least) > _STRETCHES * usual) > _MANY)
+
+
+def _likelihood(guess: Guess) -> tuple[bool, float, int]:
+    share = len(guess.joints) / len(guess.preset.joints)
+    return guess.frames > 0, guess.understood * share, len(guess.joints)
+
+
+def _joints_in(mapper: Mapper, message: Message) -> list[str] | None:
+    """Name the joints a message holds; None when the preset does not understand it."""
+    try:
+        reading = mapper.read(message)
+    except MessageError:
+        return None
+    if reading is None:
+        return None
+    if reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings:
+        return None
+    return [sighting.joint for sighting in reading.sightings if sighting.position is not None]
+
+
+def shortened(types: str) -> str:
+    """Write runs of one type as a count, like `if*93`."""
+    return re.sub(r"(.)\1{3,}", lambda run: f"{run[1]}*{len(run[0])}", types)

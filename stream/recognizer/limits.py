@@ -1,0 +1,98 @@
+"""What the settings mean for a library: its windows, its sensitivity, and what a movement needs to be named."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.comparison import by_paper
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.recognizer.settings import (
+    LEAD_ONE,
+    LEAD_USUAL,
+    SENSITIVITY_LEARNED,
+    SENSITIVITY_ONE,
+    SENSITIVITY_OWN,
+    LiveSignature,
+)
+
+if TYPE_CHECKING:
+    from kinespace.stream.recognizer.settings import Settings
+
+#: Seconds of the paper's window.
+_PAPER_WINDOW = 0.5
+#: The gap of two eigenvalues below which the paper's eigenvector is arbitrary.
+_SMALLEST_GAP = 0.02
+#: The share of the sensitivity that is left when joints are done without. Strangers' takes with a frozen arm are then
+#: named no more often than without a fault (`kinespace evaluate faults`, 726 s of 9 persons).
+_FEWER = 0.6
+
+
+def index_for(library: MotionLibrary | WindowIndex, settings: Settings) -> WindowIndex:
+    """Give a library's windows as the settings compare them; opened here if they are not, which takes long.
+
+    Raises
+    ------
+    ValueError
+        The library is of another type, or no motion is long enough for a window.
+    """
+    if settings.signature is LiveSignature.PAPER:
+        weighing = by_paper(_PAPER_WINDOW if settings.window is None else settings.window)
+        if isinstance(library, WindowIndex) and library.comparison.weighing == weighing:
+            return library
+        return opened(library.framed if isinstance(library, WindowIndex) else _checked(library), weighing)
+    return library if isinstance(library, WindowIndex) else opened(_checked(library))
+
+
+def _checked(library: MotionLibrary) -> MotionLibrary:
+    if not isinstance(library, MotionLibrary):
+        raise ValueError(f"library: expected a MotionLibrary or its windows, got {type(library).__name__}")  # noqa: TRY004
+    return library
+
+
+def usual_sensitivity(library: MotionLibrary) -> float:
+    """Give the sensitivity for a library when none is set."""
+    if library.judged_by_strangers:
+        return SENSITIVITY_LEARNED
+    return SENSITIVITY_ONE if _is_one_persons(library) else SENSITIVITY_OWN
+
+
+def needed_lead(library: MotionLibrary, settings: Settings) -> float:
+    """Give the lead that a class of a library needs before a start event."""
+    if settings.lead is not None:
+        return settings.lead
+    one = settings.signature is LiveSignature.WINDOWS and _is_one_persons(library)
+    return LEAD_ONE if one else LEAD_USUAL
+
+
+def _is_one_persons(library: MotionLibrary) -> bool:
+    """Whether one person's own motions teach a library what is unknown."""
+    return not library.judged_by_strangers and len(library.actors) <= 1
+
+
+class Limits(NamedTuple):
+    """What a movement needs to be named.
+
+    Attributes
+    ----------
+    threshold
+        Evidence, as a logit, from which a guess is known; of no effect where the comparison does not judge.
+    stillness, smallest_gap
+        As in `stream.recognizer.settings.Settings`.
+    """
+
+    threshold: float
+    stillness: float
+    smallest_gap: float
+
+
+def limits_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = False) -> Limits:
+    """Give the limits for a library; less is named where joints are left out (`of_fewer`)."""
+    threshold = -math.inf
+    if index.comparison.weighing.judges:
+        given = settings.sensitivity
+        sensitivity = usual_sensitivity(index.library) if given is None else given
+        threshold = index.rejection.threshold_at(sensitivity * (_FEWER if of_fewer else 1.0))
+    gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
+    return Limits(threshold, settings.stillness, gap)

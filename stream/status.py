@@ -1,0 +1,174 @@
+"""The counters of a running service: counts, rates, hop times, and the last packets that were refused."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.packet import Packet, Sender
+    from kinespace.stream.recognizer.performers import PerformerCounts
+
+#: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
+_MAX_HOPS = 2048
+#: Characters of a refusal's reason, at most.
+_MAX_REASON = 160
+#: Bytes of a refused packet that are shown, at most.
+_MAX_EXCERPT = 24
+
+
+@dataclass(slots=True)
+class InputCounts:
+    """Counts of all that came in, before it is assigned to performers."""
+
+    #: Datagrams or ZeroMQ messages.
+    received: int = 0
+    #: Packets or messages that cannot be read.
+    malformed: int = 0
+    #: Messages with addresses or topics that are not ours.
+    foreign: int = 0
+    #: Packets that the system dropped because they came faster than they were received.
+    overrun: int = 0
+    #: Sequence numbers that were skipped.
+    missing: int = 0
+    #: Frames refused because too many joints in them were absent for too long, or because they were impossible.
+    incomplete: int = 0
+    #: ZeroMQ connections that broke while the sender was there: a message above the size limit, or the network.
+    broken: int = 0
+    #: Packets of senders that took more than their share, dropped because others came first.
+    thrown_away: int = 0
+
+    def __add__(self, other: InputCounts) -> InputCounts:
+        return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
+
+
+@dataclass(slots=True)
+class AdmissionCounts:
+    """Counts of all that was not believed."""
+
+    #: Frames and announcements of a performer from a sender other than the performer's own.
+    other_sender: int = 0
+    #: Frames of performers that are not allowed.
+    not_allowed: int = 0
+    #: Frames whose time no other frame confirmed.
+    odd_times: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """A service's counters at one moment.
+
+    Attributes
+    ----------
+    inputs
+        Counts of all that came in.
+    outcomes
+        Counts of the frames, by their fate.
+    unsent
+        Answers that the system would not send.
+    performers
+        Frames per second of each performer now followed.
+    hop_p50, hop_p99
+        Seconds from the arrival of a frame's packet to its recognition, over the last hops; 0 before the first.
+    refused
+        Performers whose frames are refused for their joints, with the reason.
+    admission
+        Counts of doubtful frames: other senders of a performer, performers that are not allowed, times that jump.
+    stale
+        Answers not sent because their packets had waited for too long, and newer answers followed.
+    doubted
+        Performers with joints that cannot be believed, and the reason.
+    compared
+        Performers with other joints than the library's: the convention of their names, and how many joints are
+        compared.
+    clocks
+        Performers whose senders' times are not in seconds, and how the times are read.
+    notes
+        Notes for a person, a line each: trouble with a recording, the last reason why packets were refused.
+    """
+
+    inputs: InputCounts
+    outcomes: PerformerCounts
+    unsent: int
+    performers: dict[str, float]
+    hop_p50: float
+    hop_p99: float
+    refused: dict[str, str] = field(default_factory=dict)
+    admission: AdmissionCounts = field(default_factory=AdmissionCounts)
+    doubted: dict[str, str] = field(default_factory=dict)
+    compared: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    stale: int = 0
+
+    @property
+    def frames_per_second(self) -> float:
+        """Frames per second of all performers together."""
+        return float(sum(self.performers.values()))
+
+    @property
+    def lost(self) -> int:
+        """Count of all that came, or should have come, and was not used."""
+        inputs, outcomes = self.inputs, self.outcomes
+        refused = self.admission.other_sender + self.admission.odd_times
+        at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
+        at_the_border += inputs.thrown_away
+        return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
+
+
+class Rates(defaultdict[str, int]):
+    """Frames of each performer since the last reading; `read` gives them for each second."""
+
+    def __init__(self, since: float) -> None:
+        super().__init__(int)
+        self._since = since
+
+    def read(self, now: float, performers: Sequence[str]) -> dict[str, float]:
+        """Give the rates of some performers since the last reading, and begin anew.
+
+        Thousands of names may have been counted for which there was no room.
+        """
+        elapsed = max(now - self._since, 1e-9)
+        rates = {name: self[name] / elapsed for name in performers if name in self}
+        self._since = now
+        self.clear()
+        return rates
+
+
+class HopTimes(deque[float]):
+    """How long the last hops took, seconds."""
+
+    def __init__(self) -> None:
+        super().__init__(maxlen=_MAX_HOPS)
+
+    def percentile(self, percent: float) -> float:
+        """Give a percentile in seconds; 0 before the first hop."""
+        return float(np.percentile(self, percent)) if self else 0.0
+
+
+class Refusals:
+    """The last refusal of each kind, like malformed and foreign."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, tuple[str, Sender, Packet]] = {}
+
+    def note(self, kind: str, reason: str, sender: Sender, packet: Packet) -> None:
+        """Keep a refusal in place of the one before; its text is made only when a person asks."""
+        self._last[kind] = reason, sender, packet
+
+    def lines(self) -> list[str]:
+        """Describe the last refusal of each kind, a line each."""
+        return [f"last {kind}: {_told(*told)}" for kind, told in self._last.items()]
+
+
+def _told(reason: str, sender: Sender, packet: Packet) -> str:
+    first = packet if isinstance(packet, bytes) else b" ".join(packet[:2])
+    excerpt = ascii(first[:_MAX_EXCERPT])[1:] + ("..." if len(first) > _MAX_EXCERPT else "")
+    came_from = f", from {sender[0]}:{sender[1]}" if sender else ""
+    shown = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in reason)
+    return f"{shown[:_MAX_REASON]}{came_from}: {excerpt}"

@@ -1,0 +1,114 @@
+"""The moments of a library's motions: by definition, one moment at a time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from naive_windows import body_of
+from synthetic import STICK, stick_clip
+
+from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.progress.phase_table import PhaseTable, log_swing, moving_point, swing_of
+from kinespace.library.windows.index import WindowIndex
+
+#: Moments a second, and how many of them a velocity and a swing go back.
+RATE, BACK, SWING = 15.0, 2, 15
+
+
+@pytest.fixture(scope="module")
+def index() -> WindowIndex:
+    """Give recordings of two classes that swing, of one that goes somewhere, and one too short to be followed."""
+    clips = [
+        replace(stick_clip(name, seed=seed, actor=actor, frames=frames, rate=rate), frame_rate=60.0)
+        for name, frames, rate in (("bow", 121, 240.0), ("jump", 75, 60.0))
+        for seed, actor in enumerate(("aa", "bb", "cc"))
+    ]
+    away = [replace(clip, class_name="away") for clip in clips[:3]]
+    ways = np.linspace(0, 1, 121)[:, None, None] * np.random.default_rng(3).normal(size=(6, 3))
+    away = [clip.moved_to(clip.positions[:1] + (1 + 0.05 * place) * ways) for place, clip in enumerate(away)]
+    short = replace(stick_clip("wave", frames=15, rate=60.0), class_name="short")
+    return WindowIndex.of(MotionLibrary.of_clips([*clips, *away, short]))
+
+
+def _moving(index: WindowIndex, clip_positions: np.ndarray, frame_rate: float) -> np.ndarray:
+    """Give points and velocities of the moments of a clip, one by one."""
+    body, pairs = body_of(STICK), range(len(clip_positions))
+    duration = len(pairs) / frame_rate
+    places = [min(round(k / RATE * frame_rate), len(pairs) - 1) for k in range(round(duration * RATE) + 1)]
+    rows = distance_rows(clip_positions[places], STICK)
+    size = np.mean([body.size(row) for row in rows])
+    points = [row @ index.basis.directions / size for row in rows]
+    velocities = [
+        points[min(max(k, BACK), len(points) - 1)] - points[max(min(max(k, BACK), len(points) - 1) - BACK, 0)]
+        for k in range(len(points))
+    ]
+    return np.array([np.concatenate([one, 3 * other]) for one, other in zip(points, velocities, strict=True)])
+
+
+def test_moments_by_definition(index: WindowIndex) -> None:
+    """Vectors, phases, speeds and swings of each recording, and their means over moments at the same phase."""
+    table, half = index.phases, index.basis.directions.shape[1]
+    assert set(table.classes) == {"away", "bow", "jump"}
+    assert table.whitening.shape == (2 * half, min(24, 2 * half))
+    for name, moments in table.classes.items():
+        motions = [motion for motion in index.library.motions if motion.class_name == name]
+        moving = [_moving(index, motion.positions, motion.frame_rate) for motion in motions]
+        lengths = [len(each) for each in moving]
+        assert moments.starts.tolist() == [sum(lengths[:place]) for place in range(len(lengths))]
+        np.testing.assert_allclose(moments.vectors.T, np.concatenate(moving) @ table.whitening, rtol=1e-4, atol=1e-3)
+        assert moments.seconds == pytest.approx((np.mean(lengths) - 1) / RATE)
+        for start, length in zip(moments.starts, lengths, strict=True):
+            phases = moments.phases[start : start + length]
+            assert (phases[0], phases[-1]) == (pytest.approx(0.0, abs=0.2), pytest.approx(1.0, abs=0.2))
+            assert (np.diff(phases) >= 0).all()
+        scaled = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / np.mean(lengths)) ** 2 for each in moving]
+        assert moments.speeds == pytest.approx(np.concatenate(scaled))
+        swings = [
+            0.5 * math.log(sum(np.var(axis) for axis in each[max(0, k - SWING) : k + 1, :half].T) + 1e-6)
+            for each in moving
+            for k in range(len(each))
+        ]
+        bins = np.minimum((moments.phases * 40).astype(int), 39)
+        for numbers, usual in ((moments.speeds, moments.usual_speeds), (np.array(swings), moments.usual_swings)):
+            assert usual == pytest.approx([numbers[bins == own].mean() for own in bins])
+
+
+def test_motions_that_end_as_they_begin_are_cyclic(index: WindowIndex) -> None:
+    """A swing there and back is cyclic, a way to somewhere else is not."""
+    assert [index.phases.classes[name].cyclic for name in ("away", "bow")] == [False, True]
+
+
+def test_axes_are_whitened_by_the_differences_of_people(index: WindowIndex) -> None:
+    """The more people differ along an axis, the less it counts; without several recordings nothing is learned."""
+    some = [motion for motion in index.library.motions if motion.class_name == "bow"]
+    alone = PhaseTable.of(some[:1], index.body, index.basis)
+    kept = alone.whitening / np.linalg.norm(alone.whitening, axis=0)
+    np.testing.assert_allclose(kept.T @ kept, np.eye(kept.shape[1]), atol=1e-9)
+    assert np.ptp(np.linalg.norm(alone.whitening, axis=0)) < 1e-9
+    assert np.ptp(np.linalg.norm(index.phases.whitening, axis=0)) > 0.1
+    none = PhaseTable.of([], index.body, index.basis)
+    assert (dict(none.classes), len(none.whitening)) == ({}, 2 * index.basis.directions.shape[1])
+
+
+def test_classes_that_did_not_change_are_kept(index: WindowIndex) -> None:
+    """A class with the same recordings is not computed again, in the same basis."""
+    motions, before = index.library.motions, index.phases
+    after = PhaseTable.of([*motions, replace(motions[0], take="more")], index.body, index.basis, before)
+    assert [after.courses[name][1] is before.courses[name][1] for name in ("away", "bow", "jump")] == [
+        False,
+        True,
+        True,
+    ]
+    other = PhaseTable.of(motions, index.body, replace(index.basis), before)
+    assert other.courses["bow"][1] is not before.courses["bow"][1]
+
+
+def test_points_and_swings() -> None:
+    """A point's movement counts three times; a swing is a logarithm that stays finite."""
+    assert moving_point(np.array([1.0, 2.0]), np.array([1.5, 2.0])).tolist() == [1.5, 2.0, 1.5, 0.0]
+    assert swing_of(np.array([[0.0, 1.0], [2.0, 1.0]])) == pytest.approx(0.0, abs=1e-6)
+    assert log_swing(0.0) == pytest.approx(math.log(1e-3))

@@ -1,0 +1,263 @@
+"""Every format by the same properties: what was written is read, however it was written; anything else is refused."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from written import METRES, Written, csv_table, trc_text, write_c3d, written
+
+from kinespace.library.recordings import Reading, RecordingError, RecordingReader
+from kinespace.library.recordings.formats.gap_filling import MAX_GAP
+from kinespace.library.recordings.memory import limited_to
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from kinespace.library import Clip
+
+HIERARCHIES, MARKERS, TABLES = ("amc", "bvh"), ("c3d", "trc"), ("csv", "npz")
+TEXTS = ("amc", "bvh", "trc", "csv")
+every_format = pytest.mark.parametrize("ending", [*HIERARCHIES, *MARKERS, *TABLES])
+#: A test's folder is the same for all examples, each of which writes over the files of the one before.
+one_folder = settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+seeds = st.integers(0, 2**32 - 1)
+
+
+def read(path: Path, reading: Reading | None = None) -> Clip:
+    """Read a recording."""
+    return RecordingReader(reading).clip(path)
+
+
+def assert_same(clip: Clip, other: Written, *, metres: float = 1.0) -> None:
+    """Hold a clip against what was written."""
+    order = [clip.skeleton.joints.index(name) for name in other.joints]
+    assert len(clip.skeleton.joints) == len(other.joints)
+    np.testing.assert_allclose(clip.positions[:, order], other.positions * metres, rtol=1e-6, atol=1e-6)
+    assert clip.frame_rate == pytest.approx(other.rate)
+    assert (clip.name, clip.filled) == ("take", 0)
+
+
+@every_format
+@one_folder
+@given(seed=seeds, shuffled=st.booleans())
+def test_what_was_written_is_read(tmp_path: Path, ending: str, seed: int, *, shuffled: bool) -> None:
+    """Joints stand where the slow twin, or the writer, put them, in whichever order the file has them."""
+    generator = np.random.default_rng(seed)
+    assert_same(read((made := written(ending, tmp_path, generator, shuffled=shuffled)).path), made)
+
+
+@pytest.mark.parametrize("unit", ["m", "cm", "mm", "in"])
+@pytest.mark.parametrize("ending", ["amc", "bvh", "c3d", "trc", "csv"])
+def test_any_unit_is_the_same_clip(tmp_path: Path, ending: str, unit: str) -> None:
+    """Units are named by the file, or guessed by the body's size; a unit given is used before both."""
+    made = written(ending, tmp_path, np.random.default_rng(4), unit=unit)
+    if unit != "in" or ending not in ("bvh", "csv"):
+        assert_same(read(made.path), made)
+    if ending != "amc":
+        assert_same(read(made.path, Reading(unit=unit)), made)
+        assert_same(read(made.path, Reading(unit="2.0")), made, metres=2.0 / METRES[unit])
+
+
+@every_format
+def test_options_are_the_same_for_all(tmp_path: Path, ending: str) -> None:
+    """A rate that is given, joints that are chosen, and HDM05's names, wherever they make sense."""
+    made = written(ending, tmp_path, np.random.default_rng(5))
+    # A table has times: with another rate its frames are computed anew.
+    assert ending in TABLES or read(made.path, Reading(frame_rate=50.0)).frames == len(made.positions)
+    assert read(made.path, Reading(frame_rate=50.0)).frame_rate == 50.0
+    wanted = made.joints[1:]
+    clip = read(made.path, Reading(joints=("?" + wanted[0][1:], *wanted[1:])))
+    assert clip.skeleton.joints == wanted
+    np.testing.assert_array_equal(clip.positions, read(made.path).positions[:, 1:])
+    with pytest.raises(RecordingError, match=re.escape(f"{made.path}: no joint is called 'nose'; there are ")):
+        read(made.path, Reading(joints=("nose",)))
+    if ending != "npz":
+        named = made.path.rename(tmp_path / f"HDM_bd_walk_003_100.{ending}")
+        clip = read(named, Reading(asf=tmp_path / "take.asf" if ending == "amc" else None))
+        assert (clip.class_name, clip.actor, clip.take, clip.frame_rate) == ("walk", "bd", "003", pytest.approx(100.0))
+
+
+@every_format
+def test_what_takes_too_much_memory_is_refused_before_it_is_read(tmp_path: Path, ending: str) -> None:
+    """One line names the limit, what the file would take, and the option that allows it."""
+    path = written(ending, tmp_path, np.random.default_rng(6)).path
+    message = rf"take\.{ending}: memory: expected at most 0 MB once it is read, got 0 MB; kinespace --max-memory .*GB"
+    with limited_to(100), pytest.raises(RecordingError, match=message):
+        read(path)
+
+
+# --- how a text is written does not matter -----------------------------------------------------------------------
+
+REWRITTEN: dict[str, tuple[tuple[str, ...], Callable[[str], str]]] = {
+    "CRLF": (TEXTS, lambda text: text.replace("\n", "\r\n")),
+    "no last line end": (TEXTS, lambda text: text.rstrip("\n")),
+    "empty lines": (("amc", "bvh", "csv"), lambda text: text.replace("\n", "\n\n")),
+    "no empty lines": (("trc",), lambda text: text.replace("\n\n", "\n")),
+    "tabs and trailing blanks": (HIERARCHIES, lambda text: text.replace(" ", "\t\t").replace("\n", " \t\n")),
+    "trailing tabs": (("trc",), lambda text: text.replace("\n", "\t\n")),
+    "a byte order mark": (("bvh", "trc", "csv"), lambda text: "\N{BYTE ORDER MARK}" + text),
+    "comments": (("amc",), lambda text: "# first\n" + text.replace("\n", "   # länger\n#\n")),
+    "case": (("bvh",), lambda text: text.replace("rotation", "ROTATION").replace("ROOT", "root")),
+    "braces on the line": (("bvh",), lambda text: text.replace("\n{", " {")),
+    "a performer's prefix": (("bvh",), lambda text: text.replace("joint ", "ann:joint ")),
+    "semicolons, decimal commas": (("csv",), lambda text: text.replace(",", ";").replace(".", ",")),
+    "semicolons and more columns": (("csv",), lambda text: text.replace("\n", ",7\n").replace(",", ";")),
+}
+
+
+@pytest.mark.parametrize(
+    ("ending", "rewritten"),
+    [pytest.param(ending, change, id=f"{ending}, {name}") for name, (of, change) in REWRITTEN.items() for ending in of],
+)
+def test_the_same_words_are_the_same_clip(tmp_path: Path, ending: str, rewritten: Callable[[str], str]) -> None:
+    """Line ends, white space, marks, comments, case and prefixes make no difference, in a skeleton's file neither."""
+    made = written(ending, tmp_path, np.random.default_rng(7), frames=6)
+    expected = read(made.path)
+    for path in (made.path, tmp_path / "take.asf") if ending == "amc" else (made.path,):
+        text = path.read_text()
+        with path.open("w", encoding="latin-1" if ending == "amc" else "utf-8", newline="") as file:
+            file.write(rewritten(text))
+    clip = read(made.path)
+    assert clip.skeleton == expected.skeleton
+    np.testing.assert_array_equal(clip.positions, expected.positions)
+    np.testing.assert_array_equal(clip.rotations, expected.rotations)
+
+
+# --- joints that are not seen, or twice --------------------------------------------------------------------------
+
+
+def walked(ending: str, folder: Path, positions: np.ndarray, labels: tuple[str, ...] = ("hip", "knee", "heel")) -> Path:
+    """Write millimetres of markers, NaN where one is not seen."""
+    path = folder / f"walk.{ending}"
+    if ending == "c3d":
+        write_c3d(path, labels, positions)
+    else:
+        path.write_text((trc_text if ending == "trc" else csv_table)(labels, positions))
+    return path
+
+
+def walk(frames: int = 120) -> np.ndarray:
+    """Make three markers that go straight ahead and swing a little, millimetres."""
+    start = np.array([[10.0, 900.0, 5.0], [12.0, 500.0, 6.0], [14.0, 60.0, 7.0]])
+    return start + np.cumsum(np.random.default_rng(2).normal(1.0, 0.5, (frames, 3, 3)), axis=0)
+
+
+@pytest.mark.parametrize("ending", [*MARKERS, "csv"])
+def test_markers_out_of_sight_stand_on_straight_lines(tmp_path: Path, ending: str) -> None:
+    """So do markers at exactly 0, 0, 0, unless they always are; over a longer time than the bound none does."""
+    positions = walk()
+    expected = positions.copy()
+    expected[11:20, 1] = positions[10, 1] + np.linspace(0, 1, 11)[1:-1, None] * (positions[20, 1] - positions[10, 1])
+    expected[:5, 0] = positions[5, 0]
+    expected[50, 2] = (positions[49, 2] + positions[51, 2]) / 2
+    positions[11:20, 1] = positions[:5, 0] = np.nan
+    positions[50, 2] = 0.0
+    clip = read(walked(ending, tmp_path, positions), Reading(unit="mm"))
+    np.testing.assert_allclose(clip.positions, expected / 1000, rtol=1e-5)
+    assert clip.filled == 9 + 5 + 1
+    positions = walk()
+    positions[:, 2] = 0.0
+    positions[7 : 7 + int(MAX_GAP * 100), 1] = np.nan
+    assert read(walked(ending, tmp_path, positions)).filled == int(MAX_GAP * 100)
+    positions[7 + int(MAX_GAP * 100), 1] = np.nan
+    path = walked(ending, tmp_path, positions)
+    message = f"{path}: 'knee' is missing for 0.51 s from frame 8 of 120 on, longer than 0.5 s"
+    with pytest.raises(RecordingError, match=re.escape(message)):
+        read(path)
+    assert read(path, Reading(joints=("hip", "heel"))).skeleton.joints == ("hip", "heel")
+
+
+@pytest.mark.parametrize("ending", [*MARKERS, "csv"])
+def test_of_two_performers_one_must_be_chosen(tmp_path: Path, ending: str) -> None:
+    """`ann:hip` is called `hip`; the joints of two performers are refused."""
+    both = np.concatenate([walk(), walk() + 500], axis=1)
+    labels = tuple(f"{who}:{label}" for who in ("ann", "bob") for label in ("hip", "knee", "heel"))
+    path = walked(ending, tmp_path, both, labels)
+    with pytest.raises(RecordingError, match=r"the file has several performers \(ann, bob\)"):
+        read(path)
+    clip = read(path, Reading(joints=("bob:*",), unit="mm"))
+    assert clip.skeleton.joints == ("hip", "knee", "heel")
+    np.testing.assert_allclose(clip.positions, (walk() + 500) / 1000, rtol=1e-6)
+
+
+# --- broken files ------------------------------------------------------------------------------------------------
+
+
+def read_or_refused(path: Path) -> Clip | None:
+    """Read a recording, or see it refused in one line that names a file of its folder."""
+    told, clip = str(path), None
+    try:
+        clip = read(path)
+    except RecordingError as error:
+        told = str(error)
+    assert told.startswith(str(path.parent))
+    assert "\n" not in told
+    assert clip is None or np.isfinite(clip.positions).all()
+    return clip
+
+
+@every_format
+def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, ending: str) -> None:
+    """What is left is never made up: the frames but the last, whose last number may be cut short, are those written."""
+    path = written(ending, tmp_path, np.random.default_rng(8), frames=3).path
+    whole, content = read(path), path.read_bytes()
+    read_anyway = 0
+    for length in range(0, len(content), 1 if ending in TEXTS else 7):
+        path.write_bytes(content[:length])
+        if clip := read_or_refused(path):
+            read_anyway += 1
+            np.testing.assert_array_equal(clip.positions[:-1], whole.positions[: clip.frames - 1])
+    assert read_anyway < len(content) / 4
+    path.write_bytes(content)
+    if ending == "amc":
+        asf = tmp_path / "take.asf"
+        text = asf.read_text()
+        for length in range(len(text)):
+            asf.write_text(text[:length])
+            if clip := read_or_refused(path):
+                assert clip.skeleton == whole.skeleton
+
+
+@pytest.mark.parametrize("ending", [*HIERARCHIES, *MARKERS, *TABLES, "asf"])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    places=st.lists(
+        st.tuples(st.floats(0, 1), st.binary(max_size=12), st.integers(0, 40), st.booleans()), min_size=1, max_size=4
+    )
+)
+def test_rubbish_anywhere_is_refused_by_name_or_read(
+    tmp_path: Path, ending: str, places: list[tuple[float, bytes, int, bool]]
+) -> None:
+    """Bytes put in, taken out or changed end in a clip of finite numbers or in one error that names the file."""
+    path = written("amc" if ending == "asf" else ending, tmp_path, np.random.default_rng(9), frames=3).path
+    spoilt = path.with_suffix(f".{ending}")
+    content = spoilt.read_bytes()
+    for share, rubbish, lost, keeps_length in places:
+        place = int(share * len(content))
+        content = content[:place] + rubbish + content[place + (len(rubbish) if keeps_length else lost) :]
+    spoilt.write_bytes(content)
+    read_or_refused(path)
+
+
+@pytest.mark.parametrize("ending", ["amc", "asf", "bvh", "c3d", "trc", "csv", "npz"])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"# nothing\n\n", bytes(range(256)) * 8, b"\x00" * 512, b"PK\x03\x04 no zip", "x,1\nü\n".encode("utf-16")],
+    ids=["empty", "comments", "every byte", "zeros", "a zip's head", "UTF-16"],
+)
+def test_a_file_of_another_kind_is_refused_by_name(tmp_path: Path, ending: str, content: bytes) -> None:
+    """A file that is none of its ending's is refused, a missing one is the system's error."""
+    path = written("amc" if ending == "asf" else ending, tmp_path, np.random.default_rng(9), frames=3).path
+    spoilt = path.with_suffix(f".{ending}")
+    spoilt.write_bytes(content)
+    assert read_or_refused(path) is None
+    spoilt.unlink()
+    if ending not in (*TABLES, "asf"):
+        with pytest.raises(FileNotFoundError, match=re.escape(str(spoilt))):
+            read(path)

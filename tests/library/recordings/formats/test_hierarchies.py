@@ -1,0 +1,195 @@
+"""Acclaim and BVH: geometry worked out by hand, real motions, and the rules that no other format has."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import re
+from typing import TYPE_CHECKING
+
+import naive
+import numpy as np
+import pytest
+from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames, write_pair
+from written import MOVES, TURNS, Node, bvh_text
+
+from kinespace.library.distances import distance_rows
+from kinespace.library.recordings import RecordingError
+from kinespace.library.recordings.formats import bvh
+from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
+from kinespace.library.signature.body import Body
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.library.clip import Clip
+
+STILL = [0.0] * 6
+
+
+# --- Acclaim -----------------------------------------------------------------------------------------------------
+
+
+def test_without_units_lengths_are_inches_and_angles_degrees(tmp_path: Path) -> None:
+    """An ASF that gives no unit has a length unit of one and angles in degrees."""
+    body = TinyBody((TinyBone("rod", length=2.0),))
+    asf = re.sub(r":units\n(  .*\n)+", "", body.asf())
+    clip = read_clip(write_pair(tmp_path, asf, amc_text([{"root": STILL, "rod": [0.0, 0.0, 90.0]}], header="")))
+    assert clip.positions[0, 1].tolist() == pytest.approx([0, 2 * 0.0254, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "header"), [("deg", ":RADIANS"), ("rad", ""), ("rad", ":degrees")])
+def test_angles_may_be_radians(tmp_path: Path, unit: str, header: str) -> None:
+    """The ASF's unit holds for its axes, and for an AMC that names no unit; the slow twin says where joints stand."""
+    body = dataclasses.replace(ARM, angle=unit, orientation=(0.1, 0.7, 0.3))
+    amc = write_pair(tmp_path, body.asf(), amc_text(arm_frames(2), header=header))
+    expected = naive.clip_positions(tmp_path / "tiny.asf", amc)
+    np.testing.assert_allclose(read_clip(amc).positions, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_rotations_are_the_recorded_angles(tmp_path: Path) -> None:
+    """A clip's rotations are the AMC's angles in radians, root first, translations left out."""
+    frames = arm_frames(5)
+    clip = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(frames)))
+    expected = [[*frame["root"][3:], *frame["upper"], *frame["lower"]] for frame in frames]
+    np.testing.assert_allclose(clip.rotations, np.radians(expected), rtol=1e-15)
+
+
+@pytest.mark.slow
+def test_real_clips_stand_where_the_recursion_puts_them(
+    amc_clips: tuple[Clip, ...], some_paths: tuple[Path, ...], hdm05_folder: Path
+) -> None:
+    """On the first clip of every class each joint of every fortieth frame stands where the slow twin puts it."""
+    for clip, path in zip(amc_clips, some_paths, strict=True):
+        expected = naive.clip_positions(hdm05_folder / f"HDM_{clip.actor}.asf", path, every=40)
+        np.testing.assert_allclose(clip.positions[::40], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_bones_children_may_be_listed_again(tmp_path: Path) -> None:
+    """Joints stand in the order of the hierarchy's lines, children of one line side by side."""
+    body = TinyBody(tuple(TinyBone(name, dof=()) for name in "abcd"))
+    hierarchy = ":hierarchy\n  begin\n    root c a\n    a d\n    root b\n  end\n"
+    (tmp_path / "tiny.asf").write_text(body.asf().partition(":hierarchy")[0] + hierarchy)
+    skeleton = read_asf(tmp_path / "tiny.asf").skeleton
+    assert skeleton.joints == ("root", "c", "a", "d", "b")
+    assert skeleton.parents == (-1, 0, 0, 2, 0)
+
+
+def test_missing_frames_are_filled_with_straight_lines(tmp_path: Path) -> None:
+    """Frames 3, 4, 7, 8, 9 make seven: the two that are missing lie on the line between their neighbours."""
+    frames = arm_frames(5)
+    there = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(frames, numbers=range(480, 485))))
+    assert (there.frames, there.filled) == (5, 0)
+    clip = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(frames, numbers=(3, 4, 7, 8, 9))))
+    assert clip.filled == 2 * 4
+    for filled, known in ((clip.positions, there.positions), (clip.rotations, there.rotations)):
+        np.testing.assert_allclose(filled[[0, 1, 4, 5, 6]], known, rtol=1e-15)
+        np.testing.assert_allclose(filled[2], (2 * known[1] + known[2]) / 3, rtol=1e-12)
+        np.testing.assert_allclose(filled[3], (known[1] + 2 * known[2]) / 3, rtol=1e-12)
+    assert read_clip(write_pair(tmp_path, ARM.asf(), amc_text(frames[:3], numbers=(1, 2, 6)))).frames == 6
+
+
+@pytest.mark.parametrize(
+    ("name", "header", "given_rate", "expected"),
+    [
+        ("tiny_01.amc", ":DEGREES", None, 120.0),
+        ("tiny_01.amc", ":SAMPLES-PER-SECOND 60", None, 60.0),
+        ("HDM_bd_wave_001_240.amc", ":SAMPLES-PER-SECOND 60", None, 240.0),
+        ("HDM_bd_wave_001_240.amc", ":SAMPLES-PER-SECOND 60", 30.0, 30.0),
+    ],
+)
+def test_frame_rate_comes_from_caller_name_file_or_habit(
+    tmp_path: Path, name: str, header: str, given_rate: float | None, expected: float
+) -> None:
+    """The caller's rate is used first, then the name's, then the file's, else 120."""
+    amc = write_pair(tmp_path, ARM.asf(), amc_text(arm_frames(3), header=header))
+    body = read_asf(tmp_path / "tiny.asf")
+    assert read_clip(amc.rename(tmp_path / name), body, frame_rate=given_rate).frame_rate == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "skeleton"),
+    [("HDM_bd_squat1Reps_001_120", "HDM_bd"), ("13_29", "13"), ("walk", "walk"), ("walk_01_120", "walk_01_120")],
+)
+@pytest.mark.parametrize("endings", [*itertools.product([".amc", ".AMC", ".Amc"], [".asf", ".ASF"])])
+@pytest.mark.parametrize("folder", [".", ".."])
+def test_the_skeleton_is_found_by_name(
+    tmp_path: Path, name: str, skeleton: str, endings: tuple[str, str], folder: str
+) -> None:
+    """An actor's, a subject's or the motion's own skeleton is found beside it or one folder up, in any case."""
+    place = tmp_path / "class"
+    place.mkdir()
+    amc = place / f"{name}{endings[0]}"
+    with pytest.raises(
+        RecordingError, match=rf"{name}\..*: no skeleton .*{skeleton}\.asf.* beside it or one folder up"
+    ):
+        find_asf(amc)
+    asf = place / folder / f"{skeleton}{endings[1]}"
+    asf.touch()
+    assert find_asf(amc).samefile(asf)
+    (place / f"{skeleton}.asf").touch()
+    assert find_asf(amc).parent == place
+
+
+# --- BVH ---------------------------------------------------------------------------------------------------------
+
+
+def stand(folder: Path, upper: tuple[str, ...], *frames: list[float]) -> np.ndarray:
+    """Give where a root, an arm of two metres along x and its tip stand in the frames of a BVH."""
+    tip = Node("upper_end", (2.0, 0.0, 0.0))
+    root = Node("hip", (0.0, 0.0, 0.0), (*MOVES, *TURNS), [Node("upper", (0.0, 1.0, 0.0), upper, [tip])])
+    (folder / "tiny.bvh").write_text(bvh_text(root, frames))
+    return bvh.forward_kinematics(bvh.read_bvh(folder / "tiny.bvh"))
+
+
+def test_position_channels_stand_in_place_of_the_offset(tmp_path: Path) -> None:
+    """A joint's position channels replace its offset; if they are 0 in the whole file the offset stays."""
+    channels = (*MOVES, *TURNS)
+    assert stand(tmp_path, channels, [*STILL, 3.0, *[0.0] * 5], [0.0] * 12)[:, 1].tolist() == [[3, 0, 0], [0, 0, 0]]
+    assert stand(tmp_path, channels, [0.0] * 12)[0].tolist() == [[0, 0, 0], [0, 1, 0], [2, 1, 0]]
+
+
+def test_joints_that_always_coincide_are_one(tmp_path: Path) -> None:
+    """A joint at its parent's place, or a sister's, is left out; its children move to the joint that stays."""
+    left = Node("left", (0.0, 1.0, 0.0), TURNS, [Node("left_end", (1.0, 0.0, 0.0))])
+    right = Node("right", (0.0, 1.0, 0.0), TURNS, [Node("right_end", (-1.0, 0.0, 0.0))])
+    same = Node("same", (0.0, 0.0, 0.0), TURNS, [left, right])
+    frames = np.random.default_rng(1).uniform(-90, 90, (5, 15)).tolist()
+    path = tmp_path / "tiny.bvh"
+    path.write_text(bvh_text(Node("hip", (0.0, 0.0, 0.0), (*MOVES, *TURNS), [same]), frames))
+    clip = bvh.read_clip(path)
+    assert clip.skeleton.joints == ("hip", "left", "left_end", "right_end")
+    assert clip.skeleton.parents == (-1, 0, 1, 1)
+    body = Body.of(clip.skeleton)
+    lengths = distance_rows(clip.positions, clip.skeleton)[:, body.segments]
+    np.testing.assert_allclose(lengths, np.broadcast_to(lengths[0], lengths.shape), atol=1e-12)
+    with pytest.raises(ValueError, match="'same' always coincides with another chosen joint"):
+        bvh.read_clip(path, joints=("hip", "same"))
+    chosen = bvh.read_clip(path, joints=("same", "left_end", "right_end"))
+    assert (chosen.skeleton.joints, chosen.skeleton.parents) == (("same", "left_end", "right_end"), (-1, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("period", "rate"),
+    [
+        *(("0.01", 100.0), ("0.008333", 120.0), (".0083333", 120.0), ("0.033333", 30.0), ("0.0333", 30.0)),
+        *(("0.0417083", 1 / 0.0417083), ("8.3e-3", 1 / 0.0083), ("1", 1.0), (repr(1 / 60), 60.0), ("2.5", 0.4)),
+    ],
+)
+def test_the_rate_is_the_whole_number_the_period_was_rounded_from(tmp_path: Path, period: str, rate: float) -> None:
+    """A rounded Frame Time means the whole number of frames per second it was rounded from."""
+    root = Node("hip", (0.0, 0.0, 0.0), TURNS, [Node("hip_end", (0.0, 1.0, 0.0))])
+    (tmp_path / "tiny.bvh").write_text(bvh_text(root, [[0.0] * 3], period))
+    assert bvh.read_clip(tmp_path / "tiny.bvh").frame_rate == pytest.approx(rate, rel=1e-12)
+
+
+def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:
+    """Frames in several blocks have the same positions as alone, in both formats."""
+    frames = np.random.default_rng(5).uniform(-90, 90, (4100, 9)).tolist()
+    places = stand(tmp_path, TURNS, *frames)
+    motion = arm_frames(4100)
+    clip = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(motion)))
+    for index in (0, 4095, 4096, 4099):
+        np.testing.assert_array_equal(places[index], stand(tmp_path, TURNS, frames[index])[0])
+        alone = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(motion[index : index + 1])))
+        np.testing.assert_array_equal(clip.positions[index], alone.positions[0])

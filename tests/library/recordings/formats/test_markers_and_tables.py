@@ -1,0 +1,187 @@
+"""C3D and tables of joints: the rules that no other format has; units, names and gaps."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from written import csv_table, write_c3d
+
+from kinespace.library.recordings.formats import joint_table
+from kinespace.library.recordings.formats.gap_filling import with_missing_joints
+from kinespace.library.recordings.formats.joint_choice import chosen, short_names
+from kinespace.library.recordings.formats.markers import c3d
+from kinespace.library.recordings.formats.units import guessed_metres, metres_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from kinespace.library import Clip
+
+LABELS = ("hip", "knee", "heel")
+WALK = np.random.default_rng(3).uniform(0.0, 900.0, (40, 3, 3))
+
+
+# --- C3D ---------------------------------------------------------------------------------------------------------
+
+
+def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
+    """Angles that the file lists as such and unlabelled markers are left out, unless they are named one by one."""
+    positions = np.concatenate([WALK, WALK[:, :2]], axis=1)
+    path = tmp_path / "walk.c3d"
+    write_c3d(path, (*LABELS, "*12", "hipAngles"), positions, angles=["hipAngles"])
+    assert c3d.read_clip(path).skeleton.joints == LABELS
+    assert c3d.read_clip(path, joints=("hip*", "knee")).skeleton.joints == ("hip", "knee")
+    assert c3d.read_clip(path, joints=("hipAngles", "knee")).skeleton.joints == ("knee", "hipAngles")
+
+
+def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
+    """Where POINT:UNITS is empty the body's size tells millimetres from metres."""
+    for scale in (1.0, 0.001):
+        write_c3d(tmp_path / "walk.c3d", LABELS, WALK * scale, unit="")
+        np.testing.assert_allclose(c3d.read_clip(tmp_path / "walk.c3d").positions, WALK / 1000, rtol=1e-5)
+
+
+def _in_integers(content: bytes, begin: int) -> bytes:
+    """Rewrite the frames as tenths of a unit in two bytes, and the scale in header and parameters."""
+    numbers = np.frombuffer(content[begin : begin + WALK.size // 3 * 16], "<f4").reshape(-1, 4) * [10, 10, 10, 1]
+    tenth = struct.pack("<f", 0.1)
+    return content[:begin].replace(struct.pack("<f", -1.0), tenth) + numbers.round().astype("<i2").tobytes()
+
+
+def _of_dec(content: bytes, begin: int) -> bytes:
+    """Rewrite the floats that are read as a VAX keeps them."""
+
+    def swapped(numbers: bytes) -> bytes:
+        return (np.frombuffer(numbers, "<f4") * 4).astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1].tobytes()
+
+    rate = content.index(b"RATE") + 8
+    spans = ((12, 16), (rate, rate + 4), (begin, begin + WALK.size // 3 * 16))
+    changed = bytearray(content.replace(b"\x01\x50\x02\x54", b"\x01\x50\x02\x55"))
+    for first, last in spans:
+        changed[first:last] = swapped(content[first:last])
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("rewritten", [_in_integers, _of_dec])
+def test_integers_and_floats_of_other_processors_are_the_same_clip(tmp_path: Path, rewritten: object) -> None:
+    """Scaled integers are read to their rounding, DEC's floats exactly; points out of sight stay so."""
+    path, walk = tmp_path / "walk.c3d", WALK.copy()
+    walk[3, 1] = np.nan
+    write_c3d(path, LABELS, walk)
+    expected, content = c3d.read_clip(path), path.read_bytes()
+    path.write_bytes(rewritten(content, (struct.unpack_from("<H", content, 16)[0] - 1) * 512))  # type: ignore[operator]
+    clip = c3d.read_clip(path)
+    np.testing.assert_allclose(clip.positions, expected.positions, atol=0.00006 if rewritten is _in_integers else 0.0)
+    assert clip.filled == expected.filled == 1
+
+
+def test_more_frames_than_the_header_can_count(tmp_path: Path) -> None:
+    """The last frame of a longer file is in TRIAL, in two words; without it only the header's frames are read."""
+    path = tmp_path / "walk.c3d"
+    write_c3d(path, LABELS, np.tile(WALK, (1700, 1, 1)))
+    assert c3d.read_clip(path).frames == 65_535
+    content = bytearray(path.read_bytes())
+    # A group and two parameters in place of the group EZC3D, behind which nothing stands.
+    place = content.index(b"EZC3D") - 2
+    content[place : place + 9] = struct.pack("<bb5shB", 5, -20, b"TRIAL", 3, 0)
+    place += 10
+    for name, low, high in ((b"ACTUAL_START_FIELD", 1, 0), (b"ACTUAL_END_FIELD", 68_000 % 65_536, 1)):
+        entry = struct.pack(f"<bb{len(name)}shbBBHHB", len(name), 20, name, 10, 2, 1, 2, low, high, 0)
+        content[place : place + len(entry)] = entry
+        place += len(entry)
+    content[place : place + 2] = b"\0\0"
+    path.write_bytes(content)
+    assert c3d.read_clip(path).frames == 68_000
+
+
+# --- tables ------------------------------------------------------------------------------------------------------
+
+
+def table(folder: Path, text: str, name: str = "take.csv") -> Clip:
+    """Write a table and read it."""
+    (folder / name).write_text(text)
+    return joint_table.read_clip(folder / name)
+
+
+def test_uneven_times_are_put_on_an_even_grid(tmp_path: Path) -> None:
+    """Positions that grow with time grow with it on the grid too, whenever the frames came; other columns go by."""
+    times = np.arange(60) / 30 + np.random.default_rng(1).uniform(-0.004, 0.004, 60)
+    rows = "".join(f"{n},{time},{time},0,1,2,0.5,{2 * time}\n" for n, time in enumerate(times))
+    clip = table(tmp_path, "frame,time,a_x,a_y,a_z,b_z,b_x,b_y\n" + rows)
+    assert clip.frame_rate == 30
+    moved = np.diff(clip.positions, axis=0)
+    np.testing.assert_allclose(moved, np.broadcast_to([[1 / 30, 0, 0], [0, 2 / 30, 0]], moved.shape), atol=1e-9)
+
+
+def test_milliseconds_are_detected_by_the_time_between_frames(tmp_path: Path) -> None:
+    """A column of milliseconds is read as seconds: no body is filmed once in ten seconds."""
+    text = csv_table(("a", "b"), WALK[:5, :2], rate=0.05).replace("time", "timestamp")
+    assert table(tmp_path, text).frame_rate == 50
+
+
+def test_freemocap_has_no_times_and_millimetres(tmp_path: Path) -> None:
+    """Joints are named after the body's part, empty fields are joints not seen, on straight lines."""
+    text = "body_nose_x,body_nose_y,body_nose_z,body_left_hip_x,body_left_hip_y,body_left_hip_z\n"
+    clip = table(tmp_path, text + "0,0,1600,0,0,900\n,,,0,0,900\n20,0,1600,0,0,900\n")
+    assert clip.skeleton.joints == ("nose", "left_hip")
+    assert (clip.frame_rate, clip.filled) == (30, 1)
+    np.testing.assert_allclose(clip.positions[1], [[0.01, 0, 1.6], [0, 0, 0.9]])
+
+
+def test_a_gap_is_listed(tmp_path: Path) -> None:
+    """During two seconds without frames the body stays where it was last seen, and the clip lists the gap."""
+    times = [*np.arange(10) / 20, *(2.45 + np.arange(10) / 20)]
+    rows = "".join(f"{time},{time},0,1,0.5,{2 * time},2\n" for time in times)
+    clip = table(tmp_path, "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + rows)
+    assert clip.gaps == (pytest.approx((0.45, 2.45)),)
+    assert clip.positions[30, 0, 0] == pytest.approx(0.45)
+
+
+def test_tables_labels_and_libraries_are_told_apart(tmp_path: Path) -> None:
+    """A table of joints is told from a labels file and from a motion library."""
+    for name, text, is_table in (
+        ("a.csv", csv_table(("a", "b"), WALK[:, :2]), True),
+        ("b.csv", "start_s,end_s\n", False),
+    ):
+        (tmp_path / name).write_text(text)
+        assert joint_table.is_joint_table(tmp_path / name) is is_table
+    np.savez(tmp_path / "library.npz", header=np.zeros(3))
+    assert not joint_table.is_joint_table(tmp_path / "library.npz")
+
+
+# --- the parts ---------------------------------------------------------------------------------------------------
+
+
+def test_names_are_chosen_by_pattern_in_the_files_order() -> None:
+    """Patterns fit whole labels or the part after the colon; the order is the file's; no match is an error."""
+    labels = ["a:hip", "a:knee", "b:hip", "toe"]
+    assert chosen(labels, ()) == [0, 1, 2, 3]
+    assert chosen(labels, ("toe", "hip")) == [0, 2, 3]
+    assert chosen(labels, ("a:*", "t?e")) == [0, 1, 3]
+    with pytest.raises(ValueError, match="no joint is called 'nose'"):
+        chosen(labels, ("hip", "nose"))
+    assert short_names(labels[1:]) == ("knee", "hip", "toe")
+
+
+def test_units_are_known_by_name_and_by_number() -> None:
+    """Names in any case and numbers of metres are units; all other texts are refused."""
+    known = {"mm": 0.001, " CM ": 0.01, "Meters": 1.0, "0.0254": 0.0254, "feet": 0.3048}
+    assert [metres_of(unit) for unit in known] == [*known.values()]
+    assert [metres_of(unit) for unit in ("", "parsec", "-1", "nan", "0", "inf")] == [None] * 6
+    guesses = {0.5: 1, 2.5: 1, 60.0: 0.01, 250.0: 0.01, 700.0: 0.001, 2500.0: 0.001}
+    assert [guessed_metres(reach) for reach in guesses] == [*guesses.values()]
+
+
+def test_filling_changes_missing_places_alone() -> None:
+    """Filling returns the very same array where nothing is missing; a joint that is always missing is refused."""
+    missing = np.zeros((40, 3), dtype=bool)
+    assert with_missing_joints(WALK, missing, LABELS, 100.0) is WALK
+    missing[3, 1] = True
+    filled = with_missing_joints(WALK, missing, LABELS, 100.0)
+    np.testing.assert_array_equal(filled[~missing], WALK[~missing])
+    np.testing.assert_allclose(filled[3, 1], (WALK[2, 1] + WALK[4, 1]) / 2)
+    with pytest.raises(ValueError, match=r"'knee' is missing for 0\.40 s"):
+        with_missing_joints(WALK, np.broadcast_to([False, True, False], (40, 3)), LABELS, 100.0)

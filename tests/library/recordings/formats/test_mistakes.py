@@ -1,0 +1,197 @@
+"""Every mistake in a recording is refused in a line that says what was expected, and where."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from synthetic import ARM, write_pair
+from written import MOVES, TURNS, Node, bvh_text, csv_table, trc_text, write_c3d
+
+from kinespace.library.recordings import RecordingError, RecordingReader
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+AMC = (
+    ":FULLY-SPECIFIED\n:DEGREES\n1\nroot 0 0 0 0 0 0\nupper 1 2 3\nlower 4\n2\nroot 0 0 0 0 0 0\nupper 1 2 3\nlower 4\n"
+)
+LOWER = Node("lower", (2.0, 0.0, 0.0), TURNS, [Node("lower_end", (0.5, 0.0, 0.0))])
+BODY = Node("hip", (0.0, 0.0, 0.0), (*MOVES, *TURNS), [Node("upper", (0.0, 1.0, 0.0), TURNS, [LOWER])])
+WALK = np.random.default_rng(3).uniform(0.0, 900.0, (3, 3, 3))
+LABELS = ("hip", "knee", "heel")
+GOOD = {
+    "amc": AMC,
+    "asf": ARM.asf(),
+    "bvh": bvh_text(BODY, np.random.default_rng(3).uniform(-90, 90, (4, 12)).tolist()),
+    "trc": trc_text(LABELS, WALK),
+    "csv": csv_table(LABELS[:2], WALK[:, :2]),
+}
+#: By ending: what is replaced, by what, and the message behind the file's name.
+BROKEN = {
+    "amc": [
+        ("upper 1 2 3", "uper 1 2 3", r":5: expected a frame number or a bone of .*, got 'uper'"),
+        ("upper 1 2 3\n", "", r":6: the frame before has no upper"),
+        ("lower 4\n2", "lower 4\nlower 4\n2", r":7: bone 'lower' stands twice in a frame"),
+        ("upper 1 2 3", "upper 1 2", r":5: expected 3 numbers after 'upper', got 2"),
+        ("upper 1 2 3", "upper", r":5: expected 3 numbers after 'upper', got 0"),
+        ("lower 4", "lower 4 5", r":6: expected 1 numbers after 'lower', got 2"),
+        ("root 0 0 0", "root 0 O 0", r":4: expected numbers after 'root', got '0 O 0 0 0 0'"),
+        ("lower 4", "lower 4,5", r":6: expected numbers after 'lower', got '4,5'"),
+        ("lower 4", "hand 4\nlower 4", r":6: expected a frame number or a bone .*, got 'hand'"),
+        ("\n1\n", "\n", r":3: bone 'root' stands twice in a frame, or before the first"),
+        ("\n1\n", "\n-1\n", r":3: expected a frame number or a bone .*, got '-1'"),
+        ("\n1\n", "\n1.5\n", r":3: expected a frame number or a bone .*, got '1\.5'"),
+        ("\n1\n", "\n1 7\n", r":3: expected a frame number or a bone .*, got '1'"),
+        ("\n1\n", "\n²\n", r":3: expected a frame number .*, got '²'"),
+        ("\n2\n", f"\n{'9' * 5000}\n", r":7: expected a frame number "),
+        (":DEGREES", ":SAMPLES-PER-SECOND fast", r":2: expected numbers as frame rate, got 'fast'"),
+        (":DEGREES", ":SAMPLES-PER-SECOND -60", r":2: expected a positive frame rate, got -60"),
+        ("lower 4\n2", "lower nan\n2", r": NaN or infinity in frame 1$"),
+        ("upper 1 2 3\nlower 4\n2", "upper 1 -inf 3\nlower 4\n2", r": NaN or infinity in frame 1$"),
+        ("lower 4\n2", "lower 1e999\n2", r": NaN or infinity in frame 1$"),
+        ("lower 4\n2\n", "lower 4\n1\n", r": expected growing frame numbers, frame 1 comes too late"),
+        ("\n2\n", "\n6\n", r": 4 of 6 frames are missing, more than are there"),
+        (AMC[AMC.index("1\n") :], "", r":2: no frames in it"),
+        ("lower 4\n2\nroot 0 0 0 0 0 0\nupper 1 2 3\nlower 4\n", "", r":5: the file ends in the middle of frame 1"),
+    ],
+    "asf": [
+        ("length 0.0254", "length 0", r":5: expected a positive unit of length, got 0"),
+        ("length 0.0254", "length", r":5: expected 1 numbers as unit of length, got 0"),
+        ("angle deg", "angle grad", r":6: expected angle deg or rad, got 'grad'"),
+        ("axis XYZ\n", "axis XYX\n", r":11: expected a rotation order like XYZ, got 'XYX'"),
+        ("   axis XYZ\n", "", r": no 'axis' in :root"),
+        ("   order TX TY TZ RX RY RZ\n", "", r": no 'order' in :root"),
+        ("TX TY TZ", "TX TY TY", r":10: expected some of tx, .* each once, got"),
+        ("TX TY TZ", "TX TY L", r":10: expected some of tx, .*, got 'tx ty l rx ry rz'"),
+        ("position 0.0 0.0 0.0", "position 0.0 0.0", r":12: expected 3 numbers after 'position', got 2"),
+        ("direction 1.0 0.0 0.0", "direction 1.0 nan 0.0", r":18: expected finite numbers after 'direction'"),
+        ("     direction 1.0 0.0 0.0\n", "", r":17: bone 'upper' has no direction"),
+        ("     length 1.0\n", "", r":17: bone 'upper' has no length"),
+        ("     length 1.0\n", "     length one\n", r":19: expected numbers after 'length', got 'one'"),
+        ("     axis 0.0 0.0 0.0 XYZ\n", "", r":17: bone 'upper' has no axis"),
+        ("0.0 0.0 0.0 XYZ", "0.0 0.0 0.0 XY", r":20: expected a rotation order like XYZ, got 'XY'"),
+        ("dof rx ry rz", "dof rx ry rx", r":21: expected some of rx, ry, rz, each once"),
+        ("name lower", "name upper", r":26: bone 'upper' is described twice"),
+        ("name lower", "name root", r":26: bone 'root' is described twice"),
+        ("lower hand\n", "lower hnd\n", r":44: bone 'hnd' stands in the hierarchy but not in"),
+        ("lower hand\n", "lower upper\n", r":44: bone 'upper' has two parents"),
+        ("root upper\n", "lower upper\n", r":42: bone 'lower' has children before it has a parent"),
+        ("    lower hand\n", "", r": not a usable ASF skeleton, bones without a parent: hand"),
+        (ARM.asf()[ARM.asf().index(":bonedata") :], "", r": not a usable ASF skeleton, no :bonedata in it"),
+    ],
+    "bvh": [
+        ("HIERARCHY", "HIERARCHIE", ":1: expected a word of a BVH hierarchy, got 'HIERARCHIE'"),
+        ("ROOT hip", "ROOT", ":2: expected a name"),
+        ("ROOT", "JOINT", ":2: expected one ROOT with all joints"),
+        ("JOINT lower", "JOINT upper", ":10: joint 'upper' stands in it twice"),
+        ("OFFSET 0.0 1.0 0.0", "OFFSET 0.0 1.0", ":8: expected 3 numbers, got 2"),
+        ("OFFSET 0.0 1.0 0.0", "OFFSET 0.0 one 0.0", ":8: expected numbers, got '0.0 one 0.0'"),
+        ("OFFSET 0.0 1.0 0.0", "OFFSET 0.0 nan 0.0", ":8: expected finite numbers"),
+        ("OFFSET 0.5 0.0 0.0\n", "", ":16: joint 'lower_end' has no OFFSET"),
+        ("ROOT hip\n{\n", "OFFSET 1 1 1\nROOT hip\n{\n", ":2: OFFSET stands outside a joint"),
+        ("ROOT hip\n{\n", "{\nROOT hip\n{\n", ":2: expected ROOT, JOINT or End Site before {"),
+        ("CHANNELS 6", "CHANNELS 5", ":5: expected CHANNELS, how many"),
+        ("CHANNELS 3 Zrotation", "CHANNELS 3 Wrotation", ":9: expected CHANNELS, how many"),
+        ("}\n}\nMOTION", "}\nCHANNELS 1 Zrotation\n}\nMOTION", ":20: expected the channels of 'hip' once, and before"),
+        ("JOINT upper\n{", "JOINT upper\n", ":8: expected { after 'upper', got 'OFFSET'"),
+        ("}\n}\n}\nMOTION", "}\n}\nMOTION", ":20: joint 'hip' is not closed with }"),
+        ("}\n}\n}\nMOTION", "}\n}\n}\n}\nMOTION", ":21: a } without its {"),
+        ("MOTION", "ROOT two\n{\nOFFSET 0 0 0\n}\nMOTION", ":21: a second ROOT"),
+        (
+            GOOD["bvh"][GOOD["bvh"].index("JOINT upper") : GOOD["bvh"].index("}\nMOTION")],
+            "",
+            ":7: expected a hierarchy of",
+        ),
+        (GOOD["bvh"][GOOD["bvh"].index("MOTION") :], "", ":20: expected HIERARCHY and MOTION"),
+        ("Frames: 4", "Frames: 0", ":22: expected a number of frames, got '0'"),
+        ("Frames: 4", "Frames 4", ":22: expected Frames: and a number"),
+        ("Frames: 4", "Frames: 3", ":27: a frame more than the 3 that were announced"),
+        ("Frames: 4", "Frames: 5", ":27: the file ends after 4 of 5 frames"),
+        ("Frame Time: 0.01", "Frame Time: 0", ":23: expected a positive Frame Time, got 0"),
+        ("Frame Time: 0.01", "Frame Time: x", ":23: expected numbers as Frame Time, got 'x'"),
+        ("Frame Time: 0.01\n", "Frame Time: 0.01\n1 2 3\n", ":24: expected 12 numbers, got 3"),
+        ("Frame Time: 0.01\n", "Frame Time: 0.01\n" + "x " * 12 + "\n", ":24: expected numbers, got 'x x"),
+        (
+            "Frames: 4\nFrame Time: 0.01\n",
+            "Frames: 5\nFrame Time: 0.01\n" + "nan " * 12 + "\n",
+            ": NaN or infinity in fr",
+        ),
+        ("OFFSET 0.0 1.0 0.0", "OFFSET 1.7e308 -1.7e308 1.7e308", ": expected places of joints, got numbers too large"),
+    ],
+    "trc": [
+        ("PathFileType", "PathType", ":1: expected PathFileType"),
+        ("\tUnits", "\tUnit", ":3: expected a header with DataRate, NumFrames, NumMarkers and Units, no Units"),
+        ("\tmm\t", "\tparsec\t", ":3: expected Units like mm or m, got 'parsec'"),
+        ("100.0\t100.0", "0\t100.0", ":3: expected a positive DataRate, got 0"),
+        ("\t3\t3\t", "\t3\t4\t", ":4: expected 4 names of markers, got 3"),
+        ("\t3\t3\t", "\tx\t3\t", ":3: expected a number as NumFrames, got 'x'"),
+        ("\t3\t3\t", "\t4\t3\t", ":9: the file ends after 3 of 4 frames"),
+        ("\t3\t3\t", "\t2\t3\t", ":9: the file ends after 3 of 2 frames"),
+        ("X1\t", "Q1\t", ":5: expected X1 Y1 Z1"),
+        ("\n2\t", "\n2\tone\t", ":8: expected 11 fields, got 12"),
+        ("\n2\t0.02\t", "\n2\t0.02\tone", ":8: expected numbers .could not convert string to float: 'one"),
+        ("knee", "hip", ": the file has 'hip' twice"),
+    ],
+    "csv": [
+        ("knee_z", "knee", ":1: expected columns like head_x, head_y, head_z"),
+        ("\n0.01,", "\n0.01\n0.01,", ":3: expected 7 fields, got 1"),
+        ("\n0.01,", "\n0.01,six", ":3: expected a number, got 'six"),
+        ("\n0.01,", "\ninf,", ":3: expected a number, got 'inf'"),
+        (GOOD["csv"][GOOD["csv"].index("\n0.01") :], "", ": expected at least 2 frames, got 1"),
+        ("\n0.01,", "\n-1,", ": time: expected at least 2 finite times that do not fall"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("ending", "old", "new", "message"), [(ending, *row) for ending, rows in BROKEN.items() for row in rows]
+)
+def test_a_mistake_is_named_with_its_file_and_its_line(
+    tmp_path: Path, ending: str, old: str, new: str, message: str
+) -> None:
+    """The line counts as an editor counts; where no line is at fault the frame is named, or the file alone."""
+    spoilt = GOOD[ending].replace(old, new, 1)
+    assert spoilt != GOOD[ending]
+    if ending in ("amc", "asf"):
+        path = write_pair(tmp_path, spoilt if ending == "asf" else GOOD["asf"], spoilt if ending == "amc" else AMC)
+    else:
+        path = tmp_path / f"take.{ending}"
+        path.write_text(spoilt)
+    named = tmp_path / "tiny.asf" if ending == "asf" else path
+    wanted = message if ending in ("amc", "asf") else re.escape(message).replace(r"\.could", ".could")
+    with pytest.raises(RecordingError, match=f"^{re.escape(str(named))}{wanted}"):
+        RecordingReader().clip(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"UNITS\x08\x00", b"UNITS\xff\x7f", r"byte \d+: a parameter that ends outside the file"),
+        (b"UNITS\x08\x00", b"UNITS\x08\xf0", r"byte \d+: a parameter that lies before itself"),
+        (b"UNITS\x08\x00\xff", b"UNITS\x08\x00\x07", r"byte \d+: expected a parameter of type -1, 1, 2 or 4, got 7"),
+        (b"\x50\x03\x00", b"\x50\x01\x00", r"byte 2: an impossible header \(1 points, 0 analog values, 3 frames\)"),
+        (b"\x50\x03\x00", b"\x50\xff\xff", r"byte \d+: the file ends, expected \d+ bytes"),
+        (b"\x01\x50\x02\x54", b"\x01\x50\x02\x58", r"byte \d+: expected Intel's processor, 84, or DEC's, 85, got 88"),
+        (b"\x50", b"\x51", r"byte 1: expected a C3D's 0x50, got a file of another kind"),
+        (b"LABELS", b"LABELZ", r"expected at least 2 labelled points, got 0"),
+        (b"RATE\x09\x00\x04\x00", b"RATE\x09\x00\xff\x00", r"expected a positive POINT:RATE, got 0"),
+        (
+            b"UNITS\x08\x00\xff\x01\x02mm",
+            b"UNITS\x08\x00\xff\x01\x02xx",
+            r"expected POINT:UNITS like mm or m, got 'xx'",
+        ),
+        (b"UNITS\x08\x00\xff\x01\x02mm", b"UNITS\x08\x00\x01\x01\x02mm", r"expected texts in POINT:UNITS, got numbers"),
+    ],
+)
+def test_a_c3d_that_makes_no_sense_is_refused(tmp_path: Path, old: bytes, new: bytes, message: str) -> None:
+    """Sizes and types that do not fit are refused with their byte."""
+    path = tmp_path / "walk.c3d"
+    write_c3d(path, LABELS, WALK)
+    content = path.read_bytes()
+    assert old in content
+    path.write_bytes(content.replace(old, new, 1))
+    with pytest.raises(RecordingError, match=f"^{re.escape(str(path))}: {message}"):
+        RecordingReader().clip(path)

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from naive_bodies import segment_lengths, stretched
+
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.segments import BEYOND_LIBRARY, DISORDER, Segments, mirrored_places, shares_of_size
+
+if TYPE_CHECKING:
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+
+
+def test_lengths_equal_the_slow_twins(small_index: WindowIndex) -> None:
+    """Every segment's length and change, and how stretched a body is, are those that the twin finds."""
+    body, motions = small_index.segments, small_index.library.motions
+    some, parents = motions[3].positions[:5], small_index.library.skeleton.parents
+    for found, frame in zip(body.lengths(some), some.tolist(), strict=True):
+        assert found == pytest.approx(segment_lengths(frame, parents))
+    assert shares_of_size(some, body.segments) == pytest.approx([stretched(frame, parents) for frame in some.tolist()])
+    lengths = [body.lengths(motion.positions[::4]) for motion in motions]
+    assert body.mean == pytest.approx(np.concatenate(lengths).mean(axis=0))
+    assert body.spread == pytest.approx(np.max([np.ptp(each, axis=0) for each in lengths], axis=0))
+    assert body.disorder == DISORDER
+    for first, other in zip(body.crossing, body.crossing[body.partner], strict=True):
+        assert body.mirrored is not None
+        assert np.array_equal(body.mirrored[body.segments[first]], body.segments[other])
+    crossed = body.ends[len(body.children) :]
+    assert np.array_equal(crossed[:, 1], body.segments[body.crossing, 1])
+    assert np.array_equal(crossed[:, 0], body.segments[body.crossing[body.partner], 0])
+
+
+def test_a_library_of_stretched_bodies_is_in_order(sticks: MotionLibrary) -> None:
+    """Segments count as too long only when they are longer than any in the library; without parents none do."""
+    body = Segments.of(sticks)
+    largest = max(shares_of_size(each.positions[::4], body.segments).max() for each in sticks.motions)
+    assert body.disorder == pytest.approx(max(DISORDER, BEYOND_LIBRARY * largest))
+    none = Segments.of(
+        type(sticks)(
+            Skeleton(sticks.skeleton.joints), tuple(c.as_of(Skeleton(sticks.skeleton.joints)) for c in sticks.motions)
+        )
+    )
+    assert (len(none.children), none.disorder) == (0, DISORDER)
+    assert shares_of_size(np.zeros((1, 6, 3)), body.segments).tolist() == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("joints", "others"),
+    [
+        (("root", "lowerback", "lwrist", "rwrist"), (0, 1, 3, 2)),
+        (("Hips", "LeftHand", "RightHand"), (0, 2, 1)),
+        (("hand.L", "hand.R", "knee_r", "knee_l"), (1, 0, 3, 2)),
+        (("LEFT knee", "RIGHT knee", "leftover"), (1, 0, 2)),
+        (("root", "a", "b"), None),
+        (("lr", "rl", "handl", "handr"), None),
+    ],
+)
+def test_names_tell_the_other_side(joints: tuple[str, ...], others: tuple[int, ...] | None) -> None:
+    """The joint on the other side has the same name but for the side; markers without sides have none."""
+    found = mirrored_places(joints)
+    assert (found is None) == (others is None)
+    assert found is None or tuple(found.tolist()) == others

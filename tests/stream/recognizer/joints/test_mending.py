@@ -1,0 +1,255 @@
+"""Joints that cannot be believed: mended or left out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from synthetic import STICK
+
+from kinespace.library.windows.index import opened
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints, LongAgo
+from kinespace.tools.feeding.feed import resampled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognition import Recognition
+
+RATE = 30.0
+ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
+
+
+@pytest.fixture(scope="module")
+def squat(small_library: MotionLibrary) -> Clip:
+    """Give a squat at 30 frames a second."""
+    return resampled(next(m for m in small_library.motions if m.class_name.startswith("squat")), RATE)
+
+
+@pytest.fixture(scope="module")
+def sound(small_library: MotionLibrary, squat: Clip) -> list[Recognition]:
+    """Give the answers to the squat as it is."""
+    return _played(Recognizer(small_library), squat.positions)
+
+
+def _played(recognizer: Recognizer, positions: NDArray[np.float64]) -> list[Recognition]:
+    frames = (Frame("p", 1 + index / RATE, each) for index, each in enumerate(positions))
+    return [answer for frame in frames if (answer := recognizer.push(frame))]
+
+
+def _places(library: MotionLibrary, *names: str) -> list[int]:
+    return [library.skeleton.joints.index(name) for name in names]
+
+
+def test_a_frozen_arm_is_done_without(small_library: MotionLibrary, squat: Clip, sound: list[Recognition]) -> None:
+    """From the first second on the squat is named without the arm, and no answer is lost."""
+    positions, arm = squat.positions.copy(), _places(small_library, *ARM)
+    positions[:, arm] = positions[0, arm]
+    recognizer = Recognizer(small_library)
+    answers = _played(recognizer, positions)
+    assert len(answers) == len(sound)
+    assert all(answer.doubted == ARM for answer in answers if answer.time > 2)
+    assert recognizer.doubt == f"joints: done without {', '.join(ARM)}"
+    assert answers[-1].class_name == squat.class_name
+
+
+def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
+    small_library: MotionLibrary, squat: Clip, sound: list[Recognition]
+) -> None:
+    """While the windows of fewer joints are not open every hop is answered; then they hold the last seconds at once."""
+    positions, lost = squat.positions.copy(), _places(small_library, "lthumb")
+    positions[:, lost] = np.nan
+    joints = tuple(np.delete(small_library.skeleton.joints, lost).tolist())
+    whole = _played(Recognizer(opened(small_library).by_joints(joints)), np.delete(squat.positions, lost, axis=1))
+    asked = list[tuple[str, ...]]()
+
+    def views(index: WindowIndex, joints: tuple[str, ...]) -> WindowIndex | None:
+        asked.append(joints)
+        return index.by_joints(joints) if len(asked) > 10 else None
+
+    answers = _played(Recognizer(small_library, views=views), positions)
+    assert {*asked} == {joints}
+    assert len(answers) == len(whole) == len(sound)
+    assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)
+    assert answers[-1].scores == pytest.approx(whole[-1].scores, abs=1e-6)
+
+    def none(_: WindowIndex, joints: tuple[str, ...]) -> None:
+        raise ValueError(f"no motion shows these {len(joints)} joints")
+
+    answers = _played(Recognizer(small_library, views=none), positions)
+    assert len(answers) == len(sound)
+    assert answers[-1].outcome is Outcome.IMPLAUSIBLE
+
+
+@pytest.mark.parametrize("lost", [np.nan, 0.0])
+def test_a_joint_lost_for_a_moment_is_held(
+    small_library: MotionLibrary, squat: Clip, sound: list[Recognition], lost: float
+) -> None:
+    """A hand that is lost for less than a fifth of a second, NaN or at the origin, changes no label."""
+    positions = squat.positions.copy()
+    positions[40:44, _places(small_library, "lhand", "lfingers")] = lost
+    recognizer = Recognizer(small_library)
+    answers = _played(recognizer, positions)
+    assert [answer.label for answer in answers] == [answer.label for answer in sound]
+    assert not recognizer.doubt
+
+
+@pytest.mark.parametrize("fault", ["sides", "unit"])
+def test_changes_in_mid_stream_are_corrected(
+    small_library: MotionLibrary, squat: Clip, sound: list[Recognition], fault: str
+) -> None:
+    """Sides exchanged and a unit changed from one frame on, and back, give the answers of a sound feed."""
+    positions, mirrored = squat.positions.copy(), opened(small_library).segments.mirrored
+    assert mirrored is not None
+    changed = slice(squat.frames // 3, 2 * squat.frames // 3)
+    positions[changed] = positions[changed][:, mirrored] if fault == "sides" else 1000 * positions[changed]
+    recognizer = Recognizer(small_library)
+    answers = _played(recognizer, positions)
+    for answer, expected in zip(answers, sound, strict=True):
+        assert answer.label == expected.label
+        assert answer.scores == pytest.approx(expected.scores, abs=0.02)
+    assert ("left and right" if fault == "sides" else "the unit changed") in recognizer.doubt
+    known = recognizer.long_ago
+    assert known is not None
+    assert (known.mirrored, known.factor) == (False, pytest.approx(1.0, rel=0.01))
+    assert known.of_the_body.last_jump is None
+
+
+def test_another_recogniser_goes_on_with_what_is_known(
+    small_library: MotionLibrary, squat: Clip, sound: list[Recognition]
+) -> None:
+    """Told of exchanged sides and another unit, it answers as one who saw the change; there is nothing to tell else."""
+    mirrored = opened(small_library).segments.mirrored
+    assert mirrored is not None
+    recognizer = Recognizer(small_library)
+    assert recognizer.long_ago is None
+    recognizer.go_on(LongAgo(mirrored=True, factor=0.001))
+    answers = _played(recognizer, 1000 * squat.positions[:, mirrored])
+    assert [answer.label for answer in answers] == [answer.label for answer in sound]
+    known = recognizer.long_ago
+    assert known is not None
+    assert known._replace(tremble=0.0) == LongAgo(mirrored=True, factor=0.001)
+    # The feed's own tremble, in the library's metres, is told as well.
+    assert 0.0 < known.tremble < 0.004
+
+
+@pytest.mark.parametrize("frames", [1, 8])
+def test_of_a_body_that_jumps_nothing_is_named(small_library: MotionLibrary, squat: Clip, frames: int) -> None:
+    """A body that shows two postures by turns is answered, and never with a class."""
+    low = int(squat.positions[:, 0, 1].argmin())
+    answers = _played(Recognizer(small_library), squat.positions[np.where(np.arange(150) // frames % 2, low, 0)])
+    assert {answer.outcome for answer in answers if answer.time > 2} == {Outcome.IMPLAUSIBLE}
+    assert not any(answer.class_name for answer in answers)
+
+
+@pytest.mark.parametrize("every", [0.4, 1.1])
+def test_a_sensor_that_loses_the_body_now_and_then_is_answered(
+    small_library: MotionLibrary, squat: Clip, every: float
+) -> None:
+    """A trembling body that leaps by 40 cm at each joint and moves between is never implausible; no answer is lost."""
+    generator = np.random.default_rng(3)
+    positions = np.concatenate([squat.positions, squat.positions[::-1]])
+    positions += 0.02 * generator.standard_normal(positions.shape)
+    leaps = (np.arange(len(positions)) / RATE // every).astype(int)
+    leapt = 0.23 * generator.standard_normal((leaps.max() + 1, *positions.shape[1:]))[leaps]
+    recognizer = Recognizer(small_library)
+    answers = _played(recognizer, positions + leapt * (leaps % 2)[:, None, None])
+    assert "jumped" in recognizer.doubt
+    assert len(answers) == len(_played(Recognizer(small_library), positions))
+    assert not any(answer.is_doubted for answer in answers)
+
+
+def test_after_a_jump_of_a_rigid_body_the_windows_begin_anew(small_library: MotionLibrary, squat: Clip) -> None:
+    """A second motion that is shown from one frame to the next is recognised as if it were the first."""
+    kick = resampled(next(m for m in small_library.motions if m.class_name.startswith("kick")), RATE)
+    both = np.concatenate([squat.positions, kick.positions + np.array([3.0, 0.0, 1.0])])
+    alone = _played(Recognizer(small_library), kick.positions)
+    after = _played(Recognizer(small_library), both)[-len(alone) :]
+    assert [answer.scores.tolist() for answer in after] == [pytest.approx(answer.scores.tolist()) for answer in alone]
+
+
+def test_after_a_reset_another_body_may_follow(small_library: MotionLibrary, squat: Clip) -> None:
+    """A segment did not stretch between the last frames of one body and the first of another with longer arms."""
+    longer, (elbow, wrist) = squat.positions.copy(), _places(small_library, "lhumerus", "lradius")
+    longer[:, _places(small_library, *ARM[1:])] += 4.0 * (squat.positions[:, [wrist]] - squat.positions[:, [elbow]])
+    recognizer = Recognizer(small_library)
+    # Fewer frames than a span has: those would be judged together with the next body's.
+    _played(recognizer, squat.positions[:15])
+    recognizer.reset()
+    answers, fresh = _played(recognizer, longer), _played(Recognizer(small_library), longer)
+    assert {answer.doubted for answer in fresh} == {()}
+    assert [(answer.label, answer.doubted) for answer in answers] == [(answer.label, ()) for answer in fresh]
+
+
+# --- joints alone ------------------------------------------------------------------------------------------------
+
+
+def _mended(
+    sticks: MotionLibrary, positions: NDArray[np.float64], *, watched: bool = True
+) -> tuple[Joints, NDArray[np.float64]]:
+    """Mend frames of a stick one by one, thirty a second."""
+    memory, mended = np.empty((1, 6, 3)), positions.copy()
+    joints = Joints(opened(sticks).segments, STICK.joints, memory, is_watched=watched)
+    for index in range(len(positions)):
+        memory[0] = positions[index]
+        joints.mend([index / RATE])
+        mended[index] = memory[0]
+    return joints, mended
+
+
+@pytest.mark.parametrize("watched", [True, False])
+def test_lost_joints_are_where_they_were_beside_their_parents(sticks: MotionLibrary, *, watched: bool) -> None:
+    """One by one from the root; a joint whose parent is lost too moves with what is left; at first all are in one."""
+    positions = np.tile(sticks.motions[0].positions[:1], (4, 1, 1)) + np.arange(4)[:, None, None] * 0.01
+    lost = positions.copy()
+    lost[2:, [1, 2]] = np.nan
+    _, mended = _mended(sticks, lost, watched=watched)
+    np.testing.assert_allclose(mended, positions)
+    lost[0, 3] = np.nan
+    _, mended = _mended(sticks, lost, watched=watched)
+    np.testing.assert_allclose(mended[0, 3], positions[0, 1])
+    lost[0] = np.nan
+    _, mended = _mended(sticks, lost, watched=watched)
+    assert not mended[0].any()
+    # Without a parent that is known a joint stays where it was; at first it is in the middle of the others.
+    lost[0] = positions[0]
+    lost[0, 0] = np.nan
+    assert _mended(sticks, lost, watched=watched)[1][0, 0] == pytest.approx(positions[0, 1:].mean(axis=0))
+
+
+def test_a_joint_lost_for_long_is_left_out_for_some_seconds(sticks: MotionLibrary) -> None:
+    """It is believed again three seconds after it came back; with only half of the joints left none is named."""
+    clip = np.concatenate([each.positions[::4] for each in sticks.motions[:8:3]] * 4)
+    lost = np.tile(clip[:1], (150, 1, 1)) + 0.001 * np.sin(np.arange(150) / 5)[:, None, None]
+    lost[10:20, 5] = np.nan
+    for frames, left_out in ((15, ()), (10 + int(HELD * RATE), ()), (11 + int(HELD * RATE), (5,)), (100, (5,))):
+        joints, _ = _mended(sticks, lost[:frames])
+        assert joints.left_out == left_out, frames
+    assert (joints.doubted, joints.believed) == (("foot",), STICK.joints[:5])
+    joints, _ = _mended(sticks, lost)
+    assert joints.left_out == ()
+    assert 20 / RATE + BELIEVED_AFTER < 150 / RATE
+    lost[10:20, 4:] = np.nan
+    joints, _ = _mended(sticks, lost[:20])
+    assert joints.believed == ()
+    assert joints.note.startswith("joints: 2 of 6 where no body has them")
+    joints.clear()
+    assert (joints.left_out, joints.note) == ((), "")
+
+
+def test_unwatched_joints_are_never_left_out(small_library: MotionLibrary, squat: Clip) -> None:
+    """Without plausibility a frozen arm is believed, and a lost hand is held for as long as it is lost."""
+    positions = squat.positions.copy()
+    positions[:, _places(small_library, *ARM)] = np.nan
+    recognizer = Recognizer(small_library, Settings(plausibility=False))
+    answers = _played(recognizer, positions)
+    assert {answer.doubted for answer in answers} == {()}
+    assert not recognizer.doubt
+    assert np.isfinite([answer.scores for answer in answers]).all()

@@ -1,0 +1,585 @@
+"""Every codec: decoded, what was encoded comes back; any other bytes are a value or the codec's one error, counted."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import msgpack
+import numpy as np
+import pytest
+import singlepart
+import wrong
+from fuzzfeeds import READERS, read_broken
+from golden import bundle, message
+from hypothesis import example, given
+from hypothesis import strategies as st
+from programs import ROOT
+from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.osc_packet import OscPacket
+
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream import osc, zeromq
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.decoder import FeedDecoder
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs import OscDecoder, ZmqDecoder
+from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.osc.frames import _layouts as remembered  # its size cannot be seen from outside
+from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
+from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Progress, Recognition
+from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.zeromq import FormatError, single_part
+from kinespace.stream.zeromq.bodies import decode_body, encode_body
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from kinespace.stream.inputs import Decoder
+
+_TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
+_TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)
+_MOMENTS = st.floats(-1e30, 1e30)
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> Frame:
+    """Draw a frame of any performer, time and number of joints, in single precision."""
+    positions = draw(st.lists(st.tuples(*[st.floats(-1e6, 1e6, width=32)] * 3), min_size=1, max_size=33))
+    return Frame(draw(_TEXT), draw(_TIMES), np.array(positions, np.float32))
+
+
+@st.composite
+def recognitions(draw: st.DrawFn) -> Recognition:
+    """Draw a recognition of any outcome, classes and scores."""
+    odd = st.sampled_from(["50 %", "%s", '"', "{}", "\\", "\n"])
+    classes = draw(st.lists(_TEXT | odd, min_size=1, max_size=200, unique=True))
+    scores = draw(st.lists(st.floats(0, 1, width=32), min_size=len(classes), max_size=len(classes)))
+    followed = st.builds(
+        Progress, st.sampled_from(classes), *[st.floats(0, 8, width=32)] * 5, st.integers(0, 2**31 - 1)
+    )
+    return Recognition(
+        performer=draw(_TEXT),
+        time=draw(st.floats(0, 1e9)),
+        outcome=draw(st.sampled_from(Outcome)),
+        classes=tuple(classes),
+        scores=np.array(scores, draw(st.sampled_from([np.float32, np.float64]))),
+        movement=draw(st.floats(0, 1e3)),
+        eigenvector_class=draw(st.none() | st.sampled_from(classes)),
+        eigenvector_score=draw(st.floats(0, 1)),
+        share=draw(st.floats(0, 1)),
+        gap=draw(st.floats(0, 1)),
+        guess=draw(st.none() | st.integers(0, len(classes) - 1)),
+        progress=draw(st.none() | followed),
+    )
+
+
+def by_python_osc(address: str, *arguments: tuple[str, object]) -> bytes:
+    """Build a message with python-osc."""
+    builder = OscMessageBuilder(address)
+    for kind, value in arguments:
+        builder.add_arg(value, kind)
+    return builder.build().dgram
+
+
+# --- what is encoded is decoded ----------------------------------------------------------------------------------
+
+
+def _through_osc(frame: Frame, _: int, joints: Sequence[str] | None) -> list[object]:
+    """Alone, each byte for byte as python-osc would send it."""
+    performer = ("s", frame.performer)
+    numbers = [("f", number) for number in frame.positions.ravel().tolist()]
+    packets = [osc.encode_frame(frame)]
+    assert packets == [by_python_osc("/motion/frame", performer, ("d", frame.time), *numbers)]
+    if joints:
+        packets.insert(0, osc.encode_announcement(Announcement(frame.performer, tuple(joints))))
+        assert packets[0] == by_python_osc("/motion/skeleton", performer, *[("s", joint) for joint in joints])
+    return [event for packet in packets for event in OscDecoder().decode(packet, 77.0, None)]
+
+
+def _through_bundles(frame: Frame, _: int, joints: Sequence[str] | None) -> list[object]:
+    packets = [osc.encode_announcement(Announcement(frame.performer, tuple(joints)))] if joints else []
+    return [*OscDecoder().decode(bundle(*packets, osc.encode_frame(frame)), 77.0, None)]
+
+
+def _through_three_parts(frame: Frame, seq: int, joints: Sequence[str] | None) -> list[object]:
+    parts = zeromq.encode_frame(frame, seq, joints)
+    assert zeromq.decode(parts, 0.0).seq == seq
+    return [*ZmqDecoder().decode(parts, 77.0, None)]
+
+
+def _through_one_part(frame: Frame, seq: int, joints: Sequence[str] | None) -> list[object]:
+    packed = singlepart.encode(frame, seq, joints)
+    assert single_part.decode(packed, 0.0).seq == seq
+    return [*ZmqDecoder().decode([packed], 77.0, None)]
+
+
+@pytest.mark.parametrize("through", [_through_osc, _through_bundles, _through_three_parts, _through_one_part])
+@given(
+    frame=frames(),
+    seq=st.integers(0, 2**63 - 1),
+    joints=st.none() | st.lists(_TEXT, min_size=1, max_size=40, unique=True),
+)
+@example(frame=Frame("four", 1e-300, np.ones((31, 3), np.float32)), seq=0, joints=list(SKELETON.joints))
+def test_a_sent_frame_is_read_back(
+    through: Callable[[Frame, int, Sequence[str] | None], list[object]],
+    frame: Frame,
+    seq: int,
+    joints: list[str] | None,
+) -> None:
+    """Performer, time, number, joint names and positions come back."""
+    *announced, read = through(frame, seq, joints)
+    assert announced == ([Announcement(frame.performer, tuple(joints))] if joints else [])
+    assert isinstance(read, Frame)
+    assert (read.performer, read.time) == (frame.performer, frame.time)
+    assert np.array_equal(read.positions, frame.positions)
+
+
+@given(recognition=recognitions())
+def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
+    """A listener of either transport reads performer, class, score, margin and label; any OSC library reads all."""
+    expected = Answer(
+        recognition.performer, recognition.class_index, recognition.score, recognition.margin, recognition.label
+    )
+    assert zeromq.decode_answer(zeromq.encode_recognition(recognition)) == expected
+    packet = osc.encode_recognition(recognition)
+    part = osc.address_part(recognition.performer)
+    read = osc.decode_answer(packet)
+    assert read is not None
+    assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
+    assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
+    assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
+    assert len(packet) <= osc.MAX_ANSWER
+    said = {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
+    assert said[f"/motion/{part}/guess"] == [recognition.guess_index]
+    scores = said.get(f"/motion/{part}/scores")
+    assert scores == np.float32(recognition.scores).tolist() if scores else len(recognition.scores) > 100
+    followed = recognition.progress
+    numbers = followed and (followed.phase, followed.speed, followed.amplitude, followed.sure, followed.scrub)
+    progress = followed and [recognition.progress_index, *(numbers or ()), followed.cycles]
+    assert said.get(f"/motion/{part}/progress") == progress
+    assert osc.encode_progress(recognition) == (
+        by_python_osc(f"/motion/{part}/progress", *zip("ifffffi", progress, strict=True)) if progress else b""
+    )
+
+
+@given(recognition=recognitions())
+def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
+    """With any names and numbers, an answer is what json would write, field by field and in this order."""
+    best = float(recognition.scores[recognition.best])
+    others = [place for place in np.argsort(-recognition.scores, kind="stable") if place != recognition.best]
+    followed = recognition.progress
+    expected = {
+        "v": 1,
+        "performer": recognition.performer,
+        "t": recognition.time,
+        "class": recognition.class_name,
+        "guess": recognition.classes[recognition.best] if recognition.guess_index >= 0 else None,
+        "index": recognition.class_index,
+        "guess_index": recognition.guess_index,
+        "outcome": recognition.outcome,
+        "score": best,
+        "runner_up": recognition.classes[others[0]] if others else None,
+        "margin": best - (float(recognition.scores[others[0]]) if others else 0.0),
+        "scores": {
+            name: round(float(score), 6) for name, score in zip(recognition.classes, recognition.scores, strict=True)
+        },
+        "movement": recognition.movement,
+        "share": recognition.share,
+        "gap": recognition.gap,
+        "eigenvector_class": recognition.eigenvector_class,
+        "eigenvector_score": recognition.eigenvector_score,
+        "doubted": [],
+        "progress": followed
+        and {
+            "class": followed.class_name,
+            "phase": followed.phase,
+            "scrub": followed.scrub,
+            "speed": followed.speed,
+            "amplitude": followed.amplitude,
+            "sure": followed.sure,
+            "cycles": followed.cycles,
+        },
+    }
+    topic, encoded = zeromq.encode_recognition(recognition)
+    assert topic == f"class/{recognition.performer}/".encode()
+    unsaid = {"time", "classes", "events", "lead", "evidence"}
+    assert {each.name for each in fields(Recognition)} - unsaid <= set(expected)
+    assert list(json.loads(encoded).items()) == list(json.loads(json.dumps(expected)).items())
+
+
+@given(
+    event=st.builds(
+        Event,
+        _TEXT,
+        st.sampled_from(EventKind),
+        _TEXT,
+        st.integers(0, 2**31 - 1),
+        st.floats(0, 1),
+        st.floats(-1e30, 1e30),
+    ),
+    since=st.floats(-1e30, 1e30),
+)
+def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> None:
+    """The packet of any event equals python-osc's."""
+    arguments = [("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score)]
+    address = f"/motion/{osc.address_part(event.performer)}/event"
+    assert osc.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
+
+
+_STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
+
+
+@given(frame=frames(), carried=st.none() | st.just(Carried((1.0, 0.0, 0.0, 0.0, 0.5), ((0, 1), (0, 2)))))
+def test_a_sent_body_is_read_back(frame: Frame, carried: Carried | None) -> None:
+    """Name, time and positions come back; skeleton and weights where they are the frame's."""
+    read = decode_body(encode_body(frame, _STICK, carried))
+    assert read is not None
+    performer, header, positions = read
+    assert (performer, header.t, header.joints) == (frame.performer, frame.time, len(frame.positions))
+    assert np.array_equal(np.frombuffer(positions, "<f4").reshape(-1, 3), frame.positions)
+    fits = len(frame.positions) == len(_STICK.joints)
+    assert (header.names, header.parents) == ((_STICK.joints, _STICK.parents) if fits else (None, None))
+    assert (header.carried, header.pairs) == (carried if fits and carried else (None, None))
+
+
+@given(
+    packets=st.lists(
+        st.builds(
+            RawPacket,
+            arrival=st.floats(-4e9, 4e9),
+            source=st.integers(0, 1),
+            sender=st.text(st.characters(exclude_categories=["Cs"]), max_size=20),
+            parts=st.lists(st.binary(max_size=60), max_size=4).map(tuple),
+        ),
+        max_size=8,
+    )
+)
+def test_recorded_packets_are_read_back(tmp_path_factory: pytest.TempPathFactory, packets: list[RawPacket]) -> None:
+    """Packets of any content are read as they were written, every time the file is gone through."""
+    path: Path = tmp_path_factory.getbasetemp() / "packets.kinerec"
+    path.write_bytes(encode_header(RawHeader("now", ("a", "b"))) + b"".join(map(encode_packet, packets)))
+    recording = RawFile(path)
+    assert [list(recording.packets()), list(recording.packets())] == [packets, packets]
+    assert (recording.lost_from, recording.damage()) == (None, "")
+
+
+# --- what else may be said ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        *(wrap(wrong.osc_frame(time=zero)) for zero in (0.0, -0.0) for wrap in (bytes, bundle)),
+        *(write(t=zero) for zero in (0, 0.0) for write in (wrong.zmq_frame, wrong.msgpack_frame)),
+        wrong.zmq_frame(t=...),
+    ],
+    ids=range(9),
+)
+def test_without_a_time_it_is_the_arrival(packet: bytes | list[bytes]) -> None:
+    """A frame whose time is 0 or missing gets its arrival as time, in any kind of packet."""
+    (frame,) = (OscDecoder if isinstance(packet, bytes) else ZmqDecoder)().decode(packet, 42.5, None)
+    assert frame.time == 42.5
+
+
+@pytest.mark.parametrize(
+    ("tags", "numbers"),
+    [("ff" + "f" * 5, [1.0] * 6), ("ii" + "i" * 5, [1] * 6), ("hdhdhdh", [1] * 6), ("dfffiii", [1.0] * 3 + [1] * 3)],
+)
+@pytest.mark.parametrize("performer", ["p", 7])
+def test_any_numbers_will_do(tags: str, numbers: list[float], performer: str | int) -> None:
+    """Time, positions and the performer may be integers, singles or doubles, as patchers mix them."""
+    kind = "i" if isinstance(performer, int) else "s"
+    (frame,) = OscDecoder().decode(message("/motion/frame", kind + tags, performer, 2, *numbers), 0.0, None)
+    assert isinstance(frame, Frame)
+    assert (frame.performer, frame.time) == (str(performer), 2.0)
+    assert np.array_equal(frame.positions, np.ones((2, 3)))
+    assert OscDecoder().decode(message("/motion/skeleton", f"{kind}ss", performer, "a", "b"), 0.0, None) == [
+        Announcement(str(performer), ("a", "b"))
+    ]
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, ">f4"])
+def test_positions_of_any_type_are_sent(kind: str) -> None:
+    """Single or double precision, in any order of bytes or memory, a frame is sent as single precision."""
+    positions = np.asfortranarray(np.random.default_rng(0).normal(size=(31, 3)).astype(kind))
+    (read,) = OscDecoder().decode(osc.encode_frame(Frame("p", 1.0, positions)), 0.0, None)
+    assert isinstance(read, Frame)
+    assert np.array_equal(read.positions, positions.astype(np.float32))
+
+
+def test_a_zmq_frame_as_documented() -> None:
+    """Three parts: a topic that ends in a slash, JSON, little-endian floats; doubles and fields of others are read."""
+    positions = np.random.default_rng(5).normal(size=(3, 3))
+    topic, header, buffer = zeromq.encode_frame(Frame("p1", 2.5, positions), 3, ("a", "b", "c"))
+    described = {"v": 1, "seq": 3, "t": 2.5, "shape": [3, 3], "dtype": "<f4"}
+    assert (topic, json.loads(header)) == (b"frame/p1/", described | {"joints": ["a", "b", "c"]})
+    assert buffer == positions.astype("<f4").tobytes()
+    assert json.loads(zeromq.encode_frame(Frame("p1", 2.5, positions), 3)[1]) == described
+    other = json.dumps({"v": 1, "t": 3, "shape": [3, 3], "dtype": "<f8", "units": "m", "more": [1, {}]}).encode()
+    numbered = zeromq.decode([topic, other, positions.tobytes()], 0.0)
+    assert (numbered.seq, numbered.announcement, numbered.frame.time) == (None, None, 3.0)
+    assert np.array_equal(numbered.frame.positions, positions)
+
+
+# --- what is wrong is counted ------------------------------------------------------------------------------------
+
+WRONG: list[tuple[type[OscDecoder], str, str, object]] = [
+    *((OscDecoder, "malformed", name, packet) for name, packet in wrong.MALFORMED_OSC.items()),
+    *((OscDecoder, "foreign", name, packet) for name, packet in wrong.FOREIGN_OSC.items()),
+    *((ZmqDecoder, "malformed", name, parts) for name, parts in wrong.MALFORMED_ZMQ.items()),
+    *((ZmqDecoder, "foreign", name, parts) for name, parts in wrong.FOREIGN_ZMQ.items()),
+]
+
+
+@pytest.mark.parametrize(
+    ("decoder", "counter", "packet"),
+    [(decoder, counter, packet) for decoder, counter, _, packet in WRONG],
+    ids=[f"{decoder.__name__} {name}" for decoder, _, name, _ in WRONG],
+)
+def test_a_wrong_packet_is_counted_and_costs_little(
+    decoder: type[OscDecoder], counter: str, packet: bytes | list[bytes]
+) -> None:
+    """It shows in its counter alone, with a reason, gives no frame and takes less than 2 ms; the next frame is read."""
+    seconds = []
+    for _ in range(5):
+        reader = decoder()
+        # Time of this thread alone: a busy machine does not count.
+        begun = time.thread_time()
+        assert not reader.decode(packet, 1.0, None)
+        seconds.append(time.thread_time() - begun)
+        if seconds[-1] < 0.002:
+            break
+    assert min(seconds) < 0.002
+    counts = reader.counts
+    assert {"malformed": counts.malformed, "foreign": counts.foreign, "missing": counts.missing} == {
+        "malformed": 0,
+        "foreign": 0,
+        "missing": 0,
+    } | {counter: 1}
+    assert len(reader.refusals.lines()) == 1
+    good: bytes | list[bytes] = wrong.osc_frame() if decoder is OscDecoder else wrong.zmq_frame()
+    assert len(reader.decode(good, 1.0, None)) == 1
+
+
+SENDER = ("10.0.0.5", 4000)
+_NOWHERE = osc.encode_message("/motion/frame", "ann", 1.0, *[0.0] * 5, float("inf"), *[0.0] * 3)
+_FLOATS = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
+
+
+@pytest.mark.parametrize(
+    ("decoder", "packet", "told"),
+    [
+        (OscDecoder(), b"hello", "last malformed: neither a message nor a bundle, from 10.0.0.5:4000: 'hello'"),
+        (OscDecoder(), _NOWHERE, "last malformed: /motion/frame of ann: positions: .* joint 2 of 3 at 0, 0, inf, from"),
+        (OscDecoder(), osc.encode_message("/VMC/Ext/OK", 1), "last foreign: /VMC/Ext/OK, from 10.0.0.5:4000: "),
+        (
+            ZmqDecoder(),
+            [b"frame/ann/", _FLOATS, bytes(24)],
+            "last malformed: dtype: expected <f4 or <f8, got 'float64', ",
+        ),
+        (ZmqDecoder(), [b"hello/", b""], "last foreign: neither a frame nor one part in msgpack or OSC, from"),
+        (
+            FeedDecoder(builtin_preset("osceleton")),
+            osc.encode_message("/joint", "head"),
+            "last malformed: /joint: exp",
+        ),
+    ],
+)
+def test_the_last_refusal_names_reason_and_sender(decoder: OscDecoder, packet: bytes | list[bytes], told: str) -> None:
+    """The reason, the sender and an excerpt of the packet, in one line without control characters."""
+    assert decoder.refusals.lines() == []
+    assert not decoder.decode(packet, 1.0, SENDER)
+    (line,) = decoder.refusals.lines()
+    assert line.isprintable()
+    assert re.match(told, line)
+
+
+def test_text_from_outside_does_not_steer_a_terminal() -> None:
+    """Control characters in a reason are replaced, and long reasons cut."""
+    decoder = OscDecoder()
+    decoder.decode(osc.encode_message("/\x1b[2J" + "x" * 500), 1.0, None)
+    (line,) = decoder.refusals.lines()
+    assert line.isprintable()
+    assert len(line) < 300
+
+
+def test_in_a_bundle_the_good_is_not_lost_with_the_bad() -> None:
+    """All valid messages of a bundle are used, in order; the others are counted by kind."""
+    good, names = wrong.osc_frame(), message("/motion/skeleton", "sss", "p", "hip", "head")
+    bad, other = wrong.MALFORMED_OSC["no performer"], wrong.FOREIGN_OSC["/"]
+    received = osc.decode(bundle(names, bad, good, other, wrong.MALFORMED_OSC["nothing"], good), 9.0)
+    assert [type(event) for event in received.events] == [Announcement, Frame, Frame]
+    assert (received.malformed, received.foreign) == (2, 1)
+
+
+@pytest.mark.parametrize("packet", wrong.BROKEN_OSC, ids=range(len(wrong.BROKEN_OSC)))
+def test_broken_osc_packets_raise_packet_error(packet: bytes) -> None:
+    """Packets cut short, misshapen, of unknown types or unbalanced arrays raise PacketError."""
+    with pytest.raises(PacketError):
+        decode_packet(packet)
+
+
+def test_cut_off_anywhere_a_packet_never_becomes_a_smaller_one() -> None:
+    """A frame cut at any byte is malformed; of a bundle only whole messages are found, where one ends."""
+    whole = wrong.osc_frame([1.0] * 6)
+    for length in range(len(whole)):
+        assert osc.decode(whole[:length], 1.0) == osc.Received([], malformed=1)
+    packet = bundle(whole, bundle(message("/b", "i", 1), whole), message("/c", "s", "ü"))
+    expected = decode_packet(packet)
+    found = []
+    for length in range(len(packet)):
+        try:
+            found.append(decode_packet(packet[:length]))
+        except PacketError:
+            continue
+    assert found == [[], expected[:1], expected[:3]]
+
+
+def test_bundles_messages_and_values_have_limits() -> None:
+    """At the limits a packet is read; beyond them it is an error and does not exhaust the stack."""
+    packet = message("/deep")
+    for depth in range(3000):
+        packet = bundle(packet)
+        if depth == MAX_BUNDLE_DEPTH:
+            assert decode_packet(packet) == [Message("/deep", [])]
+        elif depth in (MAX_BUNDLE_DEPTH + 1, 2999):
+            with pytest.raises(PacketError, match=f"deeper than {MAX_BUNDLE_DEPTH}"):
+                decode_packet(packet)
+    assert len(decode_packet(bundle(*[b"/a\0\0"] * MAX_MESSAGES))) == MAX_MESSAGES
+    (many,) = decode_packet(b"/a\0\0," + b"T" * MAX_VALUES + bytes(4 - (MAX_VALUES + 1) % 4))
+    assert len(many.arguments) == MAX_VALUES
+    (nested,) = decode_packet(b"/a\0\0," + b"[" * 500 + b"]" * 500 + b"\0\0\0")
+    assert repr(nested.arguments) == "[" * 501 + "]" * 501
+    with pytest.raises(PacketError, match="never ends"):
+        decode_packet(b"/a\0\0," + b"[" * 999 + b"\0\0\0\0")
+
+
+def test_a_hostile_feed_is_refused_by_its_size() -> None:
+    """A packet of more messages than any product sends is refused before they are read."""
+    decoder: Decoder = FeedDecoder(builtin_preset("osceleton"))
+    assert not decoder.decode(bundle(*[b"/a\0\0"] * 8000), 1.0, None)
+    assert decoder.counts.malformed == 1
+
+
+@pytest.mark.parametrize("parts", [[*wrong.zmq_frame()[:2], b"short"], wrong.zmq_frame(shape=[4096, 3])])
+def test_a_wrong_size_is_told(parts: list[bytes]) -> None:
+    """A buffer of another size than the header's shape and type make is an error that tells both."""
+    with pytest.raises(FormatError, match=r"positions: expected \d+ bytes, got \d+"):
+        zeromq.decode(parts, 1.0)
+
+
+_NAMED = Recognition("Ada", 4.0, Outcome.NAMED, ("bow", "jump"), np.array([0.25, 0.75], np.float32), 0.2)
+_ANSWER = json.loads(zeromq.encode_recognition(_NAMED)[1])
+_LABEL = message("/motion/Ada/label", "s", "x")
+_NO_ANSWERS_BY_OSC = [
+    *(b"", b"no osc", osc.encode_classes(("bow", "jump")), wrong.osc_frame()),
+    message("/motion/Ada/class", "iff", 1, 0.5, 0.5),
+    bundle(message("/motion/Ada/class", "i", 1), _LABEL),
+    bundle(message("/class", "iff", 1, 0.5, 0.5), message("/label", "s", "x")),
+    bundle(message("/motion/Ada/class", "sff", "x", 0.5, 0.5), _LABEL),
+    *(bundle(message("/motion/Ada/class", "fff", number, 0.5, 0.5), _LABEL) for number in (np.inf, np.nan)),
+    bundle(message("/motion/Ada/class", "iff", 1, 0.5, 0.5), message("/motion/Ada/label")),
+]
+_CHANGES = [{"index": None}, {"index": float("inf")}, {"score": "high"}, {"score": []}]
+_NO_ANSWERS_BY_ZMQ = [
+    *([], [b"class/p/"], [b"class/p/", b"{}", b""], [b"status/", json.dumps(_ANSWER).encode()]),
+    *([b"class/p/", text] for text in (b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000)),
+    *([b"class/p/", json.dumps(_ANSWER | changes).encode()] for changes in _CHANGES),
+    [b"class/p/", json.dumps({name: value for name, value in _ANSWER.items() if name != "margin"}).encode()],
+    *(zeromq.encode_classes(("bow",)), wrong.zmq_frame()),
+]
+
+
+def test_other_messages_are_no_answer() -> None:
+    """A listener takes no other message for an answer, and no message at all stops it."""
+    assert [packet for packet in _NO_ANSWERS_BY_OSC if osc.decode_answer(packet)] == []
+    assert [parts for parts in _NO_ANSWERS_BY_ZMQ if zeromq.decode_answer(parts)] == []
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"joints": 3},
+        {"joints": 2, "parents": [0, 2]},
+        {"joints": 2, "names": ["a"]},
+        {"joints": 2, "pairs": [[0, 5]]},
+        {"joints": "2"},
+    ],
+)
+def test_a_body_that_does_not_fit_is_refused(header: dict[str, object]) -> None:
+    """Sizes and indices beyond the body never reach who draws it."""
+    encoded = json.dumps({"v": 1, "t": 0} | header).encode()
+    assert decode_body([b"body/a/", encoded, bytes(24)]) is None
+
+
+# --- any bytes ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_any_bytes_are_a_value_or_the_codecs_error(name: str) -> None:
+    """Golden packets cut, changed, joined and nested, parts missing and swapped: nothing else is raised."""
+    read, refused = read_broken(name, 600, seed=list(READERS).index(name))
+    assert read > 0
+    assert refused > 0
+
+
+@given(packet=st.binary(max_size=200), start=st.sampled_from([b"", b"/motion/frame\0\0\0,sd", b"#bundle\0"]))
+def test_random_bytes_are_counted(packet: bytes, start: bytes) -> None:
+    """Any bytes give events or counts; only a bundle may be empty."""
+    received = osc.decode(start + packet, 1.0)
+    assert len(received.events) + received.malformed + received.foreign >= 1 or (start + packet)[:7] == b"#bundle"
+
+
+@given(places=st.lists(st.tuples(st.integers(0, 99), st.sampled_from([0, 1, 44, 102, 105, 112, 127, 255])), max_size=3))
+def test_a_changed_frame_is_read_alike_both_ways(places: list[tuple[int, int]]) -> None:
+    """With any bytes changed, the quick reader of frames agrees with the thorough one."""
+    packet = bytearray(wrong.osc_frame([float(number) for number in range(12)], "performer"))
+    for place, byte in places:
+        packet[place % len(packet)] = byte
+    alone, bundled = osc.decode(bytes(packet), 1.0), osc.decode(bundle(bytes(packet)), 1.0)
+    assert (alone.malformed, alone.foreign) == (bundled.malformed, bundled.foreign)
+    for one, other in zip(alone.events, bundled.events, strict=True):
+        assert isinstance(one, Frame)
+        assert isinstance(other, Frame)
+        assert (one.performer, one.time) == (other.performer, other.time)
+        assert np.array_equal(one.positions, other.positions, equal_nan=True)
+
+
+def test_beginnings_of_one_length_are_not_mistaken_for_each_other() -> None:
+    """A remembered beginning is not used for another of the same length or size, for any number of performers."""
+    few, many = wrong.osc_frame([1.0] * 6, "a" * 18), wrong.osc_frame([2.0] * 18, "b" * 6)
+    assert few.index(b"\x40\x26") == many.index(b"\x40\x26")
+    for made_up in [None, *range(3000), None]:  # more than are remembered
+        if made_up is not None:
+            (frame,) = osc.decode(wrong.osc_frame([0.5] * 6, str(made_up)), 9.0).events
+            assert isinstance(frame, Frame)
+            assert (frame.performer, frame.positions.shape) == (str(made_up), (2, 3))
+            continue
+        for packet, performer, shape in ((few, "a" * 18, (2, 3)), (many, "b" * 6, (6, 3))) * 2:
+            (frame,) = osc.decode(packet, 9.0).events
+            assert isinstance(frame, Frame)
+            assert (frame.performer, frame.positions.shape) == (performer, shape)
+        # The beginning of many numbers, and as many bytes in all as the packet of few.
+        assert osc.decode(many[: len(few)], 9.0) == osc.Received([], malformed=1)
+        assert osc.decode(few + bytes(len(many) - len(few)), 9.0).malformed == 0
+    assert max(len(remembered.known), len(remembered.places)) <= 1024
+
+
+def test_the_page_lists_every_key_of_one_part() -> None:
+    """The table of the messages has the map's keys, and says which may be absent."""
+    page = (ROOT / ".github/docs/messages.md").read_text(encoding="utf-8")
+    table = page.partition("The map's keys:")[2].partition("\n#")[0]
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", table, re.MULTILINE)
+    assert {key for key, _ in rows} == set(single_part.Packed.__struct_fields__)
+    good = msgpack.unpackb(wrong.msgpack_frame()[0])
+    needed = {key: good[key] for key, kind in rows if "absent" not in kind}
+    assert single_part.decode(msgpack.packb(needed), 77.0).frame.time == 77.0
+    for key in needed:
+        with pytest.raises(FormatError, match=key):
+            single_part.decode(msgpack.packb({name: value for name, value in needed.items() if name != key}), 0.0)

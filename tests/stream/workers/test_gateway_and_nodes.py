@@ -1,0 +1,526 @@
+"""Gateways and workers on one bus, in the test's own process: what comes back, and who is not believed."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from contextlib import ExitStack
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from synthetic import STICK_CLASSES, stick_clip
+
+from kinespace.library.windows.index import opened
+from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.recognition import EventKind, Recognition
+from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.workers import bus
+from kinespace.stream.workers import gateway as gateway_module
+from kinespace.stream.workers import node as node_module
+from kinespace.stream.workers import terms as agreed
+from kinespace.stream.workers.bus import open_session, unreached
+from kinespace.stream.workers.gateway import Gateway
+from kinespace.stream.workers.node import Node
+from kinespace.stream.workers.terms import key
+from kinespace.stream.workers.wire import ASK, FRAMES, Answers, decode_frames, encode, sent_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from kinespace.library.motion_library import MotionLibrary
+
+pytest.importorskip("zenoh")
+NAMES = ("ann", "bob", "cleo")
+RATE = 60
+PATIENCE = 15.0
+
+
+def free_port() -> int:
+    """Give a TCP port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+class Bus:
+    """Gateways and workers that take their turns in this thread."""
+
+    def __init__(self, library: MotionLibrary, opened: ExitStack) -> None:
+        self.library, self._opened = library, opened
+        self.place = f"tcp/127.0.0.1:{free_port()}"
+        self.gateways: list[Gateway] = []
+        self.nodes: list[Node] = []
+        self.shown: list[str] = []
+        self.heard: dict[str, list[Recognition]] = {}
+        self._listens = False
+
+    def session(self) -> Any:  # noqa: ANN401 - Zenoh's
+        """Open a session: the others connect to the first one, which tells them of each other."""
+        first, self._listens = not self._listens, True
+        return open_session([self.place if first else "tcp/127.0.0.1:0"], [] if first else [self.place], None)
+
+    def gateway(self, library: MotionLibrary | None = None) -> Gateway:
+        """Add a gateway."""
+        known, joints = library or self.library, SentJoints()
+        made = Gateway(self.session(), known, Settings(), most=32, joints=joints, naming="auto", show=self.shown.append)
+        self.gateways.append(made)
+        self._opened.callback(made.close)
+        return made
+
+    def node(self, library: MotionLibrary | None = None) -> Node:
+        """Add a worker."""
+        made = Node(self.session(), library, self.shown.append)
+        self.nodes.append(made)
+        self._opened.callback(made.close)
+        return made
+
+    def leave(self, node: Node) -> None:
+        """Let a worker leave, as Ctrl-C does, or as its death does."""
+        self.nodes.remove(node)
+        node.session.close()
+
+    def turn(self) -> None:
+        """Let everybody work once."""
+        for node in self.nodes:
+            node.step(0.0)
+        now = time.monotonic()
+        for gateway in self.gateways:
+            gateway.source.tend(now)
+            while (taken := gateway.source.take(now)) is not None:
+                heard = self.heard.setdefault(gateway.name, [])
+                heard += [each for each in gateway.push_all(taken, now) if each]
+
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Let everybody work until something is reached."""
+        end = time.monotonic() + PATIENCE
+        while not reached():
+            assert time.monotonic() < end, (
+                self.shown,
+                [each.notes for each in self.gateways],
+                [each.counts for each in self.nodes],
+            )
+            self.turn()
+            time.sleep(0.001)
+
+    def answers(self, gateway: Gateway) -> list[Recognition]:
+        """Give the answers of a gateway so far."""
+        return self.heard.setdefault(gateway.name, [])
+
+    def has_workers(self, gateway: Gateway, count: int) -> bool:
+        """Say whether a gateway has so many workers."""
+        return gateway.notes[0] == f"workers of gateway {gateway.name}: {count}"
+
+
+@pytest.fixture
+def on(sticks: MotionLibrary) -> Iterator[Bus]:
+    """Give an empty bus."""
+    opened(sticks)
+    with ExitStack() as stack:
+        yield Bus(sticks, stack)
+
+
+@pytest.fixture(scope="module")
+def feed() -> list[list[Frame]]:
+    """Give each moment's frames: each performer plays all classes, each from another one on."""
+    clips = [stick_clip(name, seed=80, frames=5 * RATE).positions[::2] for name in STICK_CLASSES]
+    played = [np.concatenate(clips[place:] + clips[:place]) for place in range(len(NAMES))]
+    return [
+        [Frame(name, 1 + k / RATE, own[k]) for name, own in zip(NAMES, played, strict=True)]
+        for k in range(len(played[0]))
+    ]
+
+
+def described(recognitions: Sequence[Recognition]) -> dict[tuple[str, float], tuple[object, ...]]:
+    """Describe answers by performer and time."""
+    return {(each.performer, each.time): (each.label, *each.scores.tolist(), each.events) for each in recognitions}
+
+
+def events(recognitions: Sequence[Recognition]) -> dict[str, list[tuple[str, str]]]:
+    """List each performer's events in order: what happened, and to which class."""
+    told: dict[str, list[tuple[str, str]]] = {}
+    for each in recognitions:
+        told.setdefault(each.performer, []).extend((str(event.kind), event.label) for event in each.events)
+    return told
+
+
+def test_a_busy_loop_deals_in_pieces_and_in_order() -> None:
+    """Messages are dealt with in the order in which they came, one at least, further ones while there is time."""
+    inbox, done = bus.Inbox(), list[object]()
+    for message in range(3):
+        inbox.put(done.append, message)
+    inbox.deal(-1.0)
+    assert (done, inbox.is_empty) == ([0], False)
+    inbox.deal()
+    assert (done, inbox.is_empty) == ([0, 1, 2], True)
+    inbox.close()
+
+
+def test_answers_equal_one_processs(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """Two workers give the answers of one process, each once, bit by bit, also with a sensitivity that is changed."""
+    performers, gateway = Performers(opened(on.library)), on.gateway()
+    first, second = on.node(), on.node(on.library)
+    on.until(lambda: on.has_workers(gateway, 2))
+    expected, carried = list[Recognition](), list[Carried | None]()
+    for k, frames in enumerate(feed[:150]):
+        if k == 100:
+            assert gateway.sensitivity == performers.sensitivity
+            gateway.set_sensitivity(0.0)
+            performers.set_sensitivity(0.0)
+        expected += [each for each in performers.push_all(frames, frames[0].time) if each]
+        carried.append(performers.carried("ann"))
+        asked = gateway.carried("ann")
+        gateway.push_all(frames, time.monotonic())
+        due = len(expected)
+        on.until(lambda due=due: len(on.answers(gateway)) == due)
+        assert asked is None or asked in carried
+    assert described(on.answers(gateway)) == described(expected)
+    assert asked is not None
+    assert gateway.skeleton_of("ann") == performers.skeleton_of("ann")
+    assert gateway.skeleton_of("nobody") is gateway.carried("nobody") is None
+    on.until(lambda: gateway.counts.recognizers.frames == 150 * len(NAMES))
+    assert first.counts == second.counts == dict.fromkeys(first.counts, 0)
+    # A gateway that was itself stopped for a while takes no worker for gone.
+    gateway.tend(time.monotonic() + 10 * gateway_module.MAX_SILENT)
+    assert on.has_workers(gateway, 2)
+
+
+@pytest.mark.slow
+def test_another_library_reaches_every_worker(
+    on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After an exchange all answers have the new classes, also of a worker that comes later; lost motions end."""
+    monkeypatch.setattr(node_module, "_MAX_AGE", 60.0)
+    gateway, moments = on.gateway(), iter(feed)
+    on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+
+    def turn() -> list[Recognition]:
+        before = len(on.answers(gateway))
+        gateway.push_all(next(moments), time.monotonic())
+        on.turn()
+        return on.answers(gateway)[before:]
+
+    while not (started := [event for each in on.answers(gateway) for event in each.events]):
+        turn()
+        time.sleep(0.001)
+    gone, order = started[0].label, tuple(sorted({*STICK_CLASSES} - {started[0].label}, reverse=True))
+    ended = gateway.exchange(opened(on.library.without(classes=[gone])), order)
+    assert {(event.kind, event.label) for event in ended} == {(EventKind.END, gone)}
+    assert gateway.classes == order
+    on.node()
+    on.until(lambda: on.has_workers(gateway, 2))
+    on.until(lambda: {each.classes for each in turn()} == {order})
+
+
+@pytest.mark.slow
+def test_workers_come_and_go_without_a_lost_event(
+    on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker fetches the library, a second one joins, the first one dies: the events are those of one process."""
+    # On a busy machine frames may wait for longer than a worker takes them.
+    monkeypatch.setattr("kinespace.stream.workers.node._MAX_AGE", 60.0)
+    performers = Performers(opened(on.library))
+    expected = [each for frames in feed for each in performers.push_all(frames, frames[0].time) if each]
+    gateway = on.gateway()
+    first = on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    due = {(each.performer, each.time) for each in expected}
+    for k, frames in enumerate(feed):
+        gateway.push_all(frames, time.monotonic())
+        on.turn()
+        if k == len(feed) // 3:
+            on.node(on.library)
+            on.until(lambda: on.has_workers(gateway, 2))
+        if k == 2 * len(feed) // 3:
+            on.until(lambda k=k: len(on.heard[gateway.name]) >= sum(time <= 1 + k / RATE for _, time in due) - 9)
+            on.leave(first)
+            on.until(lambda: on.has_workers(gateway, 1))
+    last = {name: max(time for performer, time in due if performer == name) for name in NAMES}
+    heard = on.heard[gateway.name]
+    on.until(lambda: last.items() <= {each.performer: each.time for each in heard}.items())
+    assert events(heard) == events(expected)
+    # Hops begin anew with the first frame that a worker sees, so that one may fall on the frame beside it.
+    assert abs(len(heard) - len(expected)) <= 3 * len(NAMES)
+    assert on.shown[0].startswith(f"working for gateway {gateway.name}, library ")
+    told = [line for line in on.shown if line.startswith("worker ")]
+    one, other = first.name, on.nodes[0].name
+    assert told == [
+        f"worker {one} works; workers: 1",
+        f"worker {other} works; workers: 2",
+        f"worker {one} is gone; workers: 1",
+    ]
+    assert "workers lost so far: 1; last: worker" in " ".join(gateway.notes)
+
+
+def test_another_version_or_library_or_map_is_refused(
+    on: Bus, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Workers of another version, library or number of partitions say so in a line each, and are no members."""
+    gateway = on.gateway()
+    on.node(sticks.without(classes=[sticks.classes[0]]))
+    on.until(lambda: len(on.shown) == 1)
+    for name, other in (("own_version", lambda: "99.0"), ("PARTITIONS", 32)):
+        with monkeypatch.context() as changed:
+            changed.setattr(agreed, name, other)
+            node = on.node()
+            on.until(lambda node=node: node.counts["refused"] == 1)
+    why = [line.removeprefix(f"not working for gateway {gateway.name}: the gateway has ") for line in on.shown]
+    assert [line.partition(" ")[0] for line in why] == ["library", "version", "partitions"]
+    assert on.has_workers(gateway, 0)
+
+
+@pytest.mark.slow
+def test_a_question_that_is_lost_is_asked_again(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker whose first questions for charter and library nobody answers works all the same."""
+    monkeypatch.setattr(node_module, "_ASK_AGAIN", 0.0)
+    monkeypatch.setattr(node_module, "_FETCH_AGAIN", 0.0)
+    reply, lost = Gateway._reply, set[str]()  # noqa: SLF001 - what is lost is lost before it
+
+    def lose_the_first(query: Any, payload: bytes) -> None:  # noqa: ANN401 - Zenoh's
+        if str(query.key_expr) in lost:
+            reply(query, payload)
+        lost.add(str(query.key_expr))
+
+    monkeypatch.setattr(Gateway, "_reply", staticmethod(lose_the_first))
+    gateway = on.gateway()
+    on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    assert len(lost) == 2
+
+
+def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:
+    """A file whose digest is not the one of the charter is not opened."""
+    gateway = on.gateway()
+    gateway._packed = b"something else"  # noqa: SLF001 - as a broken gateway would send it
+    node = on.node()
+    on.until(lambda: node.counts["refused"] == 1)
+    assert "the library that came is not" in on.shown[0]
+
+
+def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """The first gateway's performer is answered, the second one's frames are counted and answered by nobody."""
+    one, two = on.gateway(), on.gateway()
+    node = on.node()
+    on.until(lambda: on.has_workers(one, 1) and on.has_workers(two, 1))
+    for frames in feed[:30]:
+        one.push_all(frames[:1], time.monotonic())
+        on.turn()
+    on.until(lambda: len(on.heard.get(one.name, [])) > 5)
+    for frames in feed[30:60]:
+        two.push_all(frames[:1], time.monotonic())
+        on.turn()
+    on.until(lambda: node.counts["conflicts"] == 30)
+    assert two.name not in on.heard or not on.heard[two.name]
+    assert f"two gateways have performer ann: {one.name}, {two.name}; only the first gets answers" in on.shown
+
+
+def test_a_stranger_on_the_keys_is_not_believed(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """Frames, answers and orders of somebody else, and orders of no kind, are counted; nobody is answered by them."""
+    gateway, node = on.gateway(), on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    stranger = on.session()
+    frames = encode([sent_frame(feed[0][0], 1, 0.0, begins=True)])
+
+    def believed_nowhere() -> bool:
+        stranger.put(key(gateway.name, "to", node.name), FRAMES + frames)
+        return node.counts["strangers"] > 0
+
+    try:
+        # It takes a moment until both know of each other.
+        on.until(believed_nowhere)
+        stranger.put(key(gateway.name, "back", "me"), encode(Answers(1, [])))
+        stranger.put(key(gateway.name, "back", node.name), b"\xc1")
+        stranger.put(key(gateway.name, "back", node.name), encode(Answers(77, [])))
+        gateway._send(node.name, b"?")  # noqa: SLF001 - as another version would
+        on.until(lambda: node.counts["unread"] == 1)
+        on.until(lambda: (gateway.strangers, gateway.unread) == (1, 1))
+        # It was told to begin anew, and has done so.
+        on.until(lambda: on.has_workers(gateway, 1) and "began again" in " ".join(gateway.notes))
+    finally:
+        stranger.close()
+    assert not on.heard.get(gateway.name)
+    assert f"another program publishes on the keys of gateway {gateway.name}; its messages are ignored" in on.shown
+
+
+def test_a_gateway_that_is_gone_is_left(on: Bus) -> None:
+    """When a gateway closes, its workers say so and wait for others."""
+    on.gateway()
+    gateway, node = on.gateway(), on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    on.gateways.remove(gateway)
+    gateway._session.close()  # noqa: SLF001 - as its end closes it
+    on.until(lambda: f"gateway {gateway.name} is gone" in on.shown)
+    assert node.counts["refused"] == 0
+
+
+@pytest.mark.slow
+def test_a_worker_that_says_nothing_is_left_out_and_comes_back(
+    on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker whose reports stop is no member, and no message waits for it; when it goes on it begins anew."""
+    gateway = on.gateway()
+    node = on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    on.nodes.clear()
+    with monkeypatch.context() as watched:
+        # A message on a way that is cut would stop the gateway's loop.
+        watched.setattr(Gateway, "_put", lambda *_: pytest.fail("a message to a worker that does not report"))
+        on.until(lambda: on.has_workers(gateway, 0))
+    assert f"worker {node.name} does not report" in " ".join(gateway.notes)
+    on.nodes.append(node)
+    on.until(lambda: on.has_workers(gateway, 1))
+    for frames in feed[:60]:
+        gateway.push_all(frames, time.monotonic())
+        on.turn()
+    on.until(lambda: {each.performer for each in on.heard.get(gateway.name, [])} == set(NAMES))
+
+
+def test_answers_are_published_for_anybody(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """The sink's JSON is that of ZeroMQ, on a key of the performer's own."""
+    gateway = on.gateway()
+    on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    listening, heard = on.session(), []
+    subscriber = listening.declare_subscriber(
+        "kin/*/answer/**", lambda sample: heard.append((str(sample.key_expr), json.loads(bytes(sample.payload))))
+    )
+    sink = gateway.sink()
+    performers = Performers(opened(on.library))
+    answers = [each for frames in feed[:60] if (each := performers.push_all(frames, 1.0)[0])]
+    end = time.monotonic() + PATIENCE
+    while not heard and time.monotonic() < end:
+        sink.publish(answers[-1])
+        time.sleep(0.01)
+    assert heard[0][0] == key(gateway.name, "answer", "ann", "class")
+    assert heard[0][1]["performer"] == "ann"
+    subscriber.undeclare()
+    listening.close()
+
+
+def test_frames_of_a_moment_travel_together(
+    on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first frames go at once, the next ones together, after a while or before an order; lost ones are counted."""
+    monkeypatch.setattr(gateway_module, "_MIN_APART", 1000.0)
+    monkeypatch.setattr(gateway_module, "_SPARSE", 1000.0)
+    gateway, node = on.gateway(), on.node()
+    on.until(lambda: on.has_workers(gateway, 1))
+    sent = list[tuple[int, int]]()
+    put = Gateway._put  # noqa: SLF001 - it sends all
+
+    def note(self: Gateway, worker: str, message: bytes, number: int) -> None:
+        sent.append((number, len(decode_frames(message[1:])) if number else 0))
+        if number != 2:
+            put(self, worker, message, number)
+
+    monkeypatch.setattr(Gateway, "_put", note)
+    source = gateway.source
+    for moment in range(4):
+        gateway.push_all(feed[moment], 0.0)
+    assert (sent, source.tended_within) == ([(1, 3)], pytest.approx(1000.0, abs=10.0))
+    gateway._send(node.name, ASK + encode(5))  # noqa: SLF001 - any order
+    assert (sent[1:], source.tended_within) == ([(2, 9), (0, 0)], TENDING)
+    gateway.push_all(feed[4], 0.0)
+    gateway.tend(time.monotonic() + 2000.0)
+    assert sent[3:] == [(3, 3)]
+    on.until(lambda: node.counts["dropped"] == 1)
+
+
+def test_frames_wait_for_others_only_where_many_come() -> None:
+    """Frames that come seldom are due at once, after a pause too; among many they wait for two milliseconds."""
+    frame = [sent_frame(Frame("ann", 1.0, np.ones((3, 3))), 1, 0.0, begins=True)]
+
+    def waiting(apart: float, seconds: float) -> float:
+        member, due = gateway_module._Member(1, None, 0.0), list[bool]()  # noqa: SLF001 - its rule
+        for k in range(round(seconds / apart)):
+            due.append(member.take(frame, 5.0 + k * apart))
+            if due[-1]:
+                member.held, member.sent_at = [], 5.0 + k * apart
+        return due[-100:].count(False) / 100
+
+    assert waiting(0.0014, 1.0) == 0.0
+    assert waiting(0.0003, 1.0) == pytest.approx(6 / 7, abs=0.02)
+    assert waiting(0.0001, 1.0) == pytest.approx(19 / 20, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_worker_leaves_in_good_order(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """While it leaves it answers until the other worker does: no answer is missing. The last one is let go, too."""
+    performers, frames = Performers(opened(on.library)), feed[:90]
+    expected = {(each.performer, each.time) for now in frames for each in performers.push_all(now, now[0].time) if each}
+    gateway, first, _ = on.gateway(), on.node(), on.node()
+    on.until(lambda: on.has_workers(gateway, 2))
+    for k, now in enumerate(frames):
+        gateway.push_all(now, time.monotonic())
+        on.turn()
+        if k == 60:
+            first.leave()
+            assert not first.has_left
+    on.until(lambda: first.has_left)
+    on.leave(first)
+    heard = on.heard[gateway.name]
+    on.until(lambda: {(each.performer, each.time) for each in heard} >= expected)
+    assert len(heard) == len(expected)
+    on.until(lambda: len(gateway._members) == 1)  # noqa: SLF001 - its token has vanished
+    assert "lost" not in " ".join(gateway.notes)
+    assert f"worker {first.name} leaves; workers: 1" in on.shown
+    on.nodes[0].leave()
+    on.until(lambda: on.nodes[0].has_left)
+
+
+def test_an_address_that_cannot_be_had_is_reported_in_one_line(tmp_path: Any) -> None:  # noqa: ANN401
+    """A port that is taken and a broken configuration are errors of one line each."""
+    place = f"tcp/127.0.0.1:{free_port()}"
+    session = open_session([place], [], None)
+    with pytest.raises(ConnectionError, match=f"Zenoh: {place}: ") as taken:
+        open_session([place], [], None)
+    assert "\n" not in str(taken.value)
+    session.close()
+    broken = tmp_path / "zenoh.json5"
+    broken.write_text("{ nonsense", encoding="utf-8")
+    with pytest.raises(ValueError, match="not a configuration of Zenoh"):
+        open_session([], [], broken)
+    with pytest.raises(ValueError, match="nonsense: expected endpoints like tcp/"):
+        open_session(["nonsense"], [], None)
+
+
+def test_who_is_not_reached_is_said(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A router that is not there is named as long as it is not, by gateway and worker; the gateway works without it."""
+    monkeypatch.setattr(node_module, "_MAX_ALONE", 0.0)
+    far = f"tcp/127.0.0.1:{free_port()}"
+    alone = Node(open_session([], [far], None), None, on.shown.append, connect=[far])
+    alone.step(0.0)
+    assert on.shown[0].startswith(f"no gateway is seen yet; not reached: {far}. Does one run")
+    session = open_session([], [far], None)
+    gateway = Gateway(session, on.library, Settings(), most=32, joints=SentJoints(), naming="auto", connect=[far])
+    assert f"not reached: {far}" in gateway.notes
+    router = open_session([far], [], None)
+    on.until(lambda: f"not reached: {far}" not in gateway.notes)
+    for each in (alone, gateway, router):
+        each.close()
+
+
+@pytest.mark.parametrize(
+    ("place", "reached"),
+    [
+        ("tcp/10.0.0.1:7447", True),
+        ("tls/10.0.0.1:1#iface=eth0", True),
+        ("tcp/10.0.0.2:7447", False),
+        ("tls/[fe80::1]:7447", True),
+        ("tcp/[fe80::2]:7447", False),
+        ("tcp/studio.local:7447", True),
+    ],
+)
+def test_a_host_is_reached_by_any_link_to_it(place: str, *, reached: bool) -> None:
+    """Either end may have begun the link; a host with a name may be any that is linked."""
+    links = [SimpleNamespace(dst="tcp/10.0.0.1:50123"), SimpleNamespace(dst="tls/[fe80::1]:7447")]
+    session = SimpleNamespace(info=SimpleNamespace(links=lambda: links))
+    assert unreached(session, [place]) == ([] if reached else [place])
+    session.info.links = list
+    assert unreached(session, [place]) == [place]

@@ -1,0 +1,198 @@
+"""Spreading performers over workers that come and go, without processes: who is sent which frames."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.recognizer import SentJoints, Settings
+from kinespace.stream.workers.partition import partition_of
+from kinespace.stream.workers.router import Router
+from kinespace.stream.workers.wire import (
+    ASK,
+    FRAMES,
+    TAKE_OVER,
+    Answers,
+    decode_entries,
+    decode_frames,
+    decode_number,
+)
+
+if TYPE_CHECKING:
+    from kinespace.library.motion_library import MotionLibrary
+    from kinespace.stream.workers.wire import SentFrame
+
+#: The newest frame of a worker that knows of a performer, and waits for the last seconds.
+_TAKEN_OVER = -1
+NAMES = tuple(f"performer {number}" for number in range(40))
+
+
+class Noted(Router):
+    """Notes which frames reach each worker, and how many at once."""
+
+    def __init__(self, library: MotionLibrary) -> None:
+        super().__init__(library, Settings(), most=len(NAMES), silence=5.0, joints=SentJoints())
+        self.joints = len(library.skeleton.joints)
+        self.workers: list[str] = []
+        self.leaving: list[str] = []
+        self.asked: dict[str, list[int]] = {}
+        #: The numbers of each performer's frames, and of the last one that each worker got.
+        self.sent: dict[str, list[int]] = {name: [] for name in NAMES}
+        self.newest: dict[tuple[str, str], int] = {}
+        self.answered = dict.fromkeys(NAMES, 0)
+        self.most_at_once = 0
+        self.now = 1.0
+
+    def _send_frames(self, worker: str, frames: list[SentFrame]) -> None:
+        for each in frames:
+            self._take(worker, each.performer, each.seq or 0)
+
+    def _number(self, frame: Frame, arrival: float, frames: dict[int, list[SentFrame]]) -> None:
+        super()._number(frame, arrival, frames)
+        if frame.performer in self.sent:
+            self.sent[frame.performer].append(frames[partition_of(frame.performer)][-1].seq or 0)
+
+    def _take(self, worker: str, name: str, number: int) -> None:
+        """Check that a worker gets a performer's frames without a hole, and answer this one."""
+        place = bisect_left(self.sent[name], number)
+        # The first of the last frames may be any.
+        if (before := self.newest.get((worker, name), 0)) != _TAKEN_OVER:
+            assert before == (self.sent[name][place - 1] if place else 0)
+        self.newest[worker, name] = number
+        self.answered[name] = max(self.answered[name], number)
+
+    def _send(self, worker: str, message: bytes) -> None:
+        kind, content = message[: len(FRAMES)], message[len(FRAMES) :]
+        if kind == TAKE_OVER:
+            for entry in decode_entries(content):
+                self.newest[worker, entry.performer] = _TAKEN_OVER
+        elif kind == FRAMES:
+            frames = decode_frames(content)
+            self.most_at_once = max(self.most_at_once, len(frames))
+            for each, _ in frames:
+                self._take(worker, each.performer, each.seq or 0)
+        elif kind == ASK:
+            self.asked.setdefault(worker, []).append(decode_number(content))
+
+    @property
+    def alive(self) -> list[str]:
+        """The workers that have not gone."""
+        return [*self.workers, *self.leaving]
+
+    def join(self, worker: str) -> None:
+        """Let a worker come."""
+        self.workers.append(worker)
+        self._assign(self.workers, self.alive)
+
+    def leave(self, worker: str) -> None:
+        """Let a worker ask for leave."""
+        self.workers.remove(worker)
+        self.leaving.append(worker)
+        self._assign(self.workers, self.alive)
+
+    def lose(self, worker: str) -> None:
+        """Let a worker go without a word, perhaps one that has asked for leave."""
+        (self.workers if worker in self.workers else self.leaving).remove(worker)
+        self.asked.pop(worker, None)
+        self._remove(worker, self.workers, self.alive)
+
+    def deal(self, worker: str) -> None:
+        """Let a worker answer the questions so far."""
+        if asked := self.asked.pop(worker, []):
+            self.accept(worker, Answers(0, [], last=max(asked)))
+
+    def catch_up(self) -> None:
+        """Let all workers deal with everything."""
+        while self.asked:
+            for worker in [*self.asked]:
+                self.deal(worker)
+
+    def frames(self) -> list[int]:
+        """Send a frame of each performer; check that somebody answers it; give how many workers get each."""
+        self.now += 1 / 60
+        positions = np.random.default_rng(0).normal(size=(self.joints, 3))
+        before = dict(self.newest)
+        self.push_all([Frame(name, self.now, positions) for name in NAMES], self.now)
+        for name, numbers in self.sent.items() if self.workers else ():
+            move = self._moves.get(partition_of(name))
+            assert numbers[-1] == self.answered[name] or (move and move.is_last)
+        changed = [name for (worker, name), number in self.newest.items() if before.get((worker, name)) != number]
+        return [changed.count(name) for name in NAMES]
+
+
+def test_performers_move_in_pieces_if_their_former_worker_answers(sticks: MotionLibrary) -> None:
+    """A worker's other performers wait for a piece of the last seconds only; after a death all come at once."""
+    router = Noted(sticks)
+    router.join("ann")
+    for _ in range(100):
+        router.frames()
+    router.join("ben")
+    router.catch_up()
+    assert 0 < router.most_at_once <= 16
+    assert set(router.frames()) == {1}
+    router.leave("ann")
+    router.catch_up()
+    assert router.most_at_once <= 16
+    assert {worker for worker, _ in router.newest} == {"ann", "ben"}
+    router.join("cat")
+    router.catch_up()
+    router.lose("ben")
+    assert router.most_at_once > 16
+    assert set(router.frames()) == {1}
+
+
+def test_a_worker_catches_up_with_a_feed_that_is_faster_than_pieces(sticks: MotionLibrary) -> None:
+    """Pieces grow where more frames come between two pieces than a piece has."""
+    router = Noted(sticks)
+    router.join("ann")
+    for _ in range(150):
+        router.frames()
+    router.join("ben")
+    for _ in range(300):
+        for _ in range(30):
+            router.frames()
+        if not router.asked:
+            break
+        for worker in [*router.asked]:
+            router.deal(worker)
+    assert not router.asked
+    assert set(router.frames()) == {1}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_frame_is_answered_and_no_worker_misses_one(sticks: MotionLibrary, seed: int) -> None:
+    """Workers come, ask for leave, go and catch up in any order."""
+    chance, router = np.random.default_rng(seed), Noted(sticks)
+    router.join("worker 0")
+    for number in range(1, 80):
+        what = str(chance.choice(["join", "leave", "lose", "end", "deal", "deal", "deal", "deal"]))
+        if what == "join" and len(router.workers) < 6:
+            router.join(f"worker {number}")
+        elif what in {"leave", "lose"} and len(router.workers) > 1:
+            getattr(router, what)(str(chance.choice(router.workers)))
+        elif what == "end" and router.leaving:
+            router.lose(router.leaving[0])
+        elif what == "deal":
+            router.deal(str(chance.choice(router.alive)))
+        for _ in range(chance.integers(8)):
+            router.frames()
+    router.catch_up()
+    assert set(router.frames()) == {1}
+
+
+def test_a_further_performer_has_no_room_and_joints_are_put_in_order(sticks: MotionLibrary) -> None:
+    """Its frames are counted; announced joints in another order are put in the library's."""
+    router = Noted(sticks)
+    router.frames()
+    positions = np.arange(3.0 * router.joints).reshape(-1, 3)
+    assert router.push_all([Frame("one more", 1.0, positions)], 1.0) == [None]
+    assert (router.names, router.counts.no_room, router.unsent) == (NAMES, 1, len(NAMES))
+    router.push_all([Announcement(NAMES[0], sticks.skeleton.joints[::-1])], 1.0)
+    turned = router.ordered(Frame(NAMES[0], 9.0, positions[::-1]))
+    assert turned
+    assert np.array_equal(turned.positions, positions)
+    assert router.ordered(Frame(NAMES[0], 9.0, positions[1:])) is None

@@ -1,0 +1,130 @@
+"""A service among fakes: a clock that a test turns, sources of what it puts in, sinks that keep what they get."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections import deque
+from typing import TYPE_CHECKING
+
+from kinespace.stream.outputs import Sink
+from kinespace.stream.recognition import Event, Recognition
+from kinespace.stream.service.loop import Service
+from kinespace.stream.status import InputCounts, Status
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.stream.frame import Announcement, Frame
+    from kinespace.stream.recognizer import Performers
+
+
+class FakeClock:
+    """A clock that stands until a test sets it."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        """Tell the time."""
+        return self.now
+
+
+class FakeSource:
+    """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
+
+    tended_within = math.inf
+    has_put_aside = False
+    notes = ()
+    waited = 0.0
+
+    def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
+        self.waiting = deque(packets)
+        self.arrivals: list[float] = []
+        self.counts = InputCounts()
+        self.pollable, self._other_end = socket.socketpair()
+        self._other_end.send(b"!")
+        self.closed = False
+
+    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
+        """Give the next packet's events."""
+        if not self.waiting:
+            return None
+        self.arrivals.append(arrival)
+        self.counts.received += 1
+        return self.waiting.popleft()
+
+    def close(self) -> None:
+        """Note that it was closed."""
+        self.closed = True
+        self.pollable.close()
+        self._other_end.close()
+
+
+class FakeSink(Sink):
+    """Keeps everything it gets, in order."""
+
+    def __init__(self) -> None:
+        self.told: list[Recognition | Event | Status | tuple[str, ...]] = []
+        self.closed = False
+
+    def publish(self, recognition: Recognition) -> None:
+        """Keep a recognition."""
+        self.told.append(recognition)
+
+    def publish_event(self, event: Event) -> None:
+        """Keep an event."""
+        self.told.append(event)
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Keep the classes."""
+        self.told.append(tuple(classes))
+
+    def publish_status(self, status: Status) -> None:
+        """Keep a status."""
+        self.told.append(status)
+
+    def close(self) -> None:
+        """Close nothing, but remember it."""
+        self.closed = True
+
+    @property
+    def recognitions(self) -> list[Recognition]:
+        """The recognitions among them."""
+        return [each for each in self.told if isinstance(each, Recognition)]
+
+    @property
+    def events(self) -> list[Event]:
+        """The events among them."""
+        return [each for each in self.told if isinstance(each, Event)]
+
+    @property
+    def classes(self) -> list[tuple[str, ...]]:
+        """The classes, each time."""
+        return [each for each in self.told if isinstance(each, tuple)]
+
+    @property
+    def statuses(self) -> list[Status]:
+        """The statuses among them."""
+        return [each for each in self.told if isinstance(each, Status)]
+
+
+class Bench:
+    """A service among fakes, with a clock that the test turns; every sink gets the same."""
+
+    def __init__(self, performers: Performers, *sources: FakeSource, sinks: int = 1) -> None:
+        self.clock, self.sinks = FakeClock(), [FakeSink() for _ in range(sinks)]
+        self.sink, self.sources = self.sinks[0], sources
+        self.service = Service(performers, sources, self.sinks, clock=self.clock)
+
+    def step(self, seconds: float = 0.0) -> None:
+        """Let some time pass, then make one step that does not wait."""
+        self.clock.now += seconds
+        self.service.step(0.0)
+
+    def perform(self, frames: Sequence[Frame]) -> None:
+        """Let all frames come in now."""
+        (source,) = self.sources
+        source.waiting.extend([frame] for frame in frames)
+        while source.waiting:
+            self.step()

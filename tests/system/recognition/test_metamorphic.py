@@ -1,0 +1,265 @@
+"""A feed changed in a way that must not matter gets the same answers, bit for bit or but for rounding."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kinespace.library.windows.index import opened
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.tools.feeding.feed import resampled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.motion_library import MotionLibrary
+
+    Feed = list[Frame]
+
+#: Everything holds of the compiled kernels and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
+CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
+
+
+@pytest.fixture(scope="module")
+def clips(some_clips: tuple[Clip, ...]) -> list[Clip]:
+    """Give motions of two known classes and of an unknown one."""
+    return [clip for clip in some_clips if clip.class_name in CLASSES]
+
+
+@pytest.fixture(scope="module")
+def feed(clips: list[Clip]) -> Feed:
+    """Show them one after another at 64 frames a second, whose times have no rounding, with pauses between."""
+    return _shown(clips, 64.0)
+
+
+def _shown(clips: Iterable[Clip], rate: float, begin: float = 2.0, name: str = "ann") -> Feed:
+    frames = list[Frame]()
+    for clip in clips:
+        positions = resampled(clip, rate).positions
+        frames += [Frame(name, begin + place / rate, each) for place, each in enumerate(positions)]
+        begin = frames[-1].time + 0.40625
+    return frames
+
+
+def _settings(signature: LiveSignature, **others: float) -> Settings:
+    return Settings(signature=signature, progress=signature is LiveSignature.WINDOWS, **others)  # type: ignore[arg-type]
+
+
+def _answers(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]:
+    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
+
+
+def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition], *others: str) -> None:
+    """Demand the same answers, bit for bit, but for some fields."""
+    assert len(first) == len(second) > 0
+    for one, other in zip(first, second, strict=True):
+        assert one.scores.tobytes() == other.scores.tobytes()
+        for each in fields(Recognition):
+            if each.name not in {"scores", *others}:
+                assert getattr(one, each.name) == getattr(other, each.name), each.name
+
+
+def _assert_alike(first: Sequence[Recognition], second: Sequence[Recognition], within: float) -> None:
+    """Demand the same words, and numbers that differ by rounding."""
+    assert len(first) == len(second) > 0
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_allclose(one.scores, other.scores, atol=within)
+        assert (one.label, one.guess, one.doubted) == (other.label, other.guess, other.doubted)
+        assert [(each.kind, each.label) for each in one.events] == [(each.kind, each.label) for each in other.events]
+        assert (one.movement, one.share) == pytest.approx((other.movement, other.share), abs=within)
+        if one.progress and other.progress:
+            for name in ("phase", "speed", "amplitude", "sure"):
+                assert getattr(one.progress, name) == pytest.approx(getattr(other.progress, name), abs=20 * within)
+
+
+def _moved(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Feed], Feed]:
+    return lambda feed: [replace(frame, positions=change(frame.positions)) for frame in feed]
+
+
+TURN = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix()
+#: Changes of all frames that change no answer, and how far numbers may differ.
+CHANGES: dict[str, tuple[Callable[[Feed], Feed], float]] = {
+    "turned": (_moved(lambda positions: positions @ TURN.T), 1e-3),
+    "shifted": (_moved(lambda positions: positions + np.array([3.0, -1.0, 20.0])), 1e-3),
+    "a tall body": (_moved(lambda positions: 1.3 * positions), 1e-3),
+    "an hour later": (lambda feed: [replace(frame, time=frame.time + 4096.0) for frame in feed], 1e-3),
+    "in single precision": (_moved(lambda positions: positions.astype(np.float32).astype(np.float64)), 5e-3),
+}
+
+
+@SIGNATURES
+@pytest.mark.parametrize("change", CHANGES)
+def test_changes_that_do_not_matter(
+    small_library: MotionLibrary, feed: Feed, signature: LiveSignature, change: str
+) -> None:
+    """A body's place, heading and size, the clock's zero and rounding change no word."""
+    changed, within = CHANGES[change]
+    first, second = (_answers(Recognizer(small_library, _settings(signature)), each) for each in (feed, changed(feed)))
+    _assert_alike(first, second, within)
+
+
+@SIGNATURES
+def test_a_mirror_image_has_the_same_answers(
+    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
+) -> None:
+    """To the last bit: distances know no left and right."""
+    mirrored = _moved(lambda positions: positions * [-1.0, 1.0, 1.0])(feed)
+    _assert_same(*(_answers(Recognizer(small_library, _settings(signature)), each) for each in (feed, mirrored)))
+
+
+@SIGNATURES
+@pytest.mark.parametrize("rate", [30.0, 120.0, 240.0])
+def test_any_frame_rate_is_answered_alike(
+    small_library: MotionLibrary, clips: list[Clip], signature: LiveSignature, rate: float
+) -> None:
+    """At 30 to 240 frames a second as many answers come, and nearly all name the same."""
+    apart, same = list[float](), list[bool]()
+    for clip in clips:
+        first, second = (
+            _answers(Recognizer(small_library, _settings(signature)), _shown([clip], each)) for each in (60.0, rate)
+        )
+        assert len(second) == pytest.approx(len(first), abs=1)
+        for one in first:
+            other = min(second, key=lambda each: abs(each.time - one.time))
+            assert abs(other.time - one.time) < 1.1 / 30
+            apart.append(float(np.abs(one.scores - other.scores).max()))
+            same.append(one.label == other.label)
+    assert np.mean(same) > 0.85
+    assert np.median(apart) < 0.05
+
+
+@SIGNATURES
+def test_the_hop_does_not_change_what_is_seen(
+    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
+) -> None:
+    """Answered at every frame or twelve times a second, distances at a time are the same."""
+    every, some = (
+        {each.time: each for each in _answers(Recognizer(small_library, _settings(signature, hop=hop)), feed)}
+        for hop in (0.0, 1 / 12)
+    )
+    assert some.keys() < every.keys()
+    for time, answer in some.items():
+        np.testing.assert_allclose(answer.scores, every[time].scores, atol=1e-3)
+        assert answer.movement == pytest.approx(every[time].movement, rel=1e-6)
+
+
+@SIGNATURES
+def test_what_is_asked_twice_is_answered_twice(
+    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
+) -> None:
+    """After a reset, to the last bit; without one after a restart; and frames that come late change nothing."""
+    recognizer = Recognizer(small_library, _settings(signature))
+    first = _answers(recognizer, feed)
+    recognizer.end()
+    recognizer.reset()
+    _assert_same(_answers(recognizer, feed), first)
+    assert (recognizer.counts.restarts, recognizer.counts.hops) == (0, 2 * len(first))
+    recognizer.end()
+    _assert_same(_answers(recognizer, feed), first)
+    assert recognizer.counts.restarts == 1
+    generator, again, answers = np.random.default_rng(2), Recognizer(small_library, _settings(signature)), []
+    for frame in feed:
+        answers += _answers(again, [frame])
+        for _ in range(int(generator.integers(0, 4))):
+            late = frame.time - generator.uniform(0.0, 0.4)
+            assert again.push(Frame("ann", late, generator.normal(size=(31, 3)))) is None
+    _assert_same(answers, first)
+    assert again.counts.out_of_order > len(feed)
+
+
+def test_frames_are_neither_changed_nor_kept(small_library: MotionLibrary, feed: Feed) -> None:
+    """Positions may be overwritten once they are pushed, as in a receiver's one buffer; answers stay."""
+    expected = _answers(Recognizer(small_library), feed)
+    recognizer, buffer, answers, scores = Recognizer(small_library), np.empty((31, 3)), [], []
+    for frame in feed:
+        buffer[:] = frame.positions
+        answers += _answers(recognizer, [replace(frame, positions=buffer)])
+        assert np.array_equal(buffer, frame.positions)
+        scores = [answer.scores.copy() for answer in answers]
+        buffer[:] = 1e6
+    _assert_same(answers, expected)
+    assert all(np.array_equal(answer.scores, before) for answer, before in zip(answers, scores, strict=True))
+
+
+@SIGNATURES
+def test_frames_that_are_only_followed_fill_the_windows(
+    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
+) -> None:
+    """Before the moment nothing is answered; afterwards the windows are those of all frames."""
+    settings, begin = _settings(signature, hop=0.0), feed[40].time
+    expected = [each for each in _answers(Recognizer(small_library, settings), feed) if each.time >= begin]
+    recognizer = Recognizer(small_library, settings)
+    recognizer.only_follow(begin)
+    found = _answers(recognizer, feed)
+    assert [each.time for each in found] == [each.time for each in expected]
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one.scores, other.scores, atol=1e-3)
+
+
+def test_another_recogniser_answers_the_same_frames(small_library: MotionLibrary, feed: Feed) -> None:
+    """One that takes over keeps the time of the one before it, and sees the same in the same windows."""
+    expected = _answers(Recognizer(small_library), feed)
+    recognizer, place = Recognizer(small_library), len(expected) // 2
+    answered = expected[place].time
+    recognizer.only_follow(answered + 0.001)
+    before = [frame for frame in feed if frame.time <= answered + 0.05]
+    assert not [each for each in _answers(recognizer, before) if each.time <= answered]
+    recognizer.keep_time_with(answered)
+    found = _answers(recognizer, feed[len(before) :])
+    times = [each.time for each in expected if each.time > before[-1].time]
+    assert [each.time for each in found] == times
+    np.testing.assert_allclose(found[-1].scores, expected[-1].scores, atol=1e-3)
+
+
+def test_interleaved_performers_get_the_answers_they_get_alone(small_library: MotionLibrary, clips: list[Clip]) -> None:
+    """Frames mixed by chance, joints in other orders, other names, one by one or several at once: bit for bit."""
+    feeds = {f"person {place}": _shown([clip], 60.0) for place, clip in enumerate(clips)}
+    alone = {name: _answers(Recognizer(small_library), feed) for name, feed in feeds.items()}
+    joints, generator = small_library.skeleton.joints, np.random.default_rng(14)
+    orders = {name: generator.permutation(len(joints)) for name in feeds}
+    turns = generator.permutation(np.repeat(list(feeds), [len(feed) for feed in feeds.values()])).tolist()
+    sent = list[Frame | Announcement]()
+    for name, order in orders.items():
+        sent.append(Announcement(name, tuple(joints[place] for place in order)))
+    places = dict.fromkeys(feeds, 0)
+    for name in turns:
+        frame = feeds[name][places[name]]
+        sent.append(replace(frame, performer=name, positions=frame.positions[orders[name]]))
+        places[name] += 1
+    for together in (1, 7):
+        performers, mixed = Performers(small_library), {name: list[Recognition]() for name in feeds}
+        for begin in range(0, len(sent), together):
+            for answer in performers.push_all(sent[begin : begin + together], 0.0):
+                if answer is not None:
+                    mixed[answer.performer].append(answer)
+        for name, answers in mixed.items():
+            _assert_same(answers, alone[name], "performer", "events")
+            events = [[replace(event, performer="ann") for event in answer.events] for answer in answers]
+            assert events == [list(answer.events) for answer in alone[name]]
+
+
+def test_the_order_of_classes_and_motions_changes_no_word(small_library: MotionLibrary, feed: Feed) -> None:
+    """Answers in another order of classes, one of them unknown; and a class taken out of the library is never named."""
+    first = _answers(Recognizer(small_library), feed)
+    order = ("nope", *small_library.classes[::-1])
+    for answer, other in zip(first, _answers(Recognizer(small_library, classes=order), feed), strict=True):
+        assert other.classes == order
+        assert (other.label, other.scores[0], other.eigenvector_class) == (answer.label, 0.0, answer.eigenvector_class)
+        assert np.array_equal(other.scores[1:], answer.scores[::-1])
+        assert [(event.kind, event.label) for event in other.events] == [
+            (event.kind, event.label) for event in answer.events
+        ]
+    index = opened(small_library)
+    gone = [place for place, motion in enumerate(index.library.motions) if motion.class_name != "squat1Reps"]
+    labels = {answer.class_name for answer in _answers(Recognizer(index.of_some(gone)), feed)}
+    assert "squat1Reps" not in labels
+    assert "kickLFront1Reps" in labels

@@ -1,0 +1,96 @@
+"""`kinespace bench sockets` and `scale`, small: what they count. No figure is held against a limit here."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.stream import zeromq
+from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognizer import Settings
+from kinespace.tools.bench import proxy, scale, sockets
+from kinespace.tools.bench.crowd import Feed, Played, core_seconds, performers_a_core
+from kinespace.tools.loopback.answer_listener import Heard
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def test_the_empty_loop_answers_one_packet_in_four_and_greetings() -> None:
+    """Whatever the packets say, the answer is the same."""
+    loop = sockets.EmptyLoop(b"answer", 4)
+    assert [loop.answer(b"packet") for _ in range(8)] == [*[None] * 3, b"answer"] * 2
+    assert loop.answer([b"hello/", b""]) == b"answer"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux is asked")
+def test_time_on_a_core_is_of_the_process_asked_for() -> None:
+    """A busy process's time agrees with its own count; the time of a missing process is unknown."""
+    before, begun = core_seconds(os.getpid()), time.process_time()
+    while time.process_time() < begun + 0.3:
+        pass
+    # The system counts hundredths of a second.
+    assert core_seconds(os.getpid()) - before == pytest.approx(time.process_time() - begun, abs=0.1)
+    assert math.isnan(core_seconds(2**22 + 1))
+    assert performers_a_core(100.0) == pytest.approx(83.3, abs=0.1)
+
+
+@pytest.mark.slow
+def test_answers_are_compared_with_one_process(played: NDArray[np.float32]) -> None:
+    """Lags, the longest gap beyond one process's own, and what is missing or false come from what was heard."""
+    feed = Feed.of(played, 2, 4.0)
+    sent = {(frame.performer, frame.time): frame.time for together in feed.frames for frame in together}
+    one = next(each for each in feed.answers if each.events)
+    told = [(each, each.time + 0.01) for each in feed.answers]
+    packets = [(zeromq.encode_recognition(each), at) for each, at in told]
+    packets += [(zeromq.encode_event(event), at) for each, at in told for event in each.events]
+    heard = [Heard(None, packet, at) for packet, at in sorted(packets, key=lambda each: each[1])]  # type: ignore[arg-type]
+    run = scale.run_of(feed, Played(0.0, sent, heard), 0.0, [20.0, 30.0])
+    np.testing.assert_allclose(run.lags, 0.01)
+    assert run.percentile(50) == pytest.approx(10)
+    assert run.gap == pytest.approx(Settings().hop, abs=1 / 100)
+    assert run[2:] == (0, 0, 0, 30.0, 20.0)
+    silent = [each for each in heard if one.time <= each.arrival < one.time + 1 or each.packet[0] == b"status/"]
+    fewer = [each for each in heard if each not in silent]
+    strange = zeromq.encode_event(Event("p0", EventKind.START, "nobody's", 0, 1.0, 1.0))
+    run = scale.run_of(feed, Played(0.0, sent, [*fewer, Heard(None, strange, 9.0)]), 0.0, [math.nan])  # type: ignore[arg-type]
+    assert run.missing > 25
+    assert run.gap == pytest.approx(1, abs=0.1)
+    assert (run.lost_events >= 1, run.false_events, math.isnan(run.core_us)) == (True, 1, True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["nothing", "kill", "gateway", "cut"])
+def test_answers_come_to_the_end(what: str, played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
+    """From `live`, past a worker that is killed, from a gateway that begins again, and past a cut of the network."""
+    monkeypatch.setattr(proxy, "CUT", 0.5)
+    feed = Feed.of(played, 2, 3.0)
+    if what == "nothing":
+        with scale.Stage("live") as stage:
+            run = stage.play(feed)
+    else:
+        pytest.importorskip("zenoh")
+        run = scale.with_happening(feed, what)
+    assert run.lags.size
+    assert math.isfinite(run.gap)
+
+
+def test_the_figures_of_scale_follow_from_its_runs() -> None:
+    """Every figure has its name; a gateway's own events do not count."""
+    names = ["live", "two workers", *scale.HAPPENINGS]
+    names += ["live, at once", "live --workers 2, at once", "one worker, at once"]
+    runs = {name: scale.Run(np.full(9, 0.001 * k), k / 10, 0, 1, 2, 10.0 * k, 5.0) for k, name in enumerate(names, 1)}
+    figures = scale._figures(runs)  # noqa: SLF001 - the published figures
+    assert set(figures) == set(scale.FIGURES)
+    assert figures["added_p99_ms"] == pytest.approx(1.0)
+    assert (figures["kill_gap_s"], figures["gateway_gap_s"]) == (0.3, 0.8)
+    assert (figures["workers_speedup"], figures["performers_per_core_ratio"]) == pytest.approx((9 / 10, 9 / 11))
+    assert (figures["lost_events"], figures["false_events"]) == (10, 20)
+    drawn = scale._table(runs, 12)  # noqa: SLF001 - as above
+    assert drawn.row_count == len(names)

@@ -1,0 +1,122 @@
+"""Answers counted one by one: noisy motions and faulty takes replayed by hand, and each fault by its name."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import naive_score
+import numpy as np
+import pytest
+from synthetic import stick_clip
+
+from kinespace.library import MotionLibrary
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognizer import Recognizer
+from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation.faults import FAULTS, LEFT_ARM
+from kinespace.tools.evaluation.harness import Feed
+from kinespace.tools.evaluation.scoring.answers import counted, shares
+from kinespace.tools.evaluation.takes import Take
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+B, J, OF = "bow", "jump", Outcome
+#: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.
+ANSWERS = (
+    (0.2, OF.NAMED, J),
+    (0.6, OF.NAMED, B),
+    (0.8, OF.UNKNOWN, B),
+    (1.6, OF.STILL, J),
+    (1.7, OF.IMPLAUSIBLE, J),
+    (1.8, OF.NAMED, B),
+    (2.6, OF.NAMED, B),
+    (2.8, OF.UNKNOWN, J),
+    (3.5, OF.NAMED, B),
+)
+
+
+def _answers() -> list[Recognition]:
+    classes = (B, J)
+    return [Recognition("p", time, each, classes, np.ones(2), 0.1, guess=classes.index(g)) for time, each, g in ANSWERS]
+
+
+def test_answers_counted_by_hand() -> None:
+    """Answers count by what is performed then; those at a segment's beginning, and outside of all, do not count."""
+    take = Take(stick_clip("bow"), (Segment(0, 1, B), Segment(1, 2, J), Segment(2, 3, "juggle")))
+    counts = counted(take, (B, J), _answers(), inside=0.5)
+    expected = {"answers": 5, "right": 1, "guessed": 2, "wrong": 1, "implausible": 1, "unknown": 2, "unknown_named": 1}
+    assert counts == expected | {"takes": 1, "last_right": 0, "last_guessed": 0}
+    silent = counted(take, (B, J), [])
+    found = shares([counts, silent], {"right": ("right", "answers"), "last": ("last_right", "takes")})
+    assert [each.value() for each in found.values()] == [0.2, 0.0]
+    assert shares([silent], {"right": ("right", "answers")})["right"].value() is None
+
+
+@pytest.mark.slow
+def test_noise_equals_a_replay_by_hand(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each motion, at 30 frames a second and with its own noise, is answered by a library without its group."""
+    builtin = MotionLibrary.builtin()
+    names = ("grabHighR", "jogLeftCircle4StepsRstart", "squat1Reps")
+    motions = [
+        each for name in names for each in [each for each in builtin.motions if each.class_name == name][::6][:2]
+    ]
+    few = replace(builtin, motions=tuple(motions))
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: few)
+    assert main(["evaluate", "noise", "--noise", "15", "--groups", "3", "--seed", "4", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    guessed, last = list[list[bool]](), list[bool]()
+    for index, motion in enumerate(motions):
+        recognizer = Recognizer(few.without(motions=motions[index % 3 :: 3]))
+        noise = np.random.default_rng([4, index]).standard_normal(motion.positions[::2].shape)
+        frames = enumerate(motion.positions[::2] + 0.015 * noise)
+        answers = [each for place, body in frames if (each := recognizer.push(Frame("p", place / 30, body)))]
+        guessed.append([each.guess_index >= 0 and each.classes[each.best] == motion.class_name for each in answers])
+        last.append(answers[-1].class_name == motion.class_name)
+    (score,) = told["noise"]
+    assert (told["groups"], score["noise_mm"], score["clips"]) == (3, 15, 6)
+    assert score["answers_guessed"] == pytest.approx(np.concatenate(guessed).mean())
+    assert score["clips_right"] == pytest.approx(np.mean(last))
+    drawn = [
+        sum(count * sum(each) for count, each in zip(counts, guessed, strict=True))
+        / sum(count * len(each) for count, each in zip(counts, guessed, strict=True))
+        for counts in naive_score.drawn_again(6, 2012)
+    ]
+    assert score["intervals"]["answers_guessed"] == pytest.approx(naive_score.middle(drawn))
+
+
+def _played(fault: str) -> tuple[Feed, Feed]:
+    clip = MotionLibrary.builtin().motions[0]
+    feed = Feed.of(clip, clip.skeleton)
+    return feed, FAULTS[fault](feed, np.random.default_rng(0))
+
+
+def test_each_fault_does_what_its_name_says() -> None:
+    """Frozen joints stay, exchanged joints are exchanged, lost joints are NaN; other joints do not change."""
+    feed, frozen = _played("left arm frozen")
+    joints = feed.skeleton.joints
+    arm = [joints.index(name) for name in LEFT_ARM]
+    assert (frozen.positions[:, arm] == feed.positions[0, arm]).all()
+    np.testing.assert_array_equal(*(np.delete(each.positions, arm, axis=1) for each in (frozen, feed)))
+    sides = _played("sides exchanged")[1].positions
+    np.testing.assert_array_equal(sides[:, joints.index("lfoot")], feed.positions[:, joints.index("rfoot")])
+    np.testing.assert_array_equal(sides[:, 0], feed.positions[:, 0])
+    lost = np.isnan(_played("head and hand lost")[1].positions).any(axis=2)
+    assert set(np.flatnonzero(lost.any(axis=0))) == {joints.index("head"), joints.index("rhand")}
+    assert len(_played("half the frames dropped")[1].times) < 0.7 * len(feed.times)
+    assert len(np.unique(_played("two postures, 1/4 s")[1].positions, axis=0)) == 2
+
+
+@pytest.mark.slow
+def test_seconds_of_alarm_are_counted(hdm05_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a take of the library's motions a sound feed is not alarmed; a frozen arm is noticed within a second."""
+    take = str(min((hdm05_folder / "squat1Reps").glob("HDM_bd*")))
+    assert main(["evaluate", "faults", take, "--fault", "none", "left arm frozen", "--json"]) == 0
+    sound, frozen = json.loads(capsys.readouterr().out)["faults"]
+    assert (sound["alarmed"], sound["noticed_s"]) == (0, None)
+    assert frozen["noticed_s"] < 1
+    assert frozen["answers"] == sound["answers"] > 0

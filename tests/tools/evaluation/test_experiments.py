@@ -1,0 +1,145 @@
+"""Every experiment as a person runs it: its keys, its table, and the input that it refuses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from recorded import write_takes
+from takes import write_take
+
+from kinespace.library import MotionLibrary
+from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
+
+PAGE = (Path(__file__).parents[3] / ".github/docs/json.md").read_text(encoding="utf-8")
+ROWS = {line.split("|")[1].strip().strip("`"): line for line in PAGE.splitlines() if line.startswith("| `")}
+#: Short runs; `{takes}` is a folder of takes by three persons, `{clips}` one of clips named as HDM05's. The built-in
+#: library has few motions. What each prints for a person, beside its figures.
+RUNS = {
+    "stream": ("stream {takes} --protocol leave-one-take-out", "known motions: 9 s, 6 segments, persons not known"),
+    "stream by person": ("stream {takes} --protocol one-person --actor-in name", "By person (one-person)"),
+    "stream itself": ("stream --protocol leave-one-person-out", "By person (leave-one-person-out)"),
+    "noise": ("noise {clips} --noise 0 30 --groups 3", "12 motions, 2 persons; left out in 3 groups; 95 % below"),
+    "faults": (
+        "faults {takes} --protocol leave-one-take-out --fault none,half the frames dropped",
+        "10 s, 7 segments, persons not known; last second inside the segment",
+    ),
+    "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
+    "teach beside": ("teach --beside --draws 1 --examples 1 --teachers mm", "1 person, 1 draw each"),
+    "progress": ("progress --every 3", "motions scaled by 0.6, 0.8, 1.25, 1.6"),
+    "retrieval": ("retrieval {clips} --protocol split", "18 s, 2 known persons; 95 %: by motions"),
+    "retrieval by joints": ("retrieval --skeleton vrchat kinectv2", "vrchat, 9 joints"),
+}
+#: What is refused, in one line.
+REFUSED = {
+    "stream": "expected takes with --protocol library, got none",
+    "stream {takes}": "joint",
+    "stream {takes}/ann_01.amc --protocol leave-one-take-out": "expected at least two labelled takes, got 1",
+    "stream {takes} --protocol one-person": "expected a name that tells the actor, as HDM05's have; --actor-in",
+    "stream {takes} --protocol leave-one-take-out --labels {takes}/ann_01.csv": "one for each of 3 takes, got 1",
+    "stream {takes} --protocol leave-one-take-out --map fly=clap": "--map: expected a label of the takes",
+    "stream {takes} --protocol leave-one-take-out --window 1": "--window: expected --signature paper",
+    "stream {clips} --skeleton octopus": "--skeleton: expected one of",
+    "stream {clips} --timeline {clips}/x.doc": "expected a picture's ending",
+    "stream {clips} --page {clips}/no/x.html": "no: No such file or directory",
+    "faults": "expected takes with --protocol library, got none",
+    "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
+    "noise --groups 1": "--groups: expected 2 to 18, the motions there are, got 1",
+    "noise {clips} --groups 13": "--groups: expected 2 to 12, the motions there are, got 13",
+    "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
+    "progress --picture x.doc": "expected a picture's ending",
+    "retrieval --signature spread --space positions": "--signature spread: expected --space distances with it",
+    "retrieval {clips} --library x.npz": "--library: expected no recordings beside it",
+    "retrieval {clips} --picture {clips}/x.doc": "expected a picture's ending",
+    "retrieval {takes}/ann_01.amc --protocol split": "ann_01: expected a name that tells the actor",
+    "retrieval --space rotations": "has no rotations",
+    "retrieval /absent": "no such file or folder",
+}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Write takes of three persons, one with a motion that no other has; and twelve clips."""
+    takes, clips = (tmp_path_factory.mktemp(name) for name in ("takes", "clips"))
+    write_take(takes, 1, [("clap", 1.5), ("hail", 1.5), ("row", 1.5)], person="ann")
+    write_take(takes, 1, [("row", 1.5), ("clap", 1.5)], person="ben")
+    write_take(takes, 1, [("hail", 1.5), ("salute", 1.5)], person="cid")
+    write_takes(clips)
+    return {"takes": takes, "clips": clips}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_built_in() -> Iterator[None]:
+    """Leave of the built-in library two motions of each of three classes by three persons."""
+    builtin, few = MotionLibrary.builtin(), []
+    for name in ("grabHighR", "squat1Reps", "jogLeftCircle4StepsRstart"):
+        for actor in ("bd", "dg", "mm"):
+            few += [each for each in builtin.motions if (each.class_name, each.actor) == (name, actor)][:2]
+    with pytest.MonkeyPatch.context() as patched:
+        library = replace(builtin, motions=tuple(few))
+        patched.setattr(MotionLibrary, "builtin", lambda: library)
+        yield
+
+
+def _arguments(line: str, folders: dict[str, Path]) -> list[str]:
+    """Split a line at blanks; names after `--fault`, which hold blanks, have commas between."""
+    before, option, names = line.partition(" --fault ")
+    return ["evaluate", *before.format(**folders).split(), *([option.strip(), *names.split(",")] if option else [])]
+
+
+def _keys(told: Any) -> set[str]:  # noqa: ANN401 - JSON
+    """Collect the keys of an object and of the objects in it; names of persons, classes and figures are not keys."""
+    if isinstance(told, list):
+        return set[str]().union(*map(_keys, told))
+    if not isinstance(told, dict):
+        return set()
+    named = {"classes", "persons", "intervals"}
+    below = [each for key, each in told.items() if key not in named]
+    by_name = [each for key in {"classes"} & set(told) if isinstance(told[key], dict) for each in told[key].values()]
+    return {*told}.union(*map(_keys, [*below, *by_name]))
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_every_key_is_on_the_page(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """What is printed with --json has every key in its program's row, and two runs print the same but for timings."""
+    arguments = _arguments(RUNS[run][0], folders)
+    printed = list[Any]()
+    for _ in range(2):
+        assert main([*arguments, "--json"]) == 0
+        out = capsys.readouterr().out
+        assert out.count("\n") == 1
+        printed.append(json.loads(out))
+    row = ROWS[f"evaluate {arguments[1]}"]
+    assert sorted(key for key in _keys(printed[0]) if f"`{key}`" not in row) == []
+    for each in printed:
+        if isinstance(each, dict):
+            each.pop("us_per_hop", None)
+    assert printed[0] == printed[1]
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_a_person_reads_a_table(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Without --json a table says what its figures rest on."""
+    line, told = RUNS[run]
+    assert main(_arguments(line, folders)) == 0
+    assert told in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """What cannot be measured is said in one line, with the option that helps; nothing is printed or written."""
+    before = sorted(path for folder in folders.values() for path in folder.rglob("*"))
+    assert main(_arguments(line, folders)) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    (told,) = printed.err.splitlines()
+    assert REFUSED[line] in told
+    assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before

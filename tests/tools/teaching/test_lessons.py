@@ -1,0 +1,278 @@
+from __future__ import annotations
+
+import time
+from ipaddress import ip_network
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.library import MotionLibrary
+from kinespace.library.teaching.examples import Example, Roster
+from kinespace.stream.frame import Admitted, Announcement, Frame
+from kinespace.stream.inputs.commands import Allowed
+from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognizer import Performers, SentJoints
+from kinespace.stream.teaching import Asked, State, Step, Taught, commands
+from kinespace.tools.teaching.control import Control
+from kinespace.tools.teaching.lessons import ClassPlaces, Start, open_lessons
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.teaching import Command, Notice
+
+PATIENCE = 60.0
+#: Endings of the names of joints that a body of 20 joints lacks.
+FURTHER_JOINTS = ("fingers", "thumb", "wrist", "clavicle", "upperback", "upperneck", "thorax")
+
+
+class Heard(Sink):
+    """Keeps everything it gets."""
+
+    def __init__(self) -> None:
+        self.notices: list[Notice] = []
+        self.classes: list[tuple[str, ...]] = []
+        self.events: list[Event] = []
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Keep a notice."""
+        self.notices.append(notice)
+
+    def publish_classes(self, classes: Sequence[str]) -> None:
+        """Keep the classes."""
+        self.classes.append(tuple(classes))
+
+    def publish_event(self, event: Event) -> None:
+        """Keep an event."""
+        self.events.append(event)
+
+    def steps(self) -> list[Step]:
+        """List the states told so far."""
+        return [each.step for each in self.notices if isinstance(each, State)]
+
+
+@pytest.fixture(scope="module")
+def library() -> MotionLibrary:
+    """Give few motions, which are opened quickly."""
+    whole = MotionLibrary.builtin()
+    kept = ("squat1Reps", "kickLFront1Reps", "grabHighR")
+    return whole.without(classes=[name for name in whole.classes if name not in kept], actors=["bd"])
+
+
+class Stage:
+    """The recognisers, the lessons and one listener, as a service holds them."""
+
+    def __init__(self, start: Start) -> None:
+        lessons = open_lessons(start, lambda index, classes: Performers(index, classes=classes, joints=SentJoints()))
+        self.performers, self.control, self.heard = lessons.performers, Control(lessons), Heard()
+        self.control.sinks = [self.heard]
+
+    def push(self, event: Admitted) -> Recognition | None:
+        """Recognise a frame, show it to the teacher, and give the answer if performers are answered."""
+        (answer,) = self.performers.push_all([event], time.monotonic())
+        if isinstance(event, Frame):
+            self.control.publish_frame(event)
+        return answer if self.control.answers else None
+
+    def command(self, command: Command) -> list[State]:
+        """Carry out a command."""
+        return self.control.carry_out(Asked(command))
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes of the answers."""
+        assert self.control.lessons
+        return self.control.lessons.classes
+
+    def until(self, enough: Callable[[Heard], bool]) -> Heard:
+        """Wait until the listener has heard enough."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            self.control.tend(time.monotonic())
+            if enough(self.heard):
+                return self.heard
+            time.sleep(0.01)
+        raise AssertionError(self.heard.notices)
+
+
+@pytest.fixture
+def stage(tmp_path: Path, library: MotionLibrary) -> Iterator[Stage]:
+    """Open lessons whose library is kept in a file."""
+    stage = Stage(Start(tmp_path / "mine.npz", library))
+    yield stage
+    stage.control.close()
+
+
+def _show(stage: Stage, begin: float, class_name: str, take: int = 0, joints: Sequence[int] = range(31)) -> list[str]:
+    """Show a motion between stillnesses by some joints; give the classes that started."""
+    motion = [each for each in MotionLibrary.builtin().motions if each.class_name == class_name and each.actor == "bd"][
+        take
+    ]
+    frames = [*[motion.positions[0]] * 60, *motion.positions, *[motion.positions[-1]] * 60]
+    answers = [
+        stage.push(Frame("ann", begin + place / 60, positions[joints])) for place, positions in enumerate(frames)
+    ]
+    return [event.label for each in answers if each for event in each.events if event.kind == "start"]
+
+
+def _teach(stage: Stage, begin: float, name: str, class_name: str, joints: Sequence[int] = range(31)) -> None:
+    # On a busy machine the last frames may be old: the performer who is taught must be present.
+    stand = MotionLibrary.builtin().motions[0].positions[0][joints]
+    for place in range(10):
+        stage.push(Frame("ann", begin - 1 + place / 60, stand))
+    stage.command(commands.Teach("ann", name, 1, 0.0))
+    stage.control.tend(time.monotonic())
+    _show(stage, begin, class_name, 0, joints)
+
+
+@pytest.mark.slow
+def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLibrary, tmp_path: Path) -> None:
+    """It comes behind the classes that were there, starts when it is shown again, and is in the file."""
+    _show(stage, 0, "kickLFront1Reps")
+    _teach(stage, 10, "my squat", "squat1Reps")
+    heard = stage.until(lambda heard: Step.DONE in heard.steps())
+    assert stage.classes == (*library.classes, "my squat")
+    assert heard.classes[-1] == stage.classes
+    assert [each.class_name for each in heard.notices if isinstance(each, Taught)] == ["my squat"]
+    assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
+    stage.command(commands.Rename("my squat", "bend"))
+    stage.command(commands.Undo())
+    stage.command(commands.Redo())
+    stage.control.close()
+    assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
+    assert stage.classes == (*library.classes, "bend")
+
+
+def test_taught_motions_are_there_again(stage: Stage, library: MotionLibrary, tmp_path: Path) -> None:
+    """Taught motions are there again when the program starts again with the same file."""
+    _show(stage, 0, "kickLFront1Reps")
+    _teach(stage, 10, "abc", "squat1Reps")
+    stage.until(lambda heard: Step.DONE in heard.steps())
+    stage.control.close()
+    again = Stage(Start(tmp_path / "mine.npz", library))
+    assert again.classes == (*library.classes, "abc")
+    assert _show(again, 20, "squat1Reps", 1)[:1] == ["abc"]
+    again.control.close()
+
+
+def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A failure to save is reported; the class is known all the same."""
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(MotionLibrary, "save", full)
+    _show(stage, 0, "kickLFront1Reps")
+    _teach(stage, 10, "my squat", "squat1Reps")
+    heard = stage.until(lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
+    told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
+    assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
+    assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
+
+
+def test_saving_is_told_when_the_file_is_written(stage: Stage, tmp_path: Path) -> None:
+    """The answer to `save` says that it goes on; a state tells that the file is there."""
+    _teach(stage, 10, "my squat", "squat1Reps")
+    stage.until(lambda heard: Step.DONE in heard.steps())
+    (tmp_path / "mine.npz").unlink(missing_ok=True)
+    assert stage.command(commands.Save()) == [State("", Step.CHECKING, 0.0, "saving")]
+    done = State("", Step.DONE, 0.0, "mine.npz saved, examples: 1")
+    stage.until(lambda heard: done in heard.notices)
+    assert len(MotionLibrary.load(tmp_path / "mine.npz")) == 1
+
+
+def test_indices_stay() -> None:
+    """A class that is forgotten keeps its place, a renamed one too; a new one comes last."""
+    motion = MotionLibrary.builtin().motions[0]
+
+    def roster(**names: str) -> Roster:
+        return Roster(tuple(Example(int(key[1:]), name, motion, 0, 1) for key, name in names.items()))
+
+    places = ClassPlaces(["base"])
+    assert places.of(roster(e1="b", e2="a")) == ("base", "b", "a")
+    assert places.of(roster(e2="a")) == ("base", "b", "a")
+    assert places.of(roster(e2="z")) == ("base", "b", "z")
+    assert places.of(roster(e2="a")) == ("base", "b", "a")
+    assert places.of(roster(e2="a", e3="nothing", e4="c")) == ("base", "b", "a", "c")
+    assert places.of(roster(e4="a")) == ("base", "b", "a", "c")
+
+
+def test_commands_are_accepted_from_here_and_from_named_networks() -> None:
+    """Commands are accepted from this machine and from the networks that are let in."""
+    allowed = Allowed([ip_network("192.0.2.7")])
+    assert allowed(("127.0.0.1", 1))
+    assert allowed(("::1", 1))
+    assert allowed(("192.0.2.7", 1))
+    assert not allowed(("192.0.2.8", 1))
+    assert not allowed(None)
+
+
+def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> None:
+    """A file in a folder that is not there is refused in one line."""
+    with pytest.raises(FileNotFoundError, match="no such folder"):
+        Stage(Start(tmp_path / "nowhere" / "mine.npz", library))
+
+
+def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
+    """A sender's own joints can be taught without a library; until then nobody is answered."""
+    joints = tuple(f"marker{number}" for number in range(31))
+    stage = Stage(Start(tmp_path / "mine.npz", None, joints))
+    assert _show(stage, 0, "kickLFront1Reps") == []
+    _teach(stage, 10, "squat", "squat1Reps")
+    stage.until(lambda heard: Step.DONE in heard.steps())
+    _teach(stage, 20, "kick", "kickLFront1Reps")
+    stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
+    assert stage.classes == ("squat", "kick")
+    assert _show(stage, 30, "squat1Reps", 1)[:1] == ["squat"]
+    stage.control.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLibrary, tmp_path: Path) -> None:  # noqa: FBT001
+    """Of 31 joints a performer has 20: what he is taught is recognised by these."""
+    stage = Stage(Start(tmp_path / "mine.npz", library if beside else None))
+    kept = [place for place, name in enumerate(library.skeleton.joints) if not name.endswith(FURTHER_JOINTS)]
+    assert len(kept) == 20
+    joints = tuple(library.skeleton.joints[place] for place in reversed(kept))
+    stage.push(Announcement("ann", joints))
+    _teach(stage, 10, "my squat", "squat1Reps", kept[::-1])
+    stage.until(lambda heard: Step.DONE in heard.steps())
+    _teach(stage, 20, "my kick", "kickLFront1Reps", kept[::-1])
+    stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
+    assert _show(stage, 30, "squat1Reps", 1, kept[::-1])[:1] == ["my squat"]
+    stage.control.close()
+    saved = MotionLibrary.load(tmp_path / "mine.npz").motions[0]
+    places = [saved.skeleton.joints.index(name) for name in ("lhand", "lfingers")]
+    assert np.array_equal(*saved.positions[:, places].swapaxes(0, 1))
+
+
+def test_a_performer_whose_joints_cannot_be_compared_is_told_so(stage: Stage, library: MotionLibrary) -> None:
+    """Teaching a performer with too few of the library's joints is refused with the reason."""
+    joints = library.skeleton.joints[:3]
+    stage.push(Announcement("bob", joints))
+    for place in range(8):
+        stage.push(Frame("bob", place / 60, np.ones((3, 3))))
+    for command, told in (
+        (commands.Teach("bob", "wave"), "3 joints, 3 of them among the 31 compared"),
+        (commands.Teach("nobody", "wave"), "no such performer is there"),
+    ):
+        (state,) = stage.command(command)
+        assert isinstance(state, State)
+        assert state.step is Step.REFUSED
+        assert state.reason.startswith(told)
+
+
+@pytest.mark.slow
+def test_without_a_library_nothing_starts(tmp_path: Path) -> None:
+    """Until something is taught no motion of the library that lends its metrics is told, nor its end."""
+    stage = Stage(Start(tmp_path / "mine.npz", None))
+    assert _show(stage, 0.0, "squat1Reps") == []
+    assert _show(stage, 20.0, "squat1Reps") == []
+    stage.command(commands.Last("ann", 1.5, "dip"))
+    heard = stage.until(lambda heard: any(isinstance(each, Taught) for each in heard.notices))
+    assert heard.events == []
+    stage.control.close()

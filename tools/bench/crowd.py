@@ -1,0 +1,116 @@
+"""Performers played to a running recogniser over sockets, and the time for which its processes use a core."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+import time
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from kinespace.library import MotionLibrary
+from kinespace.stream.recognizer import Performers, Settings
+from kinespace.tools.bench.recorded import FRAME_RATE, endless
+from kinespace.tools.feeding.feed import Cue, Pace
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from kinespace.stream.frame import Frame
+    from kinespace.stream.recognition import Recognition
+    from kinespace.tools.feeding.feed import FrameSender
+    from kinespace.tools.loopback.answer_listener import Heard, Listener
+
+#: Performers whose frames come all at once, to see how many a core holds: frames do so that wait for a full core.
+CROWD = 40
+#: Seconds after the last frame in which answers may still come: fewer than of the silence that ends a motion.
+_LINGER = 0.7
+
+
+class Feed(NamedTuple):
+    """So many performers doing the same motion, each at a moment of its own, and the answers of one recogniser.
+
+    They enter one after the other, a frame apart, so that their hops do not coincide.
+    """
+
+    frames: list[list[Frame]]
+    answers: list[Recognition]
+
+    @classmethod
+    def of(
+        cls, positions: NDArray[np.float32], performers: int, seconds: float, settings: Settings | None = None
+    ) -> Feed:
+        """Make a feed of positions, shape (frames, joints, 3), metres, 120 a second, and recognise it."""
+        moments, shift = round(seconds * FRAME_RATE), len(positions) // performers + 1
+        each = [list(islice(endless(positions, f"p{index}", index * shift), moments)) for index in range(performers)]
+        frames = [[of[k] for of in each[: k + 1]] for k in range(moments)]
+        recognisers = Performers(MotionLibrary.builtin(), settings or Settings(), most=performers)
+        answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
+        # Looking for garbage among so many frames would take a tenth of a second.
+        gc.freeze()
+        return cls(frames, answers)
+
+    def cues(self, *, at_once: bool) -> list[Cue]:
+        """Cue all frames of a moment at once, or each at an even share of the frame time."""
+        share = 0.0 if at_once else 1 / len(self.frames[-1])
+        return [
+            Cue((k + index * share) / FRAME_RATE, frame, k)
+            for k, together in enumerate(self.frames)
+            for index, frame in enumerate(together)
+        ]
+
+
+class Played(NamedTuple):
+    """What was sent and heard; moments as `time.perf_counter` reads them.
+
+    Attributes
+    ----------
+    begun
+        When the schedule began.
+    sent
+        When each frame was sent, by performer and the time in it; for frames sent twice the first.
+    heard
+        The packets that came back.
+    """
+
+    begun: float
+    sent: dict[tuple[str, float], float]
+    heard: list[Heard]
+
+
+def play(cues: Iterable[Cue], sender: FrameSender, listener: Listener) -> Played:
+    """Send frames on schedule, and collect what comes back meanwhile and shortly afterwards."""
+    pace = Pace()
+    played = Played(pace.moment(0.0), {}, [])
+    for cue in cues:
+        packet = sender.encode(cue)
+        played.heard.extend(listener.listen_until(pace.moment(cue.due)))
+        # Before the call, because the answer may be on its way before the call returns.
+        played.sent.setdefault((cue.frame.performer, cue.frame.time), time.perf_counter())
+        sender.send(packet)
+    played.heard.extend(listener.listen_until(time.perf_counter() + _LINGER))
+    return played
+
+
+def core_seconds(process_id: int) -> float:
+    """Give for how many seconds a process has used a core, all its threads; NaN where the system does not tell.
+
+    Only Linux tells, in `/proc`.
+    """
+    try:
+        told = Path(f"/proc/{process_id}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return math.nan
+    # After the command's name, which may hold any character; user and system time are the 14th and 15th field.
+    fields = told.rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def performers_a_core(core_us: float) -> float:
+    """Give how many performers one core holds when each of their frames takes so many microseconds."""
+    return 1e6 / FRAME_RATE / core_us if core_us else math.nan

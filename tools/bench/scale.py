@@ -1,0 +1,300 @@
+"""`kinespace bench scale`: the delay that workers add, the performers that they hold, and the cost of losing one.
+
+Sender and listener are this process. `kinespace live`, `gateway` and `work` run as a person starts them, frames come by
+OSC, and answers by ZeroMQ, which carry their frame's time. How many performers a core holds follows from the time for
+which the processes use a core, so that the crowd can be small enough for the machine.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import socket
+import time
+from collections import Counter
+from contextlib import ExitStack, closing
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+
+from kinespace.stream.recognizer import Settings
+from kinespace.stream.zeromq import Endpoint, ZmqReceiver
+from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play
+from kinespace.tools.bench.proxy import Proxy
+from kinespace.tools.bench.recorded import FRAME_RATE
+from kinespace.tools.bench.report import Measured, shown, table
+from kinespace.tools.feeding.feed import OscFrameSender
+from kinespace.tools.loopback.answer_listener import Listener
+from kinespace.tools.loopback.program import Program
+from kinespace.tools.terminal.console import progress
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+    from rich.table import Table
+
+    from kinespace.tools.bench.crowd import Played
+    from kinespace.tools.bench.report import Plan
+    from kinespace.tools.feeding.feed import Cue
+
+_GAPS = ("kill", "hang", "leave", "join", "gateway")
+FIGURES = (
+    *("added_p50_ms", "added_p99_ms", "performers_per_core_ratio", "workers_speedup"),
+    *(f"{what}_gap_s" for what in _GAPS),
+    *("lost_events", "false_events"),
+)
+_LOOPBACK = "127.0.0.1"
+#: Seconds until the first status, at most.
+_MAX_START = 60.0
+
+
+class Run(NamedTuple):
+    """What came of a feed.
+
+    Attributes
+    ----------
+    lags
+        Seconds from each frame to its answer, shape (answers,).
+    gap
+        The longest time after the middle without an answer to a performer, seconds, beyond the pauses of one process;
+        usually a hop.
+    missing
+        Answers of one process that did not come.
+    lost_events, false_events
+        Events of one process that did not come, and events that one process did not send.
+    core_us, receiving_us
+        Microseconds of a core for each frame in the busiest process, and in the process that receives and answers.
+    """
+
+    lags: NDArray[np.float64]
+    gap: float
+    missing: int
+    lost_events: int
+    false_events: int
+    core_us: float
+    receiving_us: float
+
+    def percentile(self, percent: float) -> float:
+        """Give a percentile of the lags in milliseconds; NaN when there is none."""
+        return float(np.percentile(self.lags, percent)) * 1000 if self.lags.size else math.nan
+
+
+class Stage:
+    """`live`, or a gateway and its workers, with a sender of frames to it and a listener to its answers.
+
+    Parameters
+    ----------
+    command
+        The words after `kinespace`.
+    workers
+        The number of workers of a gateway.
+    by_proxy
+        Whether the first worker connects by a proxy, which can be cut.
+    """
+
+    def __init__(self, *command: str, workers: int = 0, by_proxy: bool = False) -> None:
+        self._opened, self.workers, self._wanted = ExitStack(), list[Program](), workers
+        self._port = _free_port()
+        listen = ["--listen", f"tcp/{_LOOPBACK}:{self._port}"] if workers else []
+        self._command = (*command, *listen, "--plain", "--performers", f"{10 * CROWD}")
+        self._proxy = self._opened.enter_context(Proxy(self._port)) if by_proxy else None
+
+    def __enter__(self) -> Self:
+        try:
+            self._open()
+        except BaseException:
+            self._opened.close()
+            raise
+        return self
+
+    def _open(self) -> None:
+        self.main = self._begun(f"{_LOOPBACK}:0", f"tcp://{_LOOPBACK}:*")
+        self._place = self.main.place()
+        self.sender = self._opened.enter_context(closing(OscFrameSender(*self._place.osc)))
+        answers = ZmqReceiver(Endpoint(self._place.answers, bind=False))
+        self.listener = self._opened.enter_context(closing(Listener(answers)))
+        for _ in range(self._wanted):
+            self.add_worker()
+        if self._wanted:
+            self.main.expect(f"; workers: {self._wanted}\n")
+        # The first status says that this subscriber is known.
+        until = time.perf_counter() + _MAX_START
+        while not any(each.packet[0] == b"status/" for each in self.listener.listen_until(time.perf_counter())):
+            if time.perf_counter() > until:
+                raise TimeoutError(f"no status came within {_MAX_START:g} s")
+
+    def __exit__(self, *_: object) -> None:
+        self._opened.close()
+
+    def _begun(self, osc_in: str, zmq_out: str) -> Program:
+        return self._opened.enter_context(Program(*self._command, "--osc-in", osc_in, "--zmq-out", zmq_out))
+
+    def add_worker(self) -> None:
+        """Start a worker."""
+        port = self._proxy.port if self._proxy and not self.workers else self._port
+        self.workers.append(self._opened.enter_context(Program("work", "--connect", f"tcp/{_LOOPBACK}:{port}")))
+
+    def cut(self) -> None:
+        """Cut the first worker off for some seconds."""
+        if self._proxy:
+            self._proxy.cut()
+
+    def begin_again(self) -> None:
+        """Kill the gateway, and start it at the same addresses."""
+        self.main.process.kill()
+        self.main.process.wait()
+        self.main = self._begun("{}:{}".format(*self._place.osc), self._place.answers)
+
+    def play(self, feed: Feed, *, at_once: bool = False, happen: Callable[[], object] = lambda: None) -> Run:
+        """Play a feed of which something happens in the middle."""
+        processes = [self.main.process.pid, *_children(self.main), *(each.process.pid for each in self.workers)]
+        before, cues = list(map(core_seconds, processes)), feed.cues(at_once=at_once)
+        middle = len(feed.frames) / FRAME_RATE / 2
+        played = play(_with(happen, middle, cues), self.sender, self.listener)
+        used = [(core_seconds(each) - then) * 1e6 / len(cues) for each, then in zip(processes, before, strict=True)]
+        return run_of(feed, played, played.begun + middle, used)
+
+
+def _with(happen: Callable[[], object], moment: float, cues: Sequence[Cue]) -> Iterator[Cue]:
+    """Let something happen between two frames."""
+    yield from (cue for cue in cues if cue.due < moment)
+    happen()
+    yield from (cue for cue in cues if cue.due >= moment)
+
+
+def _children(program: Program) -> list[int]:
+    """Give the processes that a program has started, as Linux tells; none elsewhere."""
+    told = Path(f"/proc/{program.process.pid}/task").glob("*/children")
+    return [int(number) for each in told for number in each.read_text(encoding="ascii").split()]
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((_LOOPBACK, 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def run_of(feed: Feed, played: Played, middle: float, core_us: Sequence[float]) -> Run:
+    """Compare what came with what one process answers; the first of the processes receives and answers."""
+    pauses = _pauses(feed)
+    lags, gap, last = list[float](), 0.0, dict[str, float]()
+    events: Counter[tuple[str, str, str]] = Counter()
+    for each in played.heard:
+        topic, encoded = (bytes(part) for part in each.packet)
+        told = json.loads(encoded)
+        if topic.startswith(b"event/"):
+            events[told["performer"], told["event"], told["class"]] += 1
+        if not topic.startswith(b"class/") or "t" not in told:
+            continue
+        performer = told["performer"]
+        lags.append(each.arrival - played.sent[performer, told["t"]])
+        if each.arrival > middle:
+            pause = pauses.get((performer, told["t"]), 0.0)
+            gap = max(gap, each.arrival - last.get(performer, each.arrival) - pause)
+        last[performer] = each.arrival
+    expected = Counter(
+        (each.performer, event.kind.value, event.label) for each in feed.answers for event in each.events
+    )
+    return Run(
+        np.array(lags),
+        gap,
+        max(len(feed.answers) - len(lags), 0),
+        (expected - events).total(),
+        (events - expected).total(),
+        max(core_us),
+        core_us[0],
+    )
+
+
+def _pauses(feed: Feed) -> dict[tuple[str, float], float]:
+    """Give, by performer and time of an answer, the seconds beyond a hop without one before it: a body jumped."""
+    last: dict[str, float] = {}
+    pauses = {}
+    for each in feed.answers:
+        pauses[each.performer, each.time] = max(each.time - last.get(each.performer, each.time) - Settings().hop, 0.0)
+        last[each.performer] = each.time
+    return pauses
+
+
+#: The events in the middle of a run with a gateway and three workers.
+HAPPENINGS: dict[str, Callable[[Stage], object]] = {
+    "kill": lambda stage: stage.workers[0].process.kill(),
+    "hang": lambda stage: stage.workers[0].process.send_signal(signal.SIGSTOP),
+    "leave": lambda stage: stage.workers[0].process.terminate(),
+    "join": Stage.add_worker,
+    "cut": Stage.cut,
+    "gateway": Stage.begin_again,
+}
+
+
+def with_happening(feed: Feed, what: str) -> Run:
+    """Play a feed through a gateway and three workers; in its middle something happens."""
+    with Stage("gateway", workers=3, by_proxy=what == "cut") as stage:
+        return stage.play(feed, happen=lambda: HAPPENINGS[what](stage))
+
+
+def measure(plan: Plan) -> Measured:
+    """Run a crowd alone and with workers of which one comes or goes, and a crowd whose frames come at once."""
+    feed, many = (Feed.of(plan.positions, performers, plan.seconds) for performers in (plan.crowd, CROWD))
+    plays: dict[str, Callable[[], Run]] = {
+        "live": lambda: _played(feed, "live"),
+        "two workers": lambda: _played(feed, "gateway", workers=2),
+        **{what: partial(with_happening, feed, what) for what in HAPPENINGS},
+        "live, at once": lambda: _played(many, "live", at_once=True),
+        "live --workers 2, at once": lambda: _played(many, "live", "--workers", "2", at_once=True),
+        "one worker, at once": lambda: _played(many, "gateway", workers=1, at_once=True),
+    }
+    runs = {name: run() for name, run in progress(plays.items(), "Scale", len(plays))}
+    figures = _figures(runs)
+    return Measured(figures, [_table(runs, plan.crowd), _ratios(figures)])
+
+
+def _played(feed: Feed, *command: str, workers: int = 0, at_once: bool = False) -> Run:
+    with Stage(*command, workers=workers) as stage:
+        return stage.play(feed, at_once=at_once)
+
+
+def _figures(runs: dict[str, Run]) -> dict[str, float]:
+    alone, spread = runs["live"], runs["two workers"]
+    held = {name: performers_a_core(run.core_us) for name, run in runs.items()}
+    # A gateway that begins again tells the start of motions that go on again.
+    counted = [run for name, run in runs.items() if name != "gateway"]
+    return {
+        **{f"added_p{percent}_ms": spread.percentile(percent) - alone.percentile(percent) for percent in (50, 99)},
+        "performers_per_core_ratio": held["one worker, at once"] / held["live, at once"],
+        "workers_speedup": held["live --workers 2, at once"] / held["live, at once"],
+        **{f"{what}_gap_s": runs[what].gap for what in _GAPS},
+        "lost_events": sum(run.lost_events for run in counted),
+        "false_events": sum(run.false_events for run in counted),
+    }
+
+
+def _table(runs: dict[str, Run], crowd: int) -> Table:
+    title = (
+        f"{crowd} performers, {CROWD} when their frames come at once\n"
+        "p50, p99: milliseconds from a frame to its answer\n"
+        "gap: longest time then without an answer to a performer, seconds\n"
+        "none: answers missing; lost, false: starts and ends of motions\n"
+        "core: performers that the core of the busiest process holds\n"
+        "µs: of a core, a frame, in the process that receives and answers"
+    )
+    made = table(title, ("",), ("p50", "p99", "gap", "none", "lost", "false", "core", "µs"))
+    for name, run in runs.items():
+        lags = (shown(run.percentile(50), 2), shown(run.percentile(99), 2), shown(run.gap, 2))
+        counts = (f"{run.missing}", f"{run.lost_events}", f"{run.false_events}")
+        # A process that sleeps between two frames takes longer for each.
+        cores = (shown(performers_a_core(run.core_us)), shown(run.receiving_us)) if "at once" in name else ()
+        made.add_row(name, *lags, *counts, *cores)
+    return made
+
+
+def _ratios(figures: dict[str, float]) -> Table:
+    made = table("Held, relative to live", ("",), ("",))
+    made.add_row("a worker of a gateway", shown(figures["performers_per_core_ratio"], 2))
+    made.add_row("live --workers 2", shown(figures["workers_speedup"], 2))
+    return made

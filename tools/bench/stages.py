@@ -1,0 +1,132 @@
+"""`kinespace bench stages`: the cost of each step from packet to answer."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pythonosc.osc_packet import OscPacket
+
+from kinespace.library import MotionLibrary, kernels
+from kinespace.stream import osc, zeromq
+from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.tools.bench.recorded import FRAME_RATE, endless
+from kinespace.tools.bench.report import Measured, table
+from kinespace.tools.bench.timing import in_turns, timed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+    from rich.table import Table
+
+    from kinespace.tools.bench.report import Plan
+
+    #: Gives its cost, microseconds per frame.
+    Job = Callable[[], float]
+
+FIGURES = ("us_per_frame", "us_per_frame_numpy", "frames_per_second", "osc_decode_us", "osc_decode_python_osc_us")
+#: The steps of which none is recognition, in the order of the table; "python-osc" decodes the same by another library.
+_OTHERS = ("decode OSC", "decode OSC by python-osc", "decode ZeroMQ", "encode OSC", "encode ZeroMQ")
+#: Recognition (`Recognizer.push`) by its settings.
+RECOGNISING = {
+    "recognise": Settings(),
+    "recognise, --progress": Settings(progress=True),
+    "recognise, --signature paper": Settings(signature=LiveSignature.PAPER),
+}
+_OF_SIGNATURE = {LiveSignature.WINDOWS: "recognise", LiveSignature.PAPER: "recognise, --signature paper"}
+_NUMPY = ", numpy"
+#: Frames that fill every window and every cache before measuring.
+WARM_UP = 300
+#: Frames of one round: four seconds.
+ROUND = 480
+
+
+def measure(plan: Plan) -> Measured:
+    """Time every step on recorded frames, compiled and with numpy alone: medians of rounds of four seconds of feed."""
+    library = MotionLibrary.builtin()
+    jobs = _transports(library, plan.positions)
+    for name, settings in RECOGNISING.items():
+        jobs[name] = pushing(library, plan.positions, settings)
+        jobs[name + _NUMPY] = pushing(library, plan.positions, settings, by_numpy=True)
+    us = {name: float(np.median(each)) for name, each in in_turns(jobs, plan.rounds, "Stages").items()}
+    recognise = _OF_SIGNATURE[plan.signature]
+    figures = {
+        "us_per_frame": us[recognise],
+        "us_per_frame_numpy": us[recognise + _NUMPY],
+        "frames_per_second": 1e6 / us[recognise],
+        "osc_decode_us": us["decode OSC"],
+        "osc_decode_python_osc_us": us["decode OSC by python-osc"],
+    }
+    return Measured(figures, [_table(us)])
+
+
+def _table(us: dict[str, float]) -> Table:
+    made = table("From packet to answer, µs a frame", ("step",), ("compiled", "numpy"))
+    for name in _OTHERS:
+        made.add_row(name, f"{us[name]:.1f}", "")
+    made.add_section()
+    for name in RECOGNISING:
+        made.add_row(name, f"{us[name]:.1f}", f"{us[name + _NUMPY]:.1f}")
+    return made
+
+
+def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[str, Job]:
+    """Make jobs of decoding a frame and encoding its answer; an answer's cost is shared by the frames of its hop."""
+    frames = list(islice(endless(positions), ROUND + WARM_UP))
+    recognizer, hop = Recognizer(library), Settings().hop * FRAME_RATE
+    answers = [answer for frame in frames if (answer := recognizer.push(frame))]
+    datagrams = [osc.encode_frame(frame) for frame in frames[:ROUND]]
+    messages = [zeromq.encode_frame(frame, index) for index, frame in enumerate(frames[:ROUND])]
+
+    def each(work: Callable[[Any], object], on: Sequence[object], count: float) -> Job:
+        def every() -> None:
+            # The results are dropped, as the service drops frames and answers.
+            for one in on:
+                work(one)
+
+        return lambda: timed(every) * 1e6 / count
+
+    return {
+        "decode OSC": each(lambda datagram: osc.decode(datagram, 0.0), datagrams, ROUND),
+        "decode OSC by python-osc": each(lambda datagram: OscPacket(datagram).messages, datagrams, ROUND),
+        "decode ZeroMQ": each(lambda message: zeromq.decode(message, 0.0), messages, ROUND),
+        "encode OSC": each(osc.encode_recognition, answers, len(answers) * hop),
+        "encode ZeroMQ": each(zeromq.encode_recognition, answers, len(answers) * hop),
+    }
+
+
+def pushing(
+    library: MotionLibrary, positions: NDArray[np.floating], settings: Settings, *, by_numpy: bool = False
+) -> Job:
+    """Make a job of pushing the next four seconds of a feed through a recogniser.
+
+    Parameters
+    ----------
+    library, settings
+        Of the recogniser.
+    positions
+        The positions of the feed, shape (frames, joints, 3), metres.
+    by_numpy
+        Disable the compiled loops.
+    """
+    arithmetic = kernels.left_aside if by_numpy else nullcontext
+    feed = endless(positions)
+    with arithmetic():
+        recognizer = Recognizer(library, settings)
+        for frame in islice(feed, WARM_UP):
+            recognizer.push(frame)
+
+    def run() -> float:
+        frames = list(islice(feed, ROUND))
+
+        def push() -> None:
+            for frame in frames:
+                recognizer.push(frame)
+
+        with arithmetic():
+            return timed(push) * 1e6 / ROUND
+
+    return run

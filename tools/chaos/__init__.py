@@ -1,1 +1,0 @@
-"""Strangers and faults against a running recogniser: `make chaos`."""

@@ -1,0 +1,248 @@
+"""What all evaluations share: takes and the libraries that recognise them, played through the live recogniser."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from kinespace.library import MotionLibrary, SkeletonMismatchError
+from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.tools.cli.arguments import (
+    add_actor_in,
+    add_labels,
+    add_library,
+    add_map,
+    add_reading,
+    add_settings,
+    add_subjects,
+    add_takes,
+    library_at,
+    reading_of,
+)
+from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
+from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
+from kinespace.tools.feeding.joint_sets import joints_of
+from kinespace.tools.terminal.console import console, progress_console
+from kinespace.tools.terminal.tables import narrow_table
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip, Skeleton
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognition import Recognition
+
+#: Seconds before a moment that must lie in a segment for the moment to count as inside it.
+INSIDE = 1.0
+
+
+class Feed(NamedTuple):
+    """Frames of a take: times (frames,), seconds, and positions (frames, joints, 3), metres, of a skeleton."""
+
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    skeleton: Skeleton
+
+    @classmethod
+    def of(cls, clip: Clip, skeleton: Skeleton, delivered: NDArray[np.int64] | None = None) -> Feed:
+        """Give a clip's frames, or those that a sensor delivered, in the order of a skeleton's joints."""
+        ordered, shown = clip.as_of(skeleton), slice(None) if delivered is None else delivered
+        return cls(ordered.times[shown], ordered.positions[shown], skeleton)
+
+
+class Asked(NamedTuple):
+    """A take, the library that recognises it, and the person of the fold (`protocols.Fold`)."""
+
+    take: Take
+    library: MotionLibrary
+    person: str
+
+
+def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
+    """Add the options for takes; `usual` says what is played when there are none."""
+    text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
+    parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
+    parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
+    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
+    add_reading(parser)
+    add_actor_in(parser)
+    add_subjects(parser)
+    add_map(parser)
+    add_skeleton(parser)
+
+
+def add_skeleton(parser: argparse.ArgumentParser) -> None:
+    """Add the option for a joint set."""
+    parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
+
+
+def add_protocol(parser: argparse.ArgumentParser) -> None:
+    """Add the options for tables of takes, and for the library and the recogniser that are asked."""
+    add_takes(parser)
+    add_library(parser)
+    text = (
+        "recognise with the library; with motions cut from the other takes, or from the other persons' takes; or with "
+        "motions of one person, for each person in turn"
+    )
+    parser.add_argument("--protocol", choices=[*map(str, Protocol)], default=str(Protocol.LIBRARY), help=text)
+    add_settings(parser)
+
+
+def sources_of(options: argparse.Namespace) -> Sources:
+    """Make the sources of takes from the arguments."""
+    return Sources(
+        options.takes,
+        options.labels,
+        clips=options.clips,
+        unknown=getattr(options, "unknown", ()),
+        tables=getattr(options, "tables", ()),
+        names=dict(options.map),
+        persons=options.subjects,
+        without_persons=options.without_subjects,
+        skeleton=options.skeleton,
+    )
+
+
+def takes_at(sources: Sources, options: argparse.Namespace, library: MotionLibrary) -> list[Take]:
+    """Read the takes; without any give the motions of a library."""
+    if sources:
+        return read_takes(sources, reading_of(options))
+    return [take for take in takes_of(library.motions) if sources.wants(take.person)]
+
+
+def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]:
+    """Say which library recognises which take, over the joints that all have.
+
+    Returns
+    -------
+    The takes with their libraries, takes of one library together; and all classes of the libraries.
+
+    Raises
+    ------
+    ValueError
+        There are no takes, or the protocol or `--map` does not fit them.
+    """
+    sources, protocol = sources_of(options), Protocol(options.protocol)
+    if not sources and protocol is Protocol.LIBRARY:
+        raise ValueError("TAKE, --takes, --unknown: expected takes with --protocol library, got none")
+    given = None
+    if protocol is Protocol.LIBRARY or not sources:
+        given = library_at(options.library)
+        given = given.restricted_to(joints_of(options.skeleton)) if options.skeleton else given
+    takes = takes_at(sources, options, given or MotionLibrary.builtin())
+    of_library = [given.skeleton] if given else []
+    joints = shared_joints([*(take.clip.skeleton for take in takes), *of_library])
+    takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
+    folds = folds_of(takes, protocol, lambda: (given or MotionLibrary.builtin()).restricted_to(joints))
+    classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
+    _require_classes(takes, sources, classes)
+    return [Asked(take, fold.library, fold.person) for fold in folds for take in fold.takes], classes
+
+
+def shared_joints(skeletons: Sequence[Skeleton]) -> tuple[str, ...]:
+    """Give the joints that all takes and the library have; say which joints are lost.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Too few are left.
+    """
+    bodies = dict.fromkeys(skeleton.joints for skeleton in skeletons)
+    every = tuple(dict.fromkeys(name for joints in bodies for name in joints))
+    shared = tuple(name for name in every if all(name in joints for joints in bodies))
+    if len(shared) < MIN_JOINTS:
+        raise SkeletonMismatchError(
+            f"joints: expected at least {MIN_JOINTS} that all takes and the library have, got {len(shared)}"
+        )
+    if len(shared) < len(every):
+        lost = ", ".join(name for name in every if name not in shared)
+        text = f"{len(shared)} joints that all takes and the library have; without {lost}"
+        progress_console.print(text, soft_wrap=True, markup=False, highlight=False)
+    return shared
+
+
+def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[str]) -> None:
+    """Refuse names that are no class: the figures would not show that no motion is known."""
+    for class_name in sources.names.values():
+        if class_name not in classes:
+            raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
+    labels = {label for take in takes for label in take.labels}
+    if labels and not labels & set(classes):
+        raise ValueError(
+            f"expected a label that is a class of the library, got {', '.join(sorted(labels))}; --map LABEL=CLASS "
+            f"renames them, to one of {', '.join(classes)}"
+        )
+
+
+def pushed(recognizer: Recognizer, feed: Feed) -> Iterator[tuple[float, Recognition | None]]:
+    """Push frames into a recogniser; give the time of each, and its answer if one is due."""
+    for time, positions in zip(feed.times.tolist(), feed.positions, strict=True):
+        yield time, recognizer.push(Frame("take", time, positions))
+
+
+def answers_to(feed: Feed, compared: MotionLibrary | WindowIndex, settings: Settings) -> list[Recognition]:
+    """Push frames into a recogniser of their own; give its answers."""
+    return [answer for _, answer in pushed(Recognizer(compared, settings), feed) if answer is not None]
+
+
+def print_json(value: object) -> None:
+    """Print one JSON value."""
+    print(json.dumps(value))
+
+
+class _None:
+    """A figure that there is not."""
+
+    def __format__(self, form: str) -> str:
+        return "-"
+
+
+def print_scores(
+    scores: Iterable[Mapping[str, object]],
+    columns: Iterable[tuple[str, str]],
+    *,
+    title: str,
+    caption: str | None = None,
+    names: int = 1,
+) -> None:
+    """Print a row for each score.
+
+    Parameters
+    ----------
+    scores
+        Figures by name; None for a figure that there is not.
+    columns
+        Headings, and how figures are written, like `{right:.1%}`.
+    title, caption
+        Above and below the table.
+    names
+        So many columns stand left, all others right.
+    """
+    headings, forms = zip(*columns, strict=True)
+    there = ({name: _None() if value is None else value for name, value in score.items()} for score in scores)
+    print_table(headings, ([form.format(**score) for form in forms] for score in there), title, caption, names=names)
+
+
+def print_table(
+    headings: Sequence[str], rows: Iterable[Sequence[str]], title: str, caption: str | None = None, *, names: int = 1
+) -> None:
+    """Print rows; so many columns of names stand left, all others right."""
+    table = narrow_table(title, caption)
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if place < names else "right")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+def written(value: float | None, form: str = "{:.1%}") -> str:
+    """Write a figure; a dash where there is none."""
+    return "-" if value is None else form.format(value)

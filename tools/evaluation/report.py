@@ -1,0 +1,89 @@
+"""An evaluation as one page: takes, their labels and the answers, and the bodies, drawn as on the live page."""
+
+from __future__ import annotations
+
+import base64
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+    from kinespace.tools.evaluation.scoring.timeline import Course
+
+#: Bodies and scores of a second.
+_BODIES, _SCORES = 20.0, 10.0
+#: Metres from the origin to which bodies are kept: as far as millimetres in 16 bits reach.
+_REACH = 32.767
+_encode = msgspec.json.Encoder().encode
+
+
+def write_report(path: Path, takes: Sequence[tuple[Course, Clip]], classes: Sequence[str]) -> None:
+    """Write a page that needs no other file and no net.
+
+    Parameters
+    ----------
+    path
+        The HTML file.
+    takes
+        Each take's answers, and its body.
+    classes
+        The classes in which the answers' indices count.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    encoded = _encode({"classes": classes, "takes": [_described(course, clip) for course, clip in takes]})
+    files = resources.files("kinespace.tools.page") / "static"
+    page = (files / "report.html").read_text(encoding="utf-8")
+    for name in ("page.css", "draw.js", "report.js"):
+        page = page.replace(f"/* {name} */", (files / name).read_text(encoding="utf-8"))
+    # A name that holds </script> must not end the script.
+    path.write_text(page.replace("/* takes */", encoded.decode().replace("<", "\\u003c")), encoding="utf-8")
+
+
+def _described(course: Course, clip: Clip) -> dict[str, object]:
+    step = max(round(clip.frame_rate / _BODIES), 1)
+    positions = clip.positions[::step]
+    # A body far from the origin is brought back to it; its way is kept.
+    positions = positions - np.nan_to_num(positions[0].mean(axis=0))
+    millimetres = (np.nan_to_num(positions).clip(-_REACH, _REACH) * 1000).round().astype("<i2")
+    return {
+        "name": course.name,
+        "person": course.person,
+        "seconds": course.seconds,
+        "names": clip.skeleton.joints,
+        "parents": clip.skeleton.parents or (-1,) * len(clip.skeleton.joints),
+        "rate": clip.frame_rate / step,
+        "bodies": base64.b64encode(millimetres.tobytes()).decode(),
+        "performed": [(each.start, each.end, each.label) for each in course.segments],
+        "events": spans(course.times, course.event),
+        "named": spans(course.times, course.published),
+        "guesses": spans(course.times, course.guess),
+        "scores": _scores(course),
+    }
+
+
+def spans(times: NDArray[np.floating], values: NDArray[np.integer]) -> list[tuple[float, float, int]]:
+    """List the stretches of equal values from 0 on: beginning, end (the next frame's time), value."""
+    if not len(values):
+        return []
+    begins = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+    ends = np.append(begins[1:], len(values) - 1)
+    listed = zip(times[begins].tolist(), times[ends].tolist(), values[begins].tolist(), strict=True)
+    return [each for each in listed if each[2] >= 0]
+
+
+def _scores(course: Course) -> list[tuple[float, float]]:
+    step = max(round(len(course.times) / max(course.seconds * _SCORES, 1.0)), 1)
+    scores = np.nan_to_num(course.score[::step]).round(3)
+    return list(zip(course.times[::step].round(2).tolist(), scores.tolist(), strict=True))

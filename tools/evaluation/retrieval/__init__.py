@@ -1,1 +1,0 @@
-"""The paper's experiment: a motion asks, and the nearest motion of another actor answers."""

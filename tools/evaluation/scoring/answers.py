@@ -1,0 +1,62 @@
+"""The answers to a take, counted one by one: for experiments in which every answer counts alike."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from kinespace.stream.recognition import Outcome
+from kinespace.tools.evaluation.scoring.bootstrap import Ratio
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping, Sequence
+
+    from kinespace.stream.recognition import Recognition
+    from kinespace.tools.evaluation.takes import Take
+
+
+def guess_of(answer: Recognition) -> str | None:
+    """Give the class that is guessed, named or not; None where there is no guess."""
+    return answer.classes[answer.guess_index] if answer.guess_index >= 0 else None
+
+
+def counted(take: Take, known: Collection[str], answers: Iterable[Recognition], inside: float = 0.0) -> Counter[str]:
+    """Count the answers in a take's segments.
+
+    Parameters
+    ----------
+    take
+        The take.
+    known
+        The classes that the library knows.
+    answers
+        The answers, by time.
+    inside
+        Seconds for which an answer's segment must have lasted for the answer to count.
+
+    Returns
+    -------
+    The number of `answers` to known motions, and how many of them name the class performed (`right`), have it as best
+    guess (`guessed`), name another (`wrong`) or find the body `implausible`; whether the last of them is right
+    (`last_right`, `last_guessed`). Of answers to unknown motions (`unknown`) how many name a class (`unknown_named`).
+    One for the take (`takes`).
+    """
+    counts = Counter(takes=1)
+    for answer in answers:
+        performed = [each.label for each in take.segments if each.start + inside <= answer.time < each.end]
+        if performed and performed[-1] not in known:
+            counts.update(unknown=1, unknown_named=answer.class_name is not None)
+        elif performed:
+            right, guessed = (each == performed[-1] for each in (answer.class_name, guess_of(answer)))
+            counts.update(answers=1, right=right, guessed=guessed, wrong=answer.class_name is not None and not right)
+            counts.update(implausible=answer.outcome is Outcome.IMPLAUSIBLE)
+            counts["last_right"], counts["last_guessed"] = int(right), int(guessed)
+    return counts
+
+
+def shares(counts: Sequence[Counter[str]], of: Mapping[str, tuple[str, str]]) -> dict[str, Ratio]:
+    """Divide counts of takes: for each figure the name of what is counted, and among what."""
+    return {
+        name: Ratio([each[part] for each in counts], [each[whole] for each in counts])
+        for name, (part, whole) in of.items()
+    }

@@ -40,6 +40,9 @@ RATE = 60
 PATIENCE = 15.0
 
 
+pytestmark = pytest.mark.slow
+
+
 def free_port() -> int:
     """Give a TCP port that nobody listens on."""
     with socket.socket() as probe:
@@ -190,7 +193,6 @@ def test_answers_equal_one_processs(on: Bus, feed: Sequence[Sequence[Frame]]) ->
     assert on.has_workers(gateway, 2)
 
 
-@pytest.mark.slow
 def test_another_library_reaches_every_worker(
     on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -218,7 +220,6 @@ def test_another_library_reaches_every_worker(
     on.until(lambda: {each.classes for each in turn()} == {order})
 
 
-@pytest.mark.slow
 def test_workers_come_and_go_without_a_lost_event(
     on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -275,7 +276,6 @@ def test_another_version_or_library_or_map_is_refused(
     assert on.has_workers(gateway, 0)
 
 
-@pytest.mark.slow
 def test_a_question_that_is_lost_is_asked_again(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """A worker whose first questions for charter and library nobody answers works all the same."""
     monkeypatch.setattr(node_module, "_ASK_AGAIN", 0.0)
@@ -359,7 +359,6 @@ def test_a_gateway_that_is_gone_is_left(on: Bus) -> None:
     assert node.counts["refused"] == 0
 
 
-@pytest.mark.slow
 def test_a_worker_that_says_nothing_is_left_out_and_comes_back(
     on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -449,7 +448,6 @@ def test_frames_wait_for_others_only_where_many_come() -> None:
     assert waiting(0.0001, 1.0) == pytest.approx(19 / 20, abs=0.02)
 
 
-@pytest.mark.slow
 def test_a_worker_leaves_in_good_order(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
     """While it leaves it answers until the other worker does: no answer is missing. The last one is let go, too."""
     performers, frames = Performers(opened(on.library)), feed[:90]

@@ -145,6 +145,7 @@ def test_performers_move_in_pieces_if_their_former_worker_answers(sticks: Motion
     assert set(router.frames()) == {1}
 
 
+@pytest.mark.slow
 def test_a_worker_catches_up_with_a_feed_that_is_faster_than_pieces(sticks: MotionLibrary) -> None:
     """Pieces grow where more frames come between two pieces than a piece has."""
     router = Noted(sticks)

@@ -202,6 +202,8 @@ def read_or_refused(path: Path) -> Clip | None:
     return clip
 
 
+@pytest.mark.slow
+@pytest.mark.slow
 @every_format
 def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, ending: str) -> None:
     """What is left is never made up: the frames but the last, whose last number may be cut short, are those written."""

@@ -168,8 +168,8 @@ def _with(happen: Callable[[], object], moment: float, cues: Sequence[Cue]) -> I
 
 def _children(program: Program) -> list[int]:
     """Give the processes that a program has started, as Linux tells; none elsewhere."""
-    told = Path(f"/proc/{program.process.pid}/task").glob("*/children")
-    return [int(number) for each in told for number in each.read_text(encoding="ascii").split()]
+    children = Path(f"/proc/{program.process.pid}/task").glob("*/children")
+    return [int(number) for each in children for number in each.read_text(encoding="ascii").split()]
 
 
 def _free_port() -> int:
@@ -186,15 +186,15 @@ def run_of(feed: Feed, played: Played, middle: float, core_us: Sequence[float]) 
     events: Counter[tuple[str, str, str]] = Counter()
     for each in played.heard:
         topic, encoded = (bytes(part) for part in each.packet)
-        told = json.loads(encoded)
+        reading = json.loads(encoded)
         if topic.startswith(b"event/"):
-            events[told["performer"], told["event"], told["class"]] += 1
-        if not topic.startswith(b"class/") or "t" not in told:
+            events[reading["performer"], reading["event"], reading["class"]] += 1
+        if not topic.startswith(b"class/") or "t" not in reading:
             continue
-        performer = told["performer"]
-        lags.append(each.arrival - played.sent[performer, told["t"]])
+        performer = reading["performer"]
+        lags.append(each.arrival - played.sent[performer, reading["t"]])
         if each.arrival > middle:
-            pause = pauses.get((performer, told["t"]), 0.0)
+            pause = pauses.get((performer, reading["t"]), 0.0)
             gap = max(gap, each.arrival - last.get(performer, each.arrival) - pause)
         last[performer] = each.arrival
     expected = Counter(

@@ -93,13 +93,13 @@ class PageProcess:
             self._process.start()
         theirs.close()
         try:
-            told = self._connection.recv() if self._connection.poll(_MAX_START) else TimeoutError("the page is silent")
+            reply = self._connection.recv() if self._connection.poll(_MAX_START) else TimeoutError("the page is silent")
         except EOFError:
-            told = ChildProcessError("the page's process ended before it began")
-        if isinstance(told, Exception):
+            reply = ChildProcessError("the page's process ended before it began")
+        if isinstance(reply, Exception):
             self._end()
-            raise told
-        self.address = str(told)
+            raise reply
+        self.address = str(reply)
 
     def __enter__(self) -> Self:
         return self

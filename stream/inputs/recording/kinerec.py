@@ -111,10 +111,15 @@ def encode_header(header: RawHeader) -> bytes:
     ValueError
         The presets are larger than a record may be.
     """
-    told: dict[str, object] = {"format": FORMAT, "version": VERSION, "began": header.began, "sources": header.sources}
+    described: dict[str, object] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "began": header.began,
+        "sources": header.sources,
+    }
     if header.presets:
-        told["presets"] = dict(header.presets)
-    body = bytes([_HEADER]) + json.dumps(told).encode()
+        described["presets"] = dict(header.presets)
+    body = bytes([_HEADER]) + json.dumps(described).encode()
     if len(body) > MAX_RECORD:
         raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with the rest of the header, got {len(body)}")
     return _record(body)
@@ -293,12 +298,12 @@ class RawFile:
         try:
             if not body or body[0] != _HEADER:
                 raise ValueError("no header")  # noqa: TRY301 - told alike
-            told = json.loads(body[1:])
-            if told["format"] != FORMAT:
+            described = json.loads(body[1:])
+            if described["format"] != FORMAT:
                 raise ValueError("another format")  # noqa: TRY301 - told alike
-            version = told["version"]
-            presets = {str(name): str(text) for name, text in told.get("presets", {}).items()}
-            self.header = RawHeader(str(told["began"]), tuple(map(str, told["sources"])), presets)
+            version = described["version"]
+            presets = {str(name): str(text) for name, text in described.get("presets", {}).items()}
+            self.header = RawHeader(str(described["began"]), tuple(map(str, described["sources"])), presets)
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
             raise RawFileError(f"{path}: byte 0: not a raw recording ({error})") from error
         if version != VERSION:

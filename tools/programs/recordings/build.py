@@ -94,9 +94,9 @@ class Terms:
 
     def put_on(self, clip: Clip, path: Path) -> Clip:
         """Set a clip's source and terms."""
-        told = clip.source or path.name, clip.licence, clip.attribution
+        notes = clip.source or path.name, clip.licence, clip.attribution
         ours = hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION
-        source, licence, attribution = ours if hdm05.read_clip_name(path) else told
+        source, licence, attribution = ours if hdm05.read_clip_name(path) else notes
         return replace(
             clip, source=source, licence=self.licence or licence, attribution=self.attribution or attribution
         )
@@ -164,8 +164,8 @@ def run(options: argparse.Namespace) -> int:
     if options.nothing:
         clips += (replace(clip, class_name=NOTHING) for clip in unknown.motions(options.nothing))
     if not (clips or libraries):
-        told = f" ({'; '.join(read.told)})" if read.told else ""
-        raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{told}")
+        notes = f" ({'; '.join(read.notes)})" if read.notes else ""
+        raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{notes}")
     libraries += by_body(clips)
     merged = Changes(options.without, dict(options.rename)).made_in(reduce(MotionLibrary.merged_with, libraries))
     if not merged.classes:
@@ -173,7 +173,7 @@ def run(options: argparse.Namespace) -> int:
     merged.save(output)
     made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
     console.print(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB", soft_wrap=True)
-    for line in (*read.told, *unknown.told, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
+    for line in (*read.notes, *unknown.notes, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
         console.print(line, soft_wrap=True)
     return 0
 
@@ -192,7 +192,7 @@ class _Recordings:
     def __init__(self, reading: Reading, terms: Terms) -> None:
         self._reading, self._terms = reading, terms
         self.uncut: list[Clip] = []
-        self.told: list[str] = []
+        self.notes: list[str] = []
         self._filled = self._read = 0
 
     def motions(self, places: Sequence[Path], labels: Sequence[Path] = ()) -> Iterator[Clip]:
@@ -203,11 +203,11 @@ class _Recordings:
         given = list(map(read_labels, labels)) if labels else list(map(segments_beside, paths))
         tell, found = NameTeller(), sum(each is not None for each in given)
         if found and not labels:
-            self.told.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels beside")
+            self.notes.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels beside")
         beside = {} if labels else {path: labels_beside(path) for path in paths}
         for path, (first, *others) in ((path, files) for path, files in beside.items() if len(files) > 1):
-            self.told.append(f"{path.name}: cut by {first.name}, not by {', '.join(each.name for each in others)}")
-        self.told += _passed_over(places, {*paths, *labels, *(each for files in beside.values() for each in files)})
+            self.notes.append(f"{path.name}: cut by {first.name}, not by {', '.join(each.name for each in others)}")
+        self.notes += _passed_over(places, {*paths, *labels, *(each for files in beside.values() for each in files)})
         damaged = list[str]()
         reader = RecordingReader(self._reading)
         for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
@@ -223,7 +223,7 @@ class _Recordings:
             more = f"; and {len(damaged) - _MAX_NAMED} more" if len(damaged) > _MAX_NAMED else ""
             raise RecordingError("; ".join(damaged[:_MAX_NAMED]) + more)
         if self._filled:
-            self.told.append(
+            self.notes.append(
                 f"{self._filled} of {self._read} joint positions were missing and were filled with straight lines"
             )
 
@@ -241,17 +241,19 @@ class _Recordings:
         performers = {take.actor for take in takes}
         for segment in segments:
             if len(takes) > 1 and segment.performer not in performers:
-                told = repr(segment.performer) if segment.performer else "none"
-                raise LabelError(f"{path}: labels: expected a performer of {', '.join(sorted(performers))}, got {told}")
+                notes = repr(segment.performer) if segment.performer else "none"
+                raise LabelError(
+                    f"{path}: labels: expected a performer of {', '.join(sorted(performers))}, got {notes}"
+                )
         for take in takes:
             own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
             if others := sorted({each.performer for each in segments if each not in own} - performers):
                 lost = sum(each.performer in others for each in segments)
-                self.told.append(
+                self.notes.append(
                     f"{path.name}: {counted(lost, 'label')} of {', '.join(others)} left out: "
                     f"{take.actor} is in the recording"
                 )
-            self.told += oddities(take, own)
+            self.notes += oddities(take, own)
             yield from cut(take, own)
 
 
@@ -266,13 +268,13 @@ def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
 def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str]:
     """List the files in folders that are neither recordings, nor skeletons, nor labels of a recording."""
     files = [path for place in places if place.is_dir() for path in sorted(place.rglob("*")) if path.is_file()]
-    told = [
+    notes = [
         f"{path.name} ({instead_of_recording(path)})"
         for path in files
         if path not in used and not path.name.startswith(".") and path.suffix.lower() != ".asf"
     ]
-    if told:
-        yield f"{counted(len(told), 'file')} passed over: {_listed(told)}"
+    if notes:
+        yield f"{counted(len(notes), 'file')} passed over: {_listed(notes)}"
 
 
 def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:

@@ -70,15 +70,15 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
     show: Callable[[Mapping[str, Any]], None]
     if file and file.suffix.lower() == ENDING:
-        told, show = _raw(file, preset_named(feed) if feed else None), _show_raw
+        described, show = _raw(file, preset_named(feed) if feed else None), _show_raw
     elif file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
-        told, show = _recordings(file, reading_of(options), clips=options.clips), _show_recordings
+        described, show = _recordings(file, reading_of(options), clips=options.clips), _show_recordings
     else:
-        told, show = _library(file, clips=options.clips), _show_library
+        described, show = _library(file, clips=options.clips), _show_library
     if options.json:
-        print(json.dumps(told))
+        print(json.dumps(described))
     else:
-        show(told)
+        show(described)
     return 0
 
 
@@ -114,19 +114,19 @@ def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
     }
 
 
-def _show_raw(told: Mapping[str, Any]) -> None:
-    console.print(f"{told['file']}: recorded {told['recorded']}, {told['seconds']:.1f} s")
-    for sender, count in told["packets"].items():
+def _show_raw(described: Mapping[str, Any]) -> None:
+    console.print(f"{described['file']}: recorded {described['recorded']}, {described['seconds']:.1f} s")
+    for sender, count in described["packets"].items():
         console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
-    for name, same in told["presets"].items():
+    for name, same in described["presets"].items():
         console.print(
             f"preset {printable(name)}: kept in the recording, {'same as' if same else 'other than'} the built-in one",
             soft_wrap=True,
         )
-    for performer, count in told["frames"].items():
+    for performer, count in described["frames"].items():
         console.print(f"performer {printable(performer)}: {count} frames", soft_wrap=True)
-    if told["damage"]:
-        console.print(told["damage"], soft_wrap=True)
+    if described["damage"]:
+        console.print(described["damage"], soft_wrap=True)
 
 
 # --- libraries and folders ---
@@ -220,19 +220,21 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
                 "filled": round(clip.filled / (clip.frames * len(clip.skeleton.joints)), 4),
             }
             listed.append(motions[-1].listed() | measured)
-    told = {"place": str(place), **_summed_up(motions), "joints": list(joints)}
-    return told | ({"clips": listed} if listed else {})
+    described = {"place": str(place), **_summed_up(motions), "joints": list(joints)}
+    return described | ({"clips": listed} if listed else {})
 
 
-def _show_recordings(told: Mapping[str, Any]) -> None:
+def _show_recordings(described: Mapping[str, Any]) -> None:
     """Print recordings: a single one as a row with its joints; of several the sums, and their rows if asked for."""
-    if "clips" in told:
-        table = narrow_table(told["place"])
+    if "clips" in described:
+        table = narrow_table(described["place"])
         table.padding = 0
-        add_names(table, "recording", [printable(each["name"]) for each in told["clips"]], beside=_BESIDE_RECORDINGS)
+        add_names(
+            table, "recording", [printable(each["name"]) for each in described["clips"]], beside=_BESIDE_RECORDINGS
+        )
         for heading in ("seconds", "Hz", "joints", "metres across", "filled in"):
             table.add_column(heading, justify="right")
-        for each in told["clips"]:
+        for each in described["clips"]:
             table.add_row(
                 printable(each["name"]),
                 f"{each['seconds']:.1f}",
@@ -242,11 +244,11 @@ def _show_recordings(told: Mapping[str, Any]) -> None:
                 f"{each['filled']:.1%}",
             )
         console.print(table)
-    if told["motions"] > 1:
-        _show_sums(told["place"], told["classes"], "class", "persons")
-        _show_sums("", told["persons"], "person", "classes")
-        _tell({"recordings": f"{told['motions']}, {told['seconds']:.0f} s"})
-    _tell({"joints": f"{len(told['joints'])}: {', '.join(told['joints'])}"})
+    if described["motions"] > 1:
+        _show_sums(described["place"], described["classes"], "class", "persons")
+        _show_sums("", described["persons"], "person", "classes")
+        _tell({"recordings": f"{described['motions']}, {described['seconds']:.0f} s"})
+    _tell({"joints": f"{len(described['joints'])}: {', '.join(described['joints'])}"})
 
 
 def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
@@ -256,42 +258,42 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
     motions = [_Motion.of(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
     indices = {name: index for index, name in enumerate(library.classes)}
-    told = {"library": str(file or BUILT_IN), **_summed_up(motions)}
-    told["classes"] = [{**row, "index": indices.get(row["class"])} for row in told["classes"]]
-    told |= {
+    described = {"library": str(file or BUILT_IN), **_summed_up(motions)}
+    described["classes"] = [{**row, "index": indices.get(row["class"])} for row in described["classes"]]
+    described |= {
         "joints": list(library.skeleton.joints),
         "sources": list(dict.fromkeys(each.source for each in kept if each.source)),
         "arithmetic": kernels.kind(),
         "licence": library.licence,
         "attribution": library.attribution,
     }
-    return told | ({"clips": [each.listed() for each in motions]} if clips else {})
+    return described | ({"clips": [each.listed() for each in motions]} if clips else {})
 
 
-def _show_library(told: Mapping[str, Any]) -> None:
+def _show_library(described: Mapping[str, Any]) -> None:
     """Print a library's classes with their indices, its persons, joints, licence and attribution."""
-    if "clips" in told:
-        table = narrow_table(told["library"])
-        names = [(printable(each["class"]), printable(each["person"]) or "?") for each in told["clips"]]
+    if "clips" in described:
+        table = narrow_table(described["library"])
+        names = [(printable(each["class"]), printable(each["person"]) or "?") for each in described["clips"]]
         add_names(table, "class", [name for name, _ in names], beside=_BESIDE_RECORDINGS)
         for heading in ("person", "take", "seconds", "Hz"):
             table.add_column(heading, overflow="fold")
-        for (name, person), each in zip(names, told["clips"], strict=True):
+        for (name, person), each in zip(names, described["clips"], strict=True):
             table.add_row(name, person, printable(each["take"]), f"{each['seconds']:.1f}", f"{each['frame_rate']:g}")
         console.print(table)
-    _show_sums(told["library"], told["classes"], "class", "persons")
-    _show_sums("", told["persons"], "person", "classes")
-    classes = sum(row["index"] is not None for row in told["classes"])
-    persons = [row["person"] for row in told["persons"] if row["person"]]
+    _show_sums(described["library"], described["classes"], "class", "persons")
+    _show_sums("", described["persons"], "person", "classes")
+    classes = sum(row["index"] is not None for row in described["classes"])
+    persons = [row["person"] for row in described["persons"] if row["person"]]
     _tell(
         {
-            "motions": f"{told['motions']} of {classes} classes, {told['seconds']:.0f} s",
+            "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
             "persons": ", ".join(persons) or "not stated",
-            "joints": f"{len(told['joints'])}: {', '.join(told['joints'])}",
-            "sources": ", ".join(told["sources"]) or "not stated",
-            "arithmetic": told["arithmetic"],
-            "licence": told["licence"] or "not stated",
-            "attribution": told["attribution"] or "none",
+            "joints": f"{len(described['joints'])}: {', '.join(described['joints'])}",
+            "sources": ", ".join(described["sources"]) or "not stated",
+            "arithmetic": described["arithmetic"],
+            "licence": described["licence"] or "not stated",
+            "attribution": described["attribution"] or "none",
         }
     )
 

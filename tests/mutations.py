@@ -116,7 +116,7 @@ def stages(path: Path, *, near: bool) -> list[tuple[str, ...]]:
 
 def _copied(folder: Path) -> Path:
     """Copy the tree, and lay its packages out as they are installed."""
-    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".*", "build", "__pycache__", "*.egg-info"))
+    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".venv", ".git", "*_cache", "build", "__pycache__", "*.egg-info"))
     package = folder / "packages" / "kinespace"
     package.mkdir(parents=True)
     for part in (

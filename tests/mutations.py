@@ -34,6 +34,7 @@ _SWAPS = {each: other for pair in (*_PAIRS, *_PAIRS_TOO) for each, other in (pai
 #: answers, which show a constant that is a little different.
 _WIDER = {"library": ("tests/library", "tests/stream/recognizer"), "stream": ("tests/stream",)}
 _ANSWERS = ("tests/system/recognition",)
+_NOT_COPIED = ".venv", ".git", "*_cache", "build", "__pycache__", "*.egg-info"
 #: Bytes of memory that tests may take.
 _MEMORY = 8 << 30
 
@@ -116,7 +117,7 @@ def stages(path: Path, *, near: bool) -> list[tuple[str, ...]]:
 
 def _copied(folder: Path) -> Path:
     """Copy the tree, and lay its packages out as they are installed."""
-    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".venv", ".git", "*_cache", "build", "__pycache__", "*.egg-info"))
+    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*_NOT_COPIED))
     package = folder / "packages" / "kinespace"
     package.mkdir(parents=True)
     for part in (

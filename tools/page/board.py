@@ -287,7 +287,7 @@ class Board:
             self._tell_here()
 
     def take_reply(self, control: dict[str, object]) -> None:
-        """Take in the control door's description of the classes, the settings and the recording."""
+        """Take in the control socket's description of the classes, the settings and the recording."""
         if control != self._control.told:
             self.number += 1
             self._control = _Noted(control, self.number)

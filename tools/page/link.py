@@ -1,4 +1,4 @@
-"""The page's link to a recogniser: a subscription to its messages, and requests to its control door."""
+"""The page's link to a recogniser: a subscription to its messages, and requests to its control socket."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TOPICS = (b"event/", b"class/", b"classes/", b"status/", b"teach/")
 _BODIES = b"body/"
 #: Messages taken in one turn, at most, so that a flood leaves turns for the pages.
 _MAX_IN_TURN = 512
-#: Milliseconds to wait for the control door.
+#: Milliseconds to wait for the control socket.
 _MAX_REPLY = 2000
 _encode = msgspec.json.Encoder().encode
 
@@ -77,8 +77,8 @@ class Subscription:
         self._socket.close()
 
 
-class ControlDoor:
-    """Asks the control door of a recogniser; from any thread, one request at a time.
+class ControlLink:
+    """Asks the control socket of a recogniser; from any thread, one request at a time.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class PagePlan:
     address
         HOST:PORT of the page.
     control
-        The ZeroMQ endpoint of the recogniser's control door; None: pages only look.
+        The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
     recordings
         The folder of recordings that may be played; None: none may.
     osc_to, zmq_to

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.page.link import ControlDoor, Subscription
+from kinespace.tools.page.link import ControlLink, Subscription
 from kinespace.tools.page.player import PagePlan, Player
 from kinespace.tools.page.requests import Gate
 
@@ -48,8 +48,8 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
     host, port = host_and_port(plan.address)
     keyring = Keyring(plan.keys) if plan.keys else None
     subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
-    door = ControlDoor(Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
-    server = PageServer(subscription, door, Gate.for_host(host), Player(plan) if plan.recordings else None)
+    control = ControlLink(Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
+    server = PageServer(subscription, control, Gate.for_host(host), Player(plan) if plan.recordings else None)
     try:
         # Windows' own loop cannot wait for ZeroMQ.
         with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
@@ -59,8 +59,8 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
                 raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
     finally:
         subscription.close()
-        if door:
-            door.close()
+        if control:
+            control.close()
         if keyring:
             keyring.close()
 

@@ -43,7 +43,7 @@ class Message(msgspec.Struct, forbid_unknown_fields=True):
     ack
         The number of the message that has been drawn.
     ask
-        A command for the control door.
+        A command for the control socket.
     play
         A recording to be played.
     """

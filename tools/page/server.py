@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request
 
-    from kinespace.tools.page.link import ControlDoor, Subscription
+    from kinespace.tools.page.link import ControlLink, Subscription
     from kinespace.tools.page.player import Player
     from kinespace.tools.page.requests import Message
 
@@ -41,7 +41,7 @@ _PACE, _LOOK, _REPORT = 1 / 35, 0.2, 1.0
 _MAX_LATENCIES = 256
 #: Seconds that a page may stay silent in the handshake.
 _MAX_OPENING = 5.0
-_NO_DOOR = "start kinespace live with --teach FILE to teach from here"
+_NO_CONTROL = "start kinespace live with --teach FILE to teach from here"
 _NO_REPLY = "the recogniser does not reply"
 
 
@@ -89,8 +89,8 @@ class PageServer:
     ----------
     subscription
         The recogniser's messages.
-    door
-        The recogniser's control door; None: pages only look.
+    control
+        The recogniser's control socket; None: pages only look.
     gate
         Decides which browsers are let in.
     player
@@ -98,14 +98,14 @@ class PageServer:
     """
 
     def __init__(
-        self, subscription: Subscription, door: ControlDoor | None, gate: Gate, player: Player | None = None
+        self, subscription: Subscription, control: ControlLink | None, gate: Gate, player: Player | None = None
     ) -> None:
         self.board = Board()
-        self._subscription, self._door, self._gate, self._player = subscription, door, gate, player
+        self._subscription, self._control, self._gate, self._player = subscription, control, gate, player
         self._listed = 0.0
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
-        #: Whether the door's classes and settings may have changed, and the question that is on its way.
+        #: Whether the control's classes and settings may have changed, and the question that is on its way.
         self._stale = True
         self._asking: asyncio.Task[object] | None = None
 
@@ -149,8 +149,8 @@ class PageServer:
             self._wake()
 
     def _ask_for_state(self) -> None:
-        """Ask the door again while it has not replied: it may have come later than we, or anew."""
-        if self._stale and self._door and self._pages and (self._asking is None or self._asking.done()):
+        """Ask the control again while it has not replied: it may have come later than we, or anew."""
+        if self._stale and self._control and self._pages and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
 
     async def _list_recordings(self, *, at_once: bool = False) -> None:
@@ -226,10 +226,10 @@ class PageServer:
         return {"states": [_refused(why)] if why else []}
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Ask the control door; tell every page the changes."""
-        if self._door is None:
-            return {"states": [_refused(_NO_DOOR)]}
-        reply = await asyncio.to_thread(self._door.ask, command)
+        """Ask the control socket; tell every page the changes."""
+        if self._control is None:
+            return {"states": [_refused(_NO_CONTROL)]}
+        reply = await asyncio.to_thread(self._control.ask, command)
         if reply is None:
             return {"states": [_refused(_NO_REPLY)]}
         states, self._stale = reply.pop("states"), False

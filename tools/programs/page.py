@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--from", dest="source", default=SOURCE, metavar="ENDPOINT", help="default %(default)s")
     parser.add_argument(
-        "--control", metavar="ENDPOINT", help="teach through this door, which kinespace live --control opens"
+        "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"
     )
     parser.add_argument("--recordings", type=Path, metavar="DIR", help="let pages play the .kinerec in this folder")
     parser.add_argument(

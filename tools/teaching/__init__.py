@@ -1,1 +1,1 @@
-"""Teaching while a feed runs: the desk between service, teacher and file, and the doors for commands."""
+"""Teaching while a feed runs: commands and their requests, lessons, keys, and the thread that opens and saves."""

@@ -11,7 +11,7 @@ import zmq
 
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.page import link
-from kinespace.tools.page.link import ControlDoor, Subscription
+from kinespace.tools.page.link import ControlLink, Subscription
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,11 +48,11 @@ def hears(subscription: Subscription, publisher: zmq.Socket[bytes], answer: byte
     return False
 
 
-def reply_once(door: zmq.Socket[bytes]) -> None:
+def reply_once(control: zmq.Socket[bytes]) -> None:
     """Reply to one request as a recogniser does."""
-    if door.poll(PATIENCE * 1000):
-        door.recv()
-        door.send(b'{"classes": ["bow"]}')
+    if control.poll(PATIENCE * 1000):
+        control.recv()
+        control.send(b'{"classes": ["bow"]}')
 
 
 def test_answers_come_again_after_a_restart() -> None:
@@ -67,18 +67,18 @@ def test_answers_come_again_after_a_restart() -> None:
 
 
 def test_commands_are_carried_out_again_after_a_restart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While the door is away a command gets no reply; when the door is back the next command gets one."""
+    """While the control is away a command gets no reply; when the control is back the next command gets one."""
     with bound(zmq.REP) as first:
         place = first.getsockopt_string(zmq.LAST_ENDPOINT)
-    door = ControlDoor(Endpoint.parse(place, bind=False))
+    control = ControlLink(Endpoint.parse(place, bind=False))
     monkeypatch.setattr(link, "_MAX_REPLY", 10)
-    assert door.ask({"do": "undo"}) is None
+    assert control.ask({"do": "undo"}) is None
     monkeypatch.setattr(link, "_MAX_REPLY", PATIENCE * 1000)
     with bound(zmq.REP, place) as second:
         replying = threading.Thread(target=reply_once, args=(second,))
         replying.start()
-        reply = door.ask({"do": "undo"})
+        reply = control.ask({"do": "undo"})
         replying.join()
-    door.close()
+    control.close()
     assert reply is not None
     assert reply["classes"] == ["bow"]

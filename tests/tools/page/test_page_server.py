@@ -59,8 +59,8 @@ class Published:
         self._theirs.close()
 
 
-class Door:
-    """A control door that notes what it is asked."""
+class FakeControl:
+    """A control socket that notes what it is asked."""
 
     def __init__(self) -> None:
         self.asked: list[dict[str, Any]] = []
@@ -76,8 +76,8 @@ class Door:
 class Served:
     """A running server."""
 
-    def __init__(self, published: Published, door: Door | None, address: str) -> None:
-        self.published, self.door, self.address = published, door, address
+    def __init__(self, published: Published, control: FakeControl | None, address: str) -> None:
+        self.published, self.control, self.address = published, control, address
 
     def page(self, **options: Any) -> connect:  # noqa: ANN401 - the library's own options
         """Open a page as a browser does."""
@@ -86,13 +86,13 @@ class Served:
 
 
 @asynccontextmanager
-async def serving(door: Door | None = None) -> AsyncIterator[Served]:
+async def serving(control: FakeControl | None = None) -> AsyncIterator[Served]:
     """Run a server on a port that the system chooses."""
     published, addresses, ended = Published(), asyncio.Queue[str](), list[bool]()
-    server = PageServer(published, door, Gate())  # type: ignore[arg-type]  # stand-ins
+    server = PageServer(published, control, Gate())  # type: ignore[arg-type]  # stand-ins
     running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
     try:
-        yield Served(published, door, await asyncio.wait_for(addresses.get(), PATIENCE))
+        yield Served(published, control, await asyncio.wait_for(addresses.get(), PATIENCE))
     finally:
         ended.append(True)
         await asyncio.wait_for(running, PATIENCE)
@@ -163,11 +163,11 @@ def test_pages_do_not_wait_for_each_other() -> None:
 
 
 def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
-    """A page's command reaches the door as it is; the reply comes back to that page, the classes to every page."""
+    """A page's command reaches the control as it is; the reply comes back to that page, the classes to every page."""
 
     async def test() -> None:
-        door = Door()
-        async with serving(door) as served, served.page() as page, served.page() as other:
+        control = FakeControl()
+        async with serving(control) as served, served.page() as page, served.page() as other:
             for each in (page, other):
                 news = await told(each)
                 while "control" not in news:
@@ -183,7 +183,7 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
                     news = await told(page)
                 assert [state["state"] for reply in news["replies"] for state in reply["states"]] == refused
                 await page.send(json.dumps({"ack": news["number"]}))
-                assert door.asked[-1] == command
+                assert control.asked[-1] == command
 
     run(test())
 

@@ -94,6 +94,10 @@ class Commanded(Protocol):
     def answers(self) -> bool:
         """Whether performers are answered now."""
 
+    @property
+    def classes(self) -> Sequence[str] | None:
+        """The classes that are answered; None for the recognisers' own."""
+
     def carry_out(self, asked: Asked) -> object:
         """Carry out a command. Never raises."""
 
@@ -352,8 +356,9 @@ class Service:
         now = self._clock()
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
+            classes = self._control.classes if self._control else None
             for sink in self.sinks:
-                sink.publish_classes(self.performers.classes)
+                sink.publish_classes(self.performers.classes if classes is None else classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and silent performers cannot be told from others.

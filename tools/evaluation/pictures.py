@@ -11,7 +11,7 @@ try:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 except ImportError as error:
-    raise ImportError("pictures need matplotlib: pip install kinespace[pictures]") from error
+    raise ImportError("pictures need matplotlib: pip install 'kinespace[pictures]'") from error
 
 from kinespace.tools.terminal.output_path import require_place_for
 

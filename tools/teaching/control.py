@@ -49,6 +49,11 @@ class Control(Sink):
         """Whether performers are answered."""
         return self.lessons is None or self.lessons.answers
 
+    @property
+    def classes(self) -> tuple[str, ...] | None:
+        """The classes that are answered; None for the recognisers' own."""
+        return self.lessons.classes if self.lessons else None
+
     def publish_frame(self, frame: Frame) -> None:
         """Show the teacher a frame."""
         if self.lessons:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -305,6 +306,13 @@ def test_compiled_kernels_compute_what_numpy_computes(name: str, seed: int, widt
         given, expected = call(*numbers), twin(*numbers)
         assert given == pytest.approx(expected, rel=case.tolerance, abs=case.tolerance, nan_ok=True), numbers
         _assert_alike(case, name, ours, theirs)
+
+
+@pytest.fixture(params=["compiled", "numpy"])
+def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Do the arithmetic both ways, as elsewhere, but for one test at a time: the others here set a width."""
+    with kernels.left_aside() if request.param == "numpy" else nullcontext():
+        yield request.param
 
 
 @pytest.mark.parametrize("seed", SEEDS)

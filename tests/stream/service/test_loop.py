@@ -354,6 +354,8 @@ def test_after_a_pause_old_answers_are_not_sent(library: MotionLibrary, source: 
 class FakeControl:
     """Keeps the commands it gets."""
 
+    classes = ("taught",)
+
     def __init__(self) -> None:
         self.answers, self.carried_out, self.tended = True, [], 0
 
@@ -382,5 +384,6 @@ def test_commands_are_carried_out_and_may_switch_answers_off(library: MotionLibr
             service.run()
         assert [isinstance(each, commands.Run) for each in control.carried_out] == [True] * (len(packets) - len(frames))
         assert control.tended
+        assert set(sink.classes) == {("taught",)}
         assert bool(sink.recognitions) is answers
         assert bool(sink.events) is answers

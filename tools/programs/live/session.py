@@ -53,7 +53,9 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where
     preset = _checked(options, settings)
     performers, lessons = recognisers(options, preset, where.make)
     shown: PlainLines | LiveTable = (
-        PlainLines() if options.plain or not console.is_terminal else LiveTable(performers.classes)
+        PlainLines()
+        if options.plain or not console.is_terminal
+        else LiveTable(lessons.classes if lessons else performers.classes)
     )
     admission = Admission(silence=performers.silence, merge=options.merge, allowed=options.allow)
     # Before the sockets are open: no packet is to wait until the page runs.

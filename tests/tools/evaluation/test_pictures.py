@@ -56,7 +56,7 @@ def test_the_error_without_matplotlib_names_the_extra(monkeypatch: pytest.Monkey
     """Where the extra is not installed, loading the module names the extra."""
     monkeypatch.delitem(sys.modules, "kinespace.tools.evaluation.pictures")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(ImportError, match=r"pip install kinespace\[pictures\]"):
+    with pytest.raises(ImportError, match=r"pip install 'kinespace\[pictures\]'"):
         importlib.import_module("kinespace.tools.evaluation.pictures")
 
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from programs import finished
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.joint_sets import joints_of
 
 if TYPE_CHECKING:
@@ -113,14 +113,16 @@ def test_a_restricted_library_keeps_the_learned_numbers(builtin: MotionLibrary) 
     assert {"weights", "thresholds", "typical"} <= set(fewer.learned.arrays()) < set(builtin.learned.arrays())
 
 
-def test_no_shared_joints_are_one_line(sticks: MotionLibrary, tmp_path: Path) -> None:
+def test_no_shared_joints_are_one_line(
+    sticks: MotionLibrary, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A feed that shares fewer than five joints with the library is refused in one line, by both counts."""
     with pytest.raises(SkeletonMismatchError, match=r"expected at least 5 of the library's 6 \(root ... foot\), got 2"):
         sticks.restricted_to(joints_of("kinectv2"))
     sticks.save(tmp_path / "sticks.npz")
     feed = ("--feed", "kinectv2", "--osc-in", "127.0.0.1:0")
-    status, _, errors = finished("live", "--library", tmp_path / "sticks.npz", *feed)
-    assert status == 2
+    assert main(["live", "--library", str(tmp_path / "sticks.npz"), *feed]) == 2
+    errors = capsys.readouterr().err
     assert errors.startswith("kinespace: joints: expected at least 5 of the library's 6")
     assert errors.count("\n") == 1
 

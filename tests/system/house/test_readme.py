@@ -30,8 +30,6 @@ CODE = [line for _, code in FENCED for line in code.splitlines() if not line.sta
 CODE += re.findall(r"`([^`\n]+)`", _FENCE.sub("", ALL))
 #: Each command of ours, without the name of the program that it begins with.
 COMMANDS = re.findall(r"(?:^|[ /])kinespace +([a-z][^#&|>\n]*)", "\n".join(CODE), re.MULTILINE)
-#: Options of `make chaos TRIALS=...`, which is no program of `kinespace`.
-OF_CHAOS = {"--write"}
 #: A page of this many lines is no first page any more.
 MAX_README_LINES = 110
 
@@ -74,7 +72,7 @@ def test_every_option_named_alone_exists(capsys: pytest.CaptureFixture[str]) -> 
     programs = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
     known = set().union(*(options_of(program, capsys) for program in programs))
     mentioned = {option for code in CODE for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
-    assert mentioned <= known | {"--version", "--help", "--max-memory", *OF_CHAOS}
+    assert mentioned <= known | {"--version", "--help", "--max-memory"}
 
 
 def test_every_make_target_named_exists() -> None:

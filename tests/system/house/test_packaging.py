@@ -9,7 +9,7 @@ import sys
 import tomllib
 from importlib import resources
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from programs import ROOT
@@ -32,7 +32,7 @@ RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 MAX_EXAMPLE = 20_000
 
 
-def project() -> dict[str, dict[str, object]]:
+def project() -> dict[str, dict[str, Any]]:
     """Read pyproject.toml."""
     return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
@@ -54,7 +54,6 @@ def package_folder(path: Path) -> Path:
 def test_exactly_the_packages_there_are_are_shipped() -> None:
     """The packages are named one by one, and they are all the packages the sources have beside the tests."""
     setuptools = project()["tool"]["setuptools"]
-    assert isinstance(setuptools, dict)
     assert sorted(setuptools["packages"]) == sorted(FOLDERS.values())
     assert len(FOLDERS) > 10
     assert {find_spec(package).origin for package in FOLDERS.values()} == {  # type: ignore[union-attr]
@@ -65,7 +64,6 @@ def test_exactly_the_packages_there_are_are_shipped() -> None:
 def test_declared_data_files_exist() -> None:
     """Every data file that is declared can be found the way an installed package finds it, and is not empty."""
     setuptools = project()["tool"]["setuptools"]
-    assert isinstance(setuptools, dict)
     declared = {(package, name) for package, names in setuptools["package-data"].items() for name in names}
     assert declared >= {("kinespace.library", "hdm05.npz"), ("kinespace.library", "LICENSE-hdm05.txt")}
     assert ("kinespace", "py.typed") in declared
@@ -79,7 +77,6 @@ def test_declared_data_files_exist() -> None:
 def test_every_file_in_a_package_is_declared() -> None:
     """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
     setuptools = project()["tool"]["setuptools"]
-    assert isinstance(setuptools, dict)
     modules = setuptools["ext-modules"]
     sources = {name for module in modules for name in (*module["sources"], *module["depends"])}
     for folder, package in FOLDERS.items():
@@ -97,8 +94,6 @@ def test_compiled_modules_are_optional() -> None:
     """Compiled modules are optional and serve every Python from 3.11 on; all their sources are in the project."""
     setuptools = project()["tool"]["setuptools"]
     distutils = project()["tool"]["distutils"]
-    assert isinstance(setuptools, dict)
-    assert isinstance(distutils, dict)
     for module in setuptools["ext-modules"]:
         assert module["optional"] is True
         assert module["py-limited-api"] is True
@@ -139,10 +134,8 @@ def test_the_only_large_file_is_the_library() -> None:
 def test_a_python_that_is_promised_is_one_that_is_required() -> None:
     """The lowest Python among the classifiers is the one that is required."""
     described = project()["project"]
-    classifiers = described["classifiers"]
-    assert isinstance(classifiers, list)
     prefix = "Programming Language :: Python :: 3."
-    promised = [int(each.removeprefix(prefix)) for each in classifiers if each.startswith(prefix)]
+    promised = [int(each.removeprefix(prefix)) for each in described["classifiers"] if each.startswith(prefix)]
     assert described["requires-python"] == f">=3.{min(promised)}"
 
 

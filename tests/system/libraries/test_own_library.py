@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -92,7 +93,12 @@ def test_motions_of_the_class_nothing_are_unknown(signature: LiveSignature) -> N
 
 def test_a_motion_and_its_reverse_are_told_apart(builtin: MotionLibrary) -> None:
     """Lying down played backwards is a class of its own: by people whom the library does not know both are named."""
-    clips = [clip for clip in builtin.motions if clip.class_name in ("lieDownFloor", "sneak2StepsLStart")]
+    by_person: dict[tuple[str, str], list[Clip]] = defaultdict(list)
+    for clip in builtin.motions:
+        if clip.class_name in ("lieDownFloor", "sneak2StepsLStart"):
+            by_person[clip.class_name, clip.actor].append(clip)
+    # Two takes of each do, and are opened faster.
+    clips = [clip for takes in by_person.values() for clip in takes[:2]]
     backwards = [
         replace(clip, positions=clip.positions[::-1], class_name="getUpFloor")
         for clip in clips

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -27,23 +26,11 @@ FOLDERS = {"tools/front": "kinespace"} | {
     for path in sorted((ROOT / top).rglob("__init__.py"))
     if path.parent != ROOT / "tools" / "front"
 }
-RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
-#: Bytes above which a recording is data, not a test's example.
-MAX_EXAMPLE = 20_000
 
 
 def project() -> dict[str, dict[str, Any]]:
     """Read pyproject.toml."""
     return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-
-
-def tracked_files() -> list[Path]:
-    """List what git tracks."""
-    git = shutil.which("git")
-    if git is None or not (ROOT / ".git").exists():
-        pytest.skip("not a git checkout")
-    listed = subprocess.run([git, "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
-    return [ROOT / name for name in listed.stdout.split("\0") if name]
 
 
 def package_folder(path: Path) -> Path:
@@ -113,22 +100,6 @@ def test_the_librarys_terms_stand_beside_it() -> None:
     licence = project()["project"]["license"]
     assert licence == "MIT AND CC-BY-SA-3.0"
     assert project()["project"]["license-files"] == ["LICENSE", "library/LICENSE-hdm05.txt"]
-
-
-def test_no_recording_is_tracked() -> None:
-    """Git tracks no recording larger than a test's example, under any capitalisation of its ending."""
-    large = [
-        path.name
-        for path in tracked_files()
-        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > MAX_EXAMPLE
-    ]
-    assert large == []
-
-
-def test_the_only_large_file_is_the_library() -> None:
-    """No tracked file but the built-in library is larger than 300 kB."""
-    large = {path.name for path in tracked_files() if path.exists() and path.stat().st_size > 300_000}
-    assert large == {"hdm05.npz"}
 
 
 def test_a_python_that_is_promised_is_one_that_is_required() -> None:

@@ -15,7 +15,7 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.osc import OscReceiver
-from kinespace.stream.recognizer import Performers
+from kinespace.stream.recognizer import LiveSignature, Performers, Settings
 from kinespace.stream.service.loop import Service
 
 if TYPE_CHECKING:
@@ -29,7 +29,9 @@ def test_the_last_frame_is_not_kept_waiting(played: NDArray[np.float32]) -> None
     # A whole frame would be closed by its last joint.
     packets = LAYOUTS["osceleton"][1](Moment(dict(zip(SKELETON.joints, played[0], strict=True)), 1.0, 0))[:-1]
     source = FeedSource(OscReceiver(LOOPBACK, 0), builtin_preset("osceleton"))
-    performers = Performers(small_library().restricted_to(source.preset.joints))
+    # The paper's signature has nothing to learn.
+    settings = Settings(signature=LiveSignature.PAPER)
+    performers = Performers(small_library().restricted_to(source.preset.joints), settings)
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
         Service(performers, [source], [], clock=lambda: now[0]) as service,

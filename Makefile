@@ -34,7 +34,7 @@ $(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
 	@touch $(RUNS) $@
 
 # Eight minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
-# `make chaos TRIALS=--write` puts the table into the page; `TRIALS=--help` lists what else there is.
+# `make chaos TRIALS=--help` lists its options.
 chaos: setup
 	PYTHONPATH=tests:tests/support $(BIN)/python -m chaos $(TRIALS)
 

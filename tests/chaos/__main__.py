@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from chaos.trial import Effort, tried
@@ -21,15 +19,10 @@ if TYPE_CHECKING:
 
     from chaos.trial import Outcome
 
-PAGE = Path(__file__).parents[2] / ".github" / "docs" / "robustness.md"
-
-
 _HEADINGS = (
     *("what goes wrong", "answers / expected", "p99 before, ms", "p99, ms", "MB before / most / after", "s to recover"),
     "counted",
 )
-#: The place of the table in a page: between these comments.
-_PLACE = re.compile(r"(<!-- chaos: all -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
@@ -56,14 +49,6 @@ def _milliseconds(seconds: float) -> str:
     return "-" if math.isnan(seconds) else f"{seconds * 1000:.1f}"
 
 
-def with_table(page: str, outcomes: Sequence[Outcome], machine: str) -> str:
-    """Give a page with a new table, and the machine in a line, in the place that its comments mark."""
-    new, found = _PLACE.subn(lambda place: f"{place[1]}\n{table(outcomes)}\n\n{machine}.\n\n{place[2]}", page)
-    if not found:
-        raise ValueError("page: expected <!-- chaos: all --> and <!-- end -->, got neither")
-    return new
-
-
 def main() -> int:
     """Run the trials; return the exit status: 1 when the recogniser ended by itself."""
     parser = argparse.ArgumentParser(
@@ -73,14 +58,11 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=5.0, help="seconds of each attack (default %(default)s)")
     parser.add_argument("--only", default="", metavar="TEXT,...", help="only trials whose names contain one of these")
-    parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
     options = parser.parse_args()
     wanted = [each for each in TRIALS if any(text in each.name for text in options.only.split(","))]
     positions, effort = recorded.positions(), Effort(during=options.seconds)
     outcomes = [tried(each, effort, positions) for each in progress(wanted, "Trials", len(wanted))]
     print(f"{table(outcomes)}\n\n{machine()}")  # noqa: T201 - a program's output
-    if options.write:
-        PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), outcomes, machine()), encoding="utf-8")
     return 0 if all(each.ended == 0 for each in outcomes) else 1
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING, NamedTuple, Self
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import singlepart
@@ -47,7 +48,6 @@ class NoSocket:
         self.sender: tuple[str, int] | None = ("10.0.0.7", 5000)
         self.kernel_drops = 0
         self.waited = 0.0
-        self.address = ("127.0.0.1", 7000)
         self.socket = self
 
     def receive(self) -> bytes | list[bytes] | None:
@@ -59,15 +59,15 @@ class NoSocket:
         """Have no connections."""
         return 0
 
-    def send_to(self, datagram: bytes, target: tuple[str, int]) -> bool:
-        """Send nothing."""
-        return bool(datagram and target)
 
-    def close(self) -> None:
-        """Nothing to close."""
-
-    def __enter__(self) -> Self:
-        return self
+@contextmanager
+def named_if_it_fails(name: str, seed: int, packet: object) -> Iterator[None]:
+    """Print what was pushed when something is raised."""
+    try:
+        yield
+    except BaseException:
+        print(f"{name}, seed {seed}: {packet!r}", file=sys.stderr)  # noqa: T201 - a person looks at it
+        raise
 
 
 def golden_packets(preset: str) -> list[bytes]:
@@ -153,11 +153,8 @@ def run(preset: Preset, packets: int, seed: int) -> FeedSource:
     arrival = 0.0
     for packet, _ in zip(broken(golden_packets(preset.name), generator), range(packets), strict=False):
         arrival += float(generator.exponential(0.005))
-        try:
+        with named_if_it_fails(preset.name, seed, packet):
             check(source, packet, arrival)
-        except BaseException:
-            print(f"{preset.name}, seed {seed}: {packet!r}", file=sys.stderr)  # noqa: T201 - a person looks at it
-            raise
     return source
 
 
@@ -189,15 +186,12 @@ def run_messages(messages: int, seed: int) -> Source:
     stream = broken_parts(golden_messages(), np.random.default_rng(seed))
     for number, parts in zip(range(messages), stream, strict=False):
         receiver.packet = parts
-        try:
+        with named_if_it_fails("ZeroMQ", seed, parts):
             events = source.take(number / 100)
             assert events is not None
             assert source.counts.received == number + 1
             for event in events:
                 assert isinstance(event, Announcement) or np.isfinite(event.positions).all()
-        except BaseException:
-            print(f"ZeroMQ, seed {seed}: {parts!r}", file=sys.stderr)  # noqa: T201 - a person looks at it
-            raise
     return source
 
 
@@ -237,13 +231,8 @@ def read_broken(name: str, messages: int, seed: int) -> tuple[int, int]:
     """Read so many broken messages with a codec; give how many were a value, and how many were refused."""
     codec, read = READERS[name], 0
     for parts, _ in zip(broken_parts(codec.golden, np.random.default_rng(seed)), range(messages), strict=False):
-        try:
+        with named_if_it_fails(name, seed, parts), suppress(codec.error):
             read += bool(codec.read(parts))
-        except codec.error:
-            pass
-        except BaseException:
-            print(f"{name}, seed {seed}: {parts!r}", file=sys.stderr)  # noqa: T201 - a person looks at it
-            raise
     return read, messages - read
 
 

@@ -1,4 +1,4 @@
-"""liblo's programs oscsend, oscdump and oscsendfile, run as a person runs them; the lines of oscdump are read back."""
+"""liblo's programs oscsend and oscdump, run as a person runs them; the lines of oscdump are read back."""
 
 from __future__ import annotations
 
@@ -27,16 +27,10 @@ class LibloTools(NamedTuple):
 
     oscsend: Path
     oscdump: Path
-    oscsendfile: Path
 
     def send(self, port: int, address: str, types: str = "", *values: object) -> None:
         """Let oscsend send one message."""
         command = [self.oscsend, f"osc.udp://{LOOPBACK}:{port}", address, types, *map(str, values)]
-        subprocess.run(list(map(str, command)), check=True, timeout=PATIENCE)
-
-    def send_file(self, port: int, file: Path, speed: float = 1.0) -> None:
-        """Let oscsendfile send the messages that oscdump wrote, at the same times."""
-        command = [self.oscsendfile, f"osc.udp://{LOOPBACK}:{port}", file, speed]
         subprocess.run(list(map(str, command)), check=True, timeout=PATIENCE)
 
     @contextmanager

@@ -120,8 +120,6 @@ def free_udp_port() -> int:
 
 
 _OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
-#: The line that `summary_counts` reads.
-COUNTED = (*_OF_INPUT, "answers", "frames", "restarts", "unsent")
 
 
 def summary_counts(output: str) -> dict[str, int]:
@@ -130,7 +128,8 @@ def summary_counts(output: str) -> dict[str, int]:
     told = re.search(r"(\d+) answers of (\d+) frames[^,]*, (\d+) windows started anew, (\d+) answers not sent", output)
     assert found
     assert told
-    counts = zip(COUNTED, (*found.groups(), *told.groups()), strict=True)
+    names = *_OF_INPUT, "answers", "frames", "restarts", "unsent"
+    counts = zip(names, (*found.groups(), *told.groups()), strict=True)
     return {name: int(number) for name, number in counts}
 
 

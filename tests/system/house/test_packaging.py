@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
 from importlib import resources
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from programs import ROOT
@@ -27,23 +26,11 @@ FOLDERS = {"tools/front": "kinespace"} | {
     for path in sorted((ROOT / top).rglob("__init__.py"))
     if path.parent != ROOT / "tools" / "front"
 }
-RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
-#: Bytes above which a recording is data, not a test's example.
-MAX_EXAMPLE = 20_000
 
 
-def project() -> dict[str, dict[str, object]]:
+def project() -> dict[str, dict[str, Any]]:
     """Read pyproject.toml."""
     return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-
-
-def tracked_files() -> list[Path]:
-    """List what git tracks."""
-    git = shutil.which("git")
-    if git is None or not (ROOT / ".git").exists():
-        pytest.skip("not a git checkout")
-    listed = subprocess.run([git, "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
-    return [ROOT / name for name in listed.stdout.split("\0") if name]
 
 
 def package_folder(path: Path) -> Path:
@@ -54,7 +41,6 @@ def package_folder(path: Path) -> Path:
 def test_exactly_the_packages_there_are_are_shipped() -> None:
     """The packages are named one by one, and they are all the packages the sources have beside the tests."""
     setuptools = project()["tool"]["setuptools"]
-    assert isinstance(setuptools, dict)
     assert sorted(setuptools["packages"]) == sorted(FOLDERS.values())
     assert len(FOLDERS) > 10
     assert {find_spec(package).origin for package in FOLDERS.values()} == {  # type: ignore[union-attr]
@@ -65,7 +51,6 @@ def test_exactly_the_packages_there_are_are_shipped() -> None:
 def test_declared_data_files_exist() -> None:
     """Every data file that is declared can be found the way an installed package finds it, and is not empty."""
     setuptools = project()["tool"]["setuptools"]
-    assert isinstance(setuptools, dict)
     declared = {(package, name) for package, names in setuptools["package-data"].items() for name in names}
     assert declared >= {("kinespace.library", "hdm05.npz"), ("kinespace.library", "LICENSE-hdm05.txt")}
     assert ("kinespace", "py.typed") in declared
@@ -79,7 +64,6 @@ def test_declared_data_files_exist() -> None:
 def test_every_file_in_a_package_is_declared() -> None:
     """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
     setuptools = project()["tool"]["setuptools"]
-    assert isinstance(setuptools, dict)
     modules = setuptools["ext-modules"]
     sources = {name for module in modules for name in (*module["sources"], *module["depends"])}
     for folder, package in FOLDERS.items():
@@ -97,8 +81,6 @@ def test_compiled_modules_are_optional() -> None:
     """Compiled modules are optional and serve every Python from 3.11 on; all their sources are in the project."""
     setuptools = project()["tool"]["setuptools"]
     distutils = project()["tool"]["distutils"]
-    assert isinstance(setuptools, dict)
-    assert isinstance(distutils, dict)
     for module in setuptools["ext-modules"]:
         assert module["optional"] is True
         assert module["py-limited-api"] is True
@@ -120,29 +102,11 @@ def test_the_librarys_terms_stand_beside_it() -> None:
     assert project()["project"]["license-files"] == ["LICENSE", "library/LICENSE-hdm05.txt"]
 
 
-def test_no_recording_is_tracked() -> None:
-    """Git tracks no recording larger than a test's example, under any capitalisation of its ending."""
-    large = [
-        path.name
-        for path in tracked_files()
-        if path.suffix.lower() in RECORDINGS and path.exists() and path.stat().st_size > MAX_EXAMPLE
-    ]
-    assert large == []
-
-
-def test_the_only_large_file_is_the_library() -> None:
-    """No tracked file but the built-in library is larger than 300 kB."""
-    large = {path.name for path in tracked_files() if path.exists() and path.stat().st_size > 300_000}
-    assert large == {"hdm05.npz"}
-
-
 def test_a_python_that_is_promised_is_one_that_is_required() -> None:
     """The lowest Python among the classifiers is the one that is required."""
     described = project()["project"]
-    classifiers = described["classifiers"]
-    assert isinstance(classifiers, list)
     prefix = "Programming Language :: Python :: 3."
-    promised = [int(each.removeprefix(prefix)) for each in classifiers if each.startswith(prefix)]
+    promised = [int(each.removeprefix(prefix)) for each in described["classifiers"] if each.startswith(prefix)]
     assert described["requires-python"] == f">=3.{min(promised)}"
 
 

@@ -48,6 +48,10 @@ LISTS = {"presets", "conventions"}
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
 TEXT = {".py", ".md", ".toml", ".txt", ".yml", ".yaml", ".cfg", ".svg", ".sh", ".csv", ""}
 
+RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
+#: Bytes above which a recording is none of a test's examples.
+MAX_EXAMPLE = 20_000
+
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
@@ -126,6 +130,13 @@ def test_rooms_are_small() -> None:
     entries = {above for path in paths for above in (path, *path.parents) if above.parts and above.parts[0] in tops}
     rooms = Counter(entry.parent for entry in entries if len(entry.parts) > 1 and entry.name != "__init__.py")
     assert {str(room): count for room, count in rooms.items() if count > MAX_ENTRIES and room.name not in LISTS} == {}
+
+
+def test_no_recording_and_no_large_file_is_kept() -> None:
+    """The only large file is the built-in library, and no recording is larger than a test's example."""
+    sizes = {path: path.stat().st_size for path in project_files()}
+    assert {path.name for path, size in sizes.items() if size > 300_000} == {"hdm05.npz"}
+    assert [path for path, size in sizes.items() if path.suffix.lower() in RECORDINGS and size > MAX_EXAMPLE] == []
 
 
 def test_imports_go_one_way() -> None:

@@ -30,8 +30,6 @@ CODE = [line for _, code in FENCED for line in code.splitlines() if not line.sta
 CODE += re.findall(r"`([^`\n]+)`", _FENCE.sub("", ALL))
 #: Each command of ours, without the name of the program that it begins with.
 COMMANDS = re.findall(r"(?:^|[ /])kinespace +([a-z][^#&|>\n]*)", "\n".join(CODE), re.MULTILINE)
-#: Options of `make chaos TRIALS=...`, which is no program of `kinespace`.
-OF_CHAOS = {"--write"}
 #: A page of this many lines is no first page any more.
 MAX_README_LINES = 110
 
@@ -74,7 +72,7 @@ def test_every_option_named_alone_exists(capsys: pytest.CaptureFixture[str]) -> 
     programs = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
     known = set().union(*(options_of(program, capsys) for program in programs))
     mentioned = {option for code in CODE for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
-    assert mentioned <= known | {"--version", "--help", "--max-memory", *OF_CHAOS}
+    assert mentioned <= known | {"--version", "--help", "--max-memory"}
 
 
 def test_every_make_target_named_exists() -> None:
@@ -116,13 +114,10 @@ def test_every_page_is_linked() -> None:
 
 
 def test_readme_is_a_first_page() -> None:
-    """README is short enough to be read: the rest stands behind links."""
-    assert len(README.splitlines()) <= MAX_README_LINES
-
-
-def test_the_first_screen_runs() -> None:
-    """`make demo` stands within the first screen, after a picture."""
-    first = README.splitlines()[:24]
+    """README is short enough to be read; `make demo` stands within the first screen, and a picture."""
+    lines = README.splitlines()
+    assert len(lines) <= MAX_README_LINES
+    first = lines[:24]
     assert any(line.startswith("![") for line in first)
     assert "make demo" in first
 

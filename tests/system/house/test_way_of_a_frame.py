@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from types import FrameType
 
 ROOT = Path(__file__).resolve().parents[3]
-#: Frames a second, and frames after which the windows are full.
-RATE, FRAMES = 120, 400
+#: Frames a second, frames until the windows are full, and frames in all.
+RATE, FULL, FRAMES = 120, 250, 300
 #: Most files that a frame passes at a hop, and most returns to a file that was left before.
 MOST_FILES, MOST_RETURNS = 22, 20
 
@@ -54,7 +54,7 @@ def traced() -> list[str]:
             frame = Frame("ann", place / RATE, positions[place % len(positions)])
             sender.send(osc.encode_frame(frame))
             entered.clear()
-            sys.setprofile(note)
+            sys.setprofile(note if place > FULL else None)
             service.step(1.0)
             sys.setprofile(None)
             # The shortest of many hops: another has further work in it, like a status.

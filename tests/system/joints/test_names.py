@@ -88,16 +88,16 @@ def _written(folder: Path, motions: MotionLibrary, naming: str) -> Path:
         if naming == "mixamo":
             (place / f"{clip.actor}_{number}.bvh").write_text(_as_bvh(clip, MIXAMO_PARENTS), encoding="utf-8")
         else:
-            labels = {"mediapipe": skeletons.MEDIAPIPE, "kinect2": skeletons.KINECT_2}[naming]
-            (place / f"{clip.actor}_{number}.trc").write_text(_as_trc(clip, labels), encoding="utf-8")
+            text = _as_trc(clip, skeletons.MEDIAPIPE)
+            (place / f"{clip.actor}_{number}.trc").write_text(text, encoding="utf-8")
     return folder
 
 
-def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str], naming: Naming | None = None) -> str:
+def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str]) -> str:
     """Recognise a motion whose sender announces joints by these names; give the commonest guess of its last half."""
     # The paper's signature has no windows to be learned, which takes seconds.
     settings = Settings(signature=LiveSignature.PAPER)
-    performers = Performers(library, settings, joints=SentJoints(naming=naming or Naming()))
+    performers = Performers(library, settings, joints=SentJoints(naming=Naming()))
     performers.announce(Announcement("ann", tuple(joints)), 0.0)
     answers = []
     for number, positions in enumerate(clip.positions):
@@ -108,11 +108,7 @@ def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str], naming:
 
 @pytest.mark.parametrize(
     ("naming", "line"),
-    [
-        ("mixamo", "Mixamo names: 23 of 31 joints"),
-        ("mediapipe", "MediaPipe names: 19 of 31 joints"),
-        ("kinect2", "Kinect 2 names: 25 of 31 joints"),
-    ],
+    [("mixamo", "Mixamo names: 23 of 31 joints"), ("mediapipe", "MediaPipe names: 19 of 31 joints")],
 )
 def test_files_of_another_naming_meet_ours(
     tmp_path: Path, motions: MotionLibrary, capsys: pytest.CaptureFixture[str], naming: str, line: str
@@ -138,31 +134,3 @@ def test_feed_of_another_naming_meets_our_library(motions: MotionLibrary, naming
     order = [OURS.index(joints[place]) for place in there]
     sent = replace(clip, skeleton=clip.skeleton.restricted_to(order), positions=clip.positions[:, order])
     assert _answered(motions, sent, [labels[place] for place in there]) == clip.class_name
-
-
-def test_twelve_rightly_named_joints_are_used(motions: MotionLibrary) -> None:
-    """A native feed of twelve joints, whatever their capitals, is compared by the twelve."""
-    joints = [OURS[place] for place in range(0, len(OURS), 2)][:12]
-    clip = motions.motions[-1]
-    sent = clip.restricted_to(joints)
-    assert _answered(motions, sent, [joint.upper() for joint in sent.skeleton.joints]) == clip.class_name
-
-
-def test_library_of_another_naming_is_met(motions: MotionLibrary) -> None:
-    """A library built with its files' names is read in ours; a feed of the same names meets it either way."""
-    labels = skeletons.KINECT_2
-    joints = Naming().read(labels).joints
-    order = [OURS.index(joint) for joint in joints]
-    clips = [
-        replace(
-            clip,
-            skeleton=replace(clip.skeleton.restricted_to(order), joints=labels),
-            positions=clip.positions[:, order],
-        )
-        for clip in motions.motions
-    ]
-    theirs = MotionLibrary.of_clips(clips)
-    assert set(theirs.in_our_names(Naming()).skeleton.joints) == set(joints)
-    assert theirs.in_our_names(Naming(finds=False)) is theirs
-    for library in (theirs, theirs.in_our_names(Naming())):
-        assert _answered(library, clips[0], labels) == clips[0].class_name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -68,21 +69,6 @@ def test_a_library_of_one_motion(signature: LiveSignature) -> None:
 
 
 @BOTH
-def test_a_motion_too_short_for_a_window_is_kept_and_breaks_nothing(signature: LiveSignature) -> None:
-    """A motion of a tenth of a second stays in the library; the others are recognised as without it."""
-    short = stick_clip("jump", seed=8, frames=12)
-    library = MotionLibrary.of_clips([*stick_clips(), short])
-    assert min(motion.duration for motion in library.motions) == pytest.approx(0.1)
-    for with_it, without in zip(
-        _answers(library, _performed("bow"), signature),
-        _answers(MotionLibrary.of_clips(stick_clips()), _performed("bow"), signature),
-        strict=True,
-    ):
-        assert with_it.label == without.label
-        assert with_it.scores == pytest.approx(without.scores, abs=0.06)
-
-
-@BOTH
 def test_a_class_of_short_motions_alone_is_never_named(signature: LiveSignature) -> None:
     """A class without a window takes part in no comparison, and the others are recognised."""
     clips = [clip for clip in stick_clips() if clip.class_name != "jump"]
@@ -90,14 +76,6 @@ def test_a_class_of_short_motions_alone_is_never_named(signature: LiveSignature)
     assert library.classes == STICK_CLASSES
     answers = _answers(library, _performed("wave"), signature)
     assert {answer.classes[answer.best] for answer in answers[5:]} == {"wave"}
-
-
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_motions_too_short_alone_are_refused(signature: LiveSignature) -> None:
-    """A library without a motion long enough for a window cannot be opened, and says why."""
-    library = MotionLibrary.of_clips([stick_clip("jump", seed=8, frames=12)])
-    with pytest.raises(ValueError, match="library: expected a motion long enough for a window, got none"):
-        Recognizer(library, Settings(signature=signature))
 
 
 @BOTH
@@ -115,7 +93,12 @@ def test_motions_of_the_class_nothing_are_unknown(signature: LiveSignature) -> N
 
 def test_a_motion_and_its_reverse_are_told_apart(builtin: MotionLibrary) -> None:
     """Lying down played backwards is a class of its own: by people whom the library does not know both are named."""
-    clips = [clip for clip in builtin.motions if clip.class_name in ("lieDownFloor", "sneak2StepsLStart")]
+    by_person: dict[tuple[str, str], list[Clip]] = defaultdict(list)
+    for clip in builtin.motions:
+        if clip.class_name in ("lieDownFloor", "sneak2StepsLStart"):
+            by_person[clip.class_name, clip.actor].append(clip)
+    # Two takes of each do, and are opened faster.
+    clips = [clip for takes in by_person.values() for clip in takes[:2]]
     backwards = [
         replace(clip, positions=clip.positions[::-1], class_name="getUpFloor")
         for clip in clips

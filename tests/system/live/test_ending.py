@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 import signal
 import socket
 import threading
 import time
-from typing import TYPE_CHECKING
 
 import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port, live, motion_cues, started, summary_counts
 
-from kinespace.stream import Performers, osc
+from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs.feed_source import FeedSource
-from kinespace.stream.service.loop import Service
-from kinespace.stream.status import InputCounts
 from kinespace.tools.cli import interruption
 from kinespace.tools.feeding.feed import Pace
-
-if TYPE_CHECKING:
-    from kinespace.library.motion_library import MotionLibrary
 
 pytestmark = pytest.mark.slow
 
@@ -86,41 +79,6 @@ def test_an_end_asked_for_while_a_generator_is_closed_is_not_forgotten(monkeypat
     Pace().wait_for(0.0)
 
 
-class Endless:
-    """A source in which packets always wait, each of which takes its time."""
-
-    tended_within = math.inf
-    has_put_aside = False
-    notes = ()
-    waited = 0.0
-
-    def __init__(self) -> None:
-        self.pollable, self._other_end = socket.socketpair()
-        self._other_end.send(b"!")
-        self.counts = InputCounts()
-
-    def take(self, arrival: float) -> list[object]:  # noqa: ARG002 - as a source has it
-        """Take some milliseconds."""
-        time.sleep(0.005)
-        return []
-
-    def close(self) -> None:
-        """Close the sockets."""
-        self.pollable.close()
-        self._other_end.close()
-
-
-def test_a_feed_that_goes_on_does_not_put_off_the_end(sticks: MotionLibrary) -> None:
-    """Packets that come faster than they are dealt with are left lying, where they took 40 seconds."""
-    with Service(Performers(sticks), [Endless()], []) as service:  # type: ignore[list-item]  # a fake
-        running = threading.Thread(target=service.run)
-        running.start()
-        time.sleep(0.1)
-        service.stop()
-        running.join(15.0)
-        assert not running.is_alive()
-
-
 def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """While the sender's name is looked up, the source goes on; unsent messages are counted and sent afterwards."""
     answered = threading.Event()
@@ -139,7 +97,7 @@ def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.Mo
     assert preset.asking
     source = FeedSource(osc.OscReceiver(LOOPBACK, 0), preset, sender="mocap.example")
     source.tend(1.0)
-    assert source.unasked == len(preset.asking.messages) or source.unasked > 0
+    assert source.unasked > 0
     answered.set()
     until = time.monotonic() + PATIENCE
     unasked, moment = -1, 1.0

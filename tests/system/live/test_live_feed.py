@@ -9,11 +9,11 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import pytest
-from fakeqtm import fake_qtm
 from golden import LAYOUTS, Moment
 from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
 
 from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 from kinespace.tools.programs.live.recognisers import fitted
@@ -24,16 +24,14 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 
-def play(layout: str, port: int, seconds: float = 2.5) -> None:
+def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:
     """Send a ghost in a product's layout at 30 Hz in real time: most feeds are timed by their arrival."""
-    cues = ghost_cues("kickLFront1Reps", seconds)[::4]
     start = time.monotonic()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        for number, cue in enumerate(cues):
-            places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-            time.sleep(max(0.0, start + number / 30 - time.monotonic()))
-            for packet in LAYOUTS[layout][1](Moment(places, 1.0 + number / 30, number)):
-                sender.sendto(packet, (LOOPBACK, port))
+    for number, cue in enumerate(ghost_cues("kickLFront1Reps", seconds)[::4]):
+        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
+        time.sleep(max(0.0, start + number / 30 - time.monotonic()))
+        for packet in LAYOUTS[layout][1](Moment(places, 1.0 + number / 30, number)):
+            sender.sendto(packet, (LOOPBACK, port))
 
 
 def heard(receiver: OscReceiver, address: str) -> list[Message]:
@@ -55,10 +53,11 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
             stack.callback(receiver.close)
         outs = zip(("native", "touchdesigner", "vmc-thru"), (native, touch, thru), strict=True)
         options = [option for name, out in outs for option in ("--out", f"{name}={LOOPBACK}:{out.address[1]}")]
+        sender = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         command = ("live", "--plain", "--feed", "vmc", "--osc-in", f"{LOOPBACK}:0", *options)
         program = stack.enter_context(started(*command))
         port = int(program.expect(r"listening on vmc 127\.0\.0\.1:(\d+); answering to native 127")[1])
-        play("vmc", port)
+        play("vmc", port, 2.0, sender)
         labels = [message.arguments[0] for message in heard(native, "/motion/vmc/label")]
         numbers = [message.arguments for message in heard(touch, "/motion/vmc/class")]
         passed_on = [message.arguments for message in heard(thru, "/VMC/Thru/motion/class")]
@@ -70,27 +69,35 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         # On a busy machine a frame may end by its timeout.
         made = re.search(r"feed vmc: (\d+) frames made \(\d+ by end.*\), 0 refused", program.output)
         assert made, program.output
-        assert int(made[1]) >= 70
+        assert int(made[1]) >= 40
         assert "malformed 0" in program.output
         assert program.output.startswith("feed vmc: 22 of the library's 31 joints\n")
 
 
 def test_hands_are_shaken_with_qualisys(tmp_path: Path) -> None:
-    """A sender that needs a handshake gets it, sends, is recognised, and gets the farewell."""
-    receiver = OscReceiver(LOOPBACK, 0)
+    """A sender that waits for a handshake gets it, sends, is recognised, and gets the farewell."""
+    preset, receiver = tmp_path / "ours.toml", OscReceiver(LOOPBACK, 0)
     with ExitStack() as stack:
         stack.callback(receiver.close)
-        fake, preset = stack.enter_context(fake_qtm(tmp_path))
+        sender = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        sender.bind((LOOPBACK, 0))
+        sender.settimeout(PATIENCE)
+        port = f"port = {sender.getsockname()[1]}"
+        preset.write_text(builtin_preset("qtm").text.replace("port = 22225", port), encoding="utf-8")
+
+        def told() -> object:
+            return decode_packet(sender.recv(2000))[0].arguments[0]
+
         out = f"native={LOOPBACK}:{receiver.address[1]}"
         command = ("live", "--plain", "--feed", preset, "--osc-in", f"{LOOPBACK}:0", "--out", out)
         program = stack.enter_context(started(*command))
+        ours = program.expect(r"listening on ours 127\.0\.0\.1:(\d+)")[1]
+        assert [told(), told()] == [f"Connect {ours}", "StreamFrames AllFrames 3D Skeleton:global"]
+        play("qtm", int(ours), 1.0, sender)
         assert heard(receiver, "/motion/Jan/label")
         assert (program.interrupt(), program.errors) == (0, "")
-        assert fake.wait_for_goodbye()
-        port = re.search(r"listening on ours 127\.0\.0\.1:(\d+)", program.output)
-        assert port
-        assert fake.told[:2] == [f"Connect {port[1]}", "StreamFrames AllFrames 3D Skeleton:global"]
-        assert fake.told[-2:] == ["StreamFrames Stop", "Disconnect"]
+        commands = iter(told, "Disconnect")
+        assert list(commands)[-1] == "StreamFrames Stop"
         assert "requests not sent 0" in program.output
 
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from golden import LAYOUTS, PACKETS, Moment
+from golden import LAYOUTS, Moment
 from programs import ghost_cues
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
-from kinespace.stream.feeds import FrameAssembler, Mapper, builtin_names, builtin_preset
+from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
 from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:
@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 
 #: Seconds by which a frame's time may be wrong where a sender rounds it: Xsens to whole milliseconds.
 _TIME = {"xsens": 6e-4}
+#: Layouts in which a body stands elsewhere: OSCeleton's shares do not tell from where.
+_ELSEWHERE = ("osceleton", "osceleton -q")
+#: The performers that layouts name.
+_NAMED = {"native": "jan", "kinectv2": "72057594037928017", "captury": "John-Doe", "rokoko": "Dimitris", "xsens": "0"}
+_NAMED |= {"qtm": "Jan", "natnet2osc": "Jan", "zigsim": "iPhone", "zigsim osc": "B8-27", "mediapipe": "webcam"}
 #: Microseconds between two packets of one frame.
 _APART = 1e-6
 
@@ -56,30 +61,13 @@ def ghost(class_name: str, seconds: float = 1.5) -> NDArray[np.float32]:
 
 
 def test_every_preset_has_golden_packets() -> None:
-    """Each preset has a layout that feeds it, and a packet written out by hand."""
+    """Each preset has a layout that feeds it."""
     assert {preset for preset, _ in LAYOUTS.values()} == set(builtin_names())
-    assert set(PACKETS) == set(builtin_names())
-
-
-@pytest.mark.parametrize("name", PACKETS)
-def test_a_packet_written_by_hand_is_read_as_published(name: str) -> None:
-    """Joint, performer and position are read as published, in metres, y up, from the bytes themselves."""
-    golden = PACKETS[name]
-    preset = builtin_preset(name)
-    (message,) = UNPACKERS[preset.packing]()(golden.packet)
-    reading = Mapper(preset).read(message)
-    assert reading is not None
-    assert reading.performer == golden.performer
-    (sighting,) = reading.sightings
-    assert sighting.joint == golden.joint
-    assert sighting.position is not None
-    ours = [sign * sighting.position[axis] * preset.metres[axis] for axis, sign in preset.axes]
-    np.testing.assert_allclose(ours, golden.position, rtol=1e-6)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_sent_frame_is_made(layout: str) -> None:
-    """In each layout every frame comes out once, whole, in time, with the positions sent, at most moved as a whole."""
+    """In each layout every frame comes out once, whole, in time, with the performer and the positions sent."""
     positions = ghost("squat1Reps", 0.25)
     assembler, frames = assembled(layout, positions, 120.0)
     counts, preset = assembler.counts, assembler.preset
@@ -87,8 +75,9 @@ def test_every_sent_frame_is_made(layout: str) -> None:
     assert (counts.malformed, counts.incomplete, counts.late, counts.held, counts.absurd) == (0, 0, 0, 0, 0)
     kept = positions[:, [SKELETON.joints.index(joint) for joint in preset.joints]]
     made = np.array([frame.positions for frame in frames])
-    np.testing.assert_allclose(
-        made - made.mean(axis=1, keepdims=True), kept - kept.mean(axis=1, keepdims=True), atol=2e-6
-    )
+    if layout in _ELSEWHERE:
+        made, kept = (each - each.mean(axis=1, keepdims=True) for each in (made, kept))
+    np.testing.assert_allclose(made, kept, atol=4e-6)
+    assert {frame.performer for frame in frames} == {_NAMED.get(layout, frames[0].performer)}
     times = np.array([frame.time for frame in frames])
     np.testing.assert_allclose(times, 1.0 + np.arange(len(positions)) / 120.0, atol=_TIME.get(layout, 1e-4))

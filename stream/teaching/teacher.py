@@ -18,7 +18,7 @@ from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
-from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, Sensed, State, Step, Taught
+from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -78,7 +78,7 @@ class Teacher:
         """The lesson that goes on."""
         return self._lesson
 
-    def push(self, frame: Frame, now: float) -> list[Notice]:
+    def push(self, frame: Frame, now: float) -> list[Notice | Changed]:
         """Take in a frame, positions in the order of the skeleton."""
         memory = self._memories.get(frame.performer)
         if memory is None:
@@ -90,7 +90,7 @@ class Teacher:
             return []
         return self._went(lesson, lesson.push(frame.time, movement))
 
-    def tick(self, now: float) -> list[Notice]:
+    def tick(self, now: float) -> list[Notice | Changed]:
         """Do the work that is due by the clock; call it some times a second."""
         if now - self._ticked > _STOPPED:
             self._woke = now
@@ -104,17 +104,15 @@ class Teacher:
             return [State(lesson.performer, Step.REFUSED, 0.0, "the performer has left")]
         # A sender that pauses sends no stillness, which would end the recording.
         if lesson.step is Step.RECORDING and silent > MAX_PAUSE:
-            return self._went(lesson, lesson.paused())
+            return self._went(lesson, lesson.stop(by_hand=False))
         told = lesson.tick(now)
         return [told] if told else []
 
-    def command(self, command: Command, now: float) -> list[Notice]:  # noqa: C901, PLR0911, PLR0912 - one line a command
-        """Carry out a command; a refusal is a notice, never an exception."""
+    def command(self, command: Command, now: float) -> list[Notice | Changed]:  # noqa: C901, PLR0911 - a line each
+        """Carry out a command about lessons and examples; a refusal is a notice, never an exception."""
         match command:
-            case commands.Teach():
+            case commands.Teach() | commands.Last():
                 return self._begin(command, now)
-            case commands.Last():
-                return self._take_last(command, now)
             case commands.Stop():
                 return self._stopped()
             case commands.Cancel():
@@ -133,16 +131,10 @@ class Teacher:
                 return self._change(self.roster.enabled(name, on=on), f"{name} {'on' if on else 'off'}")
             case commands.Trim(on):
                 return self._trimmed(on=on)
-            case commands.Save():
-                return [Saving(), State("", Step.CHECKING, 0.0, "saving")]
-            case commands.Run(on):
-                return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
-            case commands.Sensitivity(share):
-                return [Sensed(share), State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
-            case commands.List() | commands.Record():
+            case _:
                 return []
 
-    def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice]:
+    def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice | Changed]:
         """Report the check of an example that is in the library now."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         example = next((each for each in self.roster.examples if each.number == number), None)
@@ -154,7 +146,7 @@ class Teacher:
         )
         return [taught, State(performer, Step.DONE, example.seconds, words)]
 
-    def failed(self, number: int, reason: str) -> list[Notice]:
+    def failed(self, number: int, reason: str) -> list[Notice | Changed]:
         """Undo an example that cannot be compared."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         kept = tuple(each for each in self.roster.examples if each.number != number)
@@ -167,23 +159,20 @@ class Teacher:
         memory = self._memories.get(performer)
         return memory.before(began) if memory else None
 
-    def _begin(self, asked: commands.Teach, now: float) -> list[Notice]:
+    def _begin(self, asked: commands.Teach | commands.Last, now: float) -> list[Notice | Changed]:
         performer = self._present(asked.performer, now)
         if performer is None:
             return [_refused(asked.performer, "no such performer is there")]
-        if self._lesson:
-            return [_refused(performer, f"{self._lesson.performer} is being taught {self._lesson.class_name}")]
         if len(self.roster.examples) >= MAX_EXAMPLES:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
+        if isinstance(asked, commands.Last):
+            return self._take_last(asked, performer)
+        if self._lesson:
+            return [_refused(performer, f"{self._lesson.performer} is being taught {self._lesson.class_name}")]
         self._lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
 
-    def _take_last(self, asked: commands.Last, now: float) -> list[Notice]:
-        performer = self._present(asked.performer, now)
-        if performer is None:
-            return [_refused(asked.performer, "no such performer is there")]
-        if len(self.roster.examples) >= MAX_EXAMPLES:
-            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
+    def _take_last(self, asked: commands.Last, performer: str) -> list[Notice | Changed]:
         memory = self._memories[performer]
         end = memory.newest - asked.ago
         whole = Stretch(end - asked.seconds, end)
@@ -195,7 +184,7 @@ class Teacher:
             return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
         return self._add(performer, asked.class_name, clip, whole, kept)
 
-    def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice]:
+    def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice | Changed]:
         """Give the notices of a lesson's step."""
         if told is None:
             return []
@@ -214,7 +203,9 @@ class Teacher:
         notices = self._add(lesson.performer, lesson.class_name, clip, told.whole, kept)
         return notices if self._lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
 
-    def _add(self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch) -> list[Notice]:
+    def _add(
+        self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch
+    ) -> list[Notice | Changed]:
         number, self._number = self._number, self._number + 1
         recording = replace(clip, actor=performer)
         example = Example(number, class_name, recording, kept.start, kept.end)
@@ -225,32 +216,32 @@ class Teacher:
         self.roster = self.roster.with_example(example)
         return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, told)]
 
-    def _stopped(self) -> list[Notice]:
+    def _stopped(self) -> list[Notice | Changed]:
         if self._lesson is None:
             return [_refused("", "nobody is being taught")]
         lesson = self._lesson
         lesson.left = min(lesson.left, 1)
-        return self._went(lesson, lesson.stop())
+        return self._went(lesson, lesson.stop(by_hand=True))
 
-    def _cancelled(self) -> list[Notice]:
+    def _cancelled(self) -> list[Notice | Changed]:
         if self._lesson is None:
             return [_refused("", "nobody is being taught")]
         performer, self._lesson = self._lesson.performer, None
         return [State(performer, Step.DONE, 0.0, "cancelled")]
 
-    def _renamed(self, old: str, new: str) -> list[Notice]:
+    def _renamed(self, old: str, new: str) -> list[Notice | Changed]:
         if old not in self.roster.classes:
             return [_unknown(old)]
         return self._change(self.roster.renamed(old, new), f"{old} is {new}")
 
-    def _forgotten(self, name: str) -> list[Notice]:
+    def _forgotten(self, name: str) -> list[Notice | Changed]:
         if not name:
             return self._change(Roster((), self.roster.disabled), "all forgotten")
         if name not in self.roster.classes:
             return [_unknown(name)]
         return self._change(self.roster.without_class(name), f"{name} forgotten")
 
-    def _trimmed(self, *, on: bool) -> list[Notice]:
+    def _trimmed(self, *, on: bool) -> list[Notice | Changed]:
         if not self.roster.examples:
             return [_refused("", "nothing was taught")]
         last = max(self.roster.examples, key=lambda each: each.number)
@@ -260,7 +251,7 @@ class Teacher:
         changed = replace(last, begin=kept.start, end=kept.end)
         return self._change(self.roster.with_example(changed), f"{kept.duration:.2f} s kept")
 
-    def _change(self, roster: Roster, told: str) -> list[Notice]:
+    def _change(self, roster: Roster, told: str) -> list[Notice | Changed]:
         self._remember()
         self.roster = roster
         return [Changed(roster), State("", Step.DONE, 0.0, told)]
@@ -269,16 +260,14 @@ class Teacher:
         self._before.append(self.roster)
         self._undone.clear()
 
-    def _moved(self, taken_from: list[Roster], kept_in: list[Roster], otherwise: str) -> list[Notice]:
+    def _moved(self, taken_from: list[Roster], kept_in: list[Roster], otherwise: str) -> list[Notice | Changed]:
         if not taken_from:
             return [_refused("", otherwise)]
         kept_in.append(self.roster)
         self.roster = taken_from.pop()
         count = len(self.roster.examples)
-        return [
-            Changed(self.roster),
-            State("", Step.DONE, 0.0, f"{count} examples of {len(self.roster.classes)} classes"),
-        ]
+        told = f"{count} examples of {len(self.roster.classes)} classes"
+        return [Changed(self.roster), State("", Step.DONE, 0.0, told)]
 
     def _present(self, name: str, now: float) -> str | None:
         """Find a performer who is present; without a name the performer who was heard last."""

@@ -148,7 +148,7 @@ class Board:
         self._performers: dict[str, _Performer] = {}
         self._further: dict[str, float] = {}
         self._here = _Noted([])
-        self._classes, self._status, self._control, self._player = _Noted([]), _Noted(), _Noted(), _Noted()
+        self._classes, self._status, self._control = _Noted([]), _Noted(), _Noted()
         self._notices: deque[tuple[int, dict[str, object]]] = deque(maxlen=_MAX_NOTICES)
         self._keys = count(1)
         self._checking = ""
@@ -287,16 +287,10 @@ class Board:
             self._tell_here()
 
     def take_reply(self, control: dict[str, object]) -> None:
-        """Take in the control socket's description of the classes, the settings and the recording."""
+        """Take in the control socket's description of the classes and the settings."""
         if control != self._control.told:
             self.number += 1
             self._control = _Noted(control, self.number)
-
-    def take_player(self, described: dict[str, object]) -> None:
-        """Take in the list of recordings, and the recording that is played."""
-        if described != self._player.told:
-            self.number += 1
-            self._player = _Noted(described, self.number)
 
     def newest_answer(self) -> float:
         """Say when the newest answer came, on our clock; 0 before the first."""
@@ -315,7 +309,7 @@ class Board:
             Fields to add.
         """
         told: dict[str, object] = {"number": self.number, "now": now, **further}
-        for name in ("here", "classes", "status", "control", "player"):
+        for name in ("here", "classes", "status", "control"):
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:
                 told[name] = noted.told

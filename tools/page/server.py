@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from websockets.http11 import Request
 
     from kinespace.tools.page.link import ControlLink, Subscription
-    from kinespace.tools.page.player import Player
-    from kinespace.tools.page.requests import Message
 
 #: Open pages, at most.
 MAX_PAGES = 16
@@ -93,16 +91,11 @@ class PageServer:
         The recogniser's control socket; None: pages only look.
     gate
         Decides which browsers are let in.
-    player
-        Plays recordings; None: pages play nothing.
     """
 
-    def __init__(
-        self, subscription: Subscription, control: ControlLink | None, gate: Gate, player: Player | None = None
-    ) -> None:
+    def __init__(self, subscription: Subscription, control: ControlLink | None, gate: Gate) -> None:
         self.board = Board()
-        self._subscription, self._control, self._gate, self._player = subscription, control, gate, player
-        self._listed = 0.0
+        self._subscription, self._control, self._gate = subscription, control, gate
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
@@ -132,10 +125,7 @@ class PageServer:
                 # The file number wakes us for the first of several messages alone, and at times for none.
                 self._hear()
                 self._ask_for_state()
-                await self._list_recordings()
                 await asyncio.sleep(_LOOK)
-        if self._player:
-            self._player.stop()
         loop.remove_reader(self._subscription.fileno())
 
     def _hear(self) -> None:
@@ -152,13 +142,6 @@ class PageServer:
         """Ask the control again while it has not replied: it may have come later than we, or anew."""
         if self._stale and self._control and self._pages and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
-
-    async def _list_recordings(self, *, at_once: bool = False) -> None:
-        """Tell the pages every second the list of recordings, and the recording that is played."""
-        if self._player and self._pages and (at_once or self._clock() >= self._listed + _REPORT):
-            self._listed = self._clock()
-            self.board.take_player(await asyncio.to_thread(self._player.described))
-            self._wake()
 
     def _wake(self) -> None:
         for page in self._pages:
@@ -188,8 +171,8 @@ class PageServer:
                 message = read_message(text)
                 if message.ack is not None:
                     page.acknowledged(message.ack, self._clock())
-                else:
-                    page.replies.append(await self._do(message))
+                if message.ask is not None:
+                    page.replies.append(await self._ask(message.ask))
                     self._wake()
         except ValueError as error:
             await connection.close(1008, str(error)[:100])
@@ -214,16 +197,6 @@ class PageServer:
                 page.noted(self.board.number, self.board.newest_answer())
                 await connection.send(message)
                 await asyncio.sleep(_PACE)
-
-    async def _do(self, message: Message) -> dict[str, Any]:
-        """Carry out a page's request; give the reply."""
-        if message.ask is not None:
-            return await self._ask(message.ask)
-        if self._player is None or message.play is None:
-            return {"states": [_refused("this page has no recordings to play")]}
-        why = await asyncio.to_thread(self._player.play, message.play)
-        await self._list_recordings(at_once=True)
-        return {"states": [_refused(why)] if why else []}
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
         """Ask the control socket; tell every page the changes."""

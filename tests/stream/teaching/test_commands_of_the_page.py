@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     ("told", "command"),
     [
         ({"do": "list"}, commands.List()),
-        ({"do": "record", "on": True}, commands.Record(on=True)),
         ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
         (
             {"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 5.5},
@@ -43,12 +42,12 @@ def test_they_are_read_from_json(told: dict[str, object], command: Command) -> N
         {"do": "sensitivity", "share": -0.1},
         {"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": -1.0},
         {"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 1e9},
-        {"do": "record"},
+        {"do": "trim"},
     ],
 )
 def test_numbers_out_of_range_are_refused(told: dict[str, object]) -> None:
     """A share beyond 0 to 1, or a time that cannot be remembered, is refused with the name of the argument."""
-    with pytest.raises(CommandError, match=r"share|ago|record"):
+    with pytest.raises(CommandError, match=r"share|ago|trim"):
         decode_json(json.dumps(told).encode())
 
 

@@ -14,13 +14,14 @@ from kinespace.stream.inputs.commands import Allowed
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognizer import Performers, SentJoints
 from kinespace.stream.teaching import Asked, State, Step, Taught, commands
-from kinespace.tools.teaching.control import Control
-from kinespace.tools.teaching.lessons import ClassPlaces, Start, open_lessons
+from kinespace.tools.teaching.beginning import Start, open_lessons
+from kinespace.tools.teaching.lessons import ClassPlaces
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.teaching import Command, Notice
 
@@ -66,32 +67,33 @@ class Stage:
     """The recognisers, the lessons and one listener, as a service holds them."""
 
     def __init__(self, start: Start) -> None:
-        lessons = open_lessons(start, lambda index, classes: Performers(index, classes=classes, joints=SentJoints()))
-        self.performers, self.control, self.heard = lessons.performers, Control(lessons), Heard()
-        self.control.sinks = [self.heard]
+        def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+            return Performers(index, classes=classes, joints=SentJoints())
+
+        self.lessons, self.heard = open_lessons(start, performers), Heard()
+        self.lessons.sinks = [self.heard]
 
     def push(self, event: Admitted) -> Recognition | None:
         """Recognise a frame, show it to the teacher, and give the answer if performers are answered."""
-        (answer,) = self.performers.push_all([event], time.monotonic())
+        (answer,) = self.lessons.performers.push_all([event], time.monotonic())
         if isinstance(event, Frame):
-            self.control.publish_frame(event)
-        return answer if self.control.answers else None
+            self.lessons.publish_frame(event)
+        return answer if self.lessons.answers else None
 
     def command(self, command: Command) -> list[State]:
         """Carry out a command."""
-        return self.control.carry_out(Asked(command))
+        return self.lessons.carry_out(Asked(command))
 
     @property
     def classes(self) -> tuple[str, ...]:
         """The classes of the answers."""
-        assert self.control.lessons
-        return self.control.lessons.classes
+        return self.lessons.classes
 
     def until(self, enough: Callable[[Heard], bool]) -> Heard:
         """Wait until the listener has heard enough."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:
-            self.control.tend(time.monotonic())
+            self.lessons.tend(time.monotonic())
             if enough(self.heard):
                 return self.heard
             time.sleep(0.01)
@@ -103,7 +105,7 @@ def stage(tmp_path: Path, library: MotionLibrary) -> Iterator[Stage]:
     """Open lessons whose library is kept in a file."""
     stage = Stage(Start(tmp_path / "mine.npz", library))
     yield stage
-    stage.control.close()
+    stage.lessons.close()
 
 
 def _show(stage: Stage, begin: float, class_name: str, take: int = 0, joints: Sequence[int] = range(31)) -> list[str]:
@@ -124,7 +126,7 @@ def _teach(stage: Stage, begin: float, name: str, class_name: str, joints: Seque
     for place in range(10):
         stage.push(Frame("ann", begin - 1 + place / 60, stand))
     stage.command(commands.Teach("ann", name, 1, 0.0))
-    stage.control.tend(time.monotonic())
+    stage.lessons.tend(time.monotonic())
     _show(stage, begin, class_name, 0, joints)
 
 
@@ -141,7 +143,7 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     stage.command(commands.Rename("my squat", "bend"))
     stage.command(commands.Undo())
     stage.command(commands.Redo())
-    stage.control.close()
+    stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
     assert stage.classes == (*library.classes, "bend")
 
@@ -151,11 +153,11 @@ def test_taught_motions_are_there_again(stage: Stage, library: MotionLibrary, tm
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "abc", "squat1Reps")
     stage.until(lambda heard: Step.DONE in heard.steps())
-    stage.control.close()
+    stage.lessons.close()
     again = Stage(Start(tmp_path / "mine.npz", library))
     assert again.classes == (*library.classes, "abc")
     assert _show(again, 20, "squat1Reps", 1)[:1] == ["abc"]
-    again.control.close()
+    again.lessons.close()
 
 
 def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,7 +229,7 @@ def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
     assert stage.classes == ("squat", "kick")
     assert _show(stage, 30, "squat1Reps", 1)[:1] == ["squat"]
-    stage.control.close()
+    stage.lessons.close()
 
 
 @pytest.mark.slow
@@ -244,7 +246,7 @@ def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLi
     _teach(stage, 20, "my kick", "kickLFront1Reps", kept[::-1])
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
     assert _show(stage, 30, "squat1Reps", 1, kept[::-1])[:1] == ["my squat"]
-    stage.control.close()
+    stage.lessons.close()
     saved = MotionLibrary.load(tmp_path / "mine.npz").motions[0]
     places = [saved.skeleton.joints.index(name) for name in ("lhand", "lfingers")]
     assert np.array_equal(*saved.positions[:, places].swapaxes(0, 1))
@@ -275,4 +277,4 @@ def test_without_a_library_nothing_starts(tmp_path: Path) -> None:
     stage.command(commands.Last("ann", 1.5, "dip"))
     heard = stage.until(lambda heard: any(isinstance(each, Taught) for each in heard.notices))
     assert heard.events == []
-    stage.control.close()
+    stage.lessons.close()

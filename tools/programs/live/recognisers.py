@@ -13,7 +13,7 @@ from kinespace.stream.service.recognising import Teachable
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
-from kinespace.tools.teaching.lessons import Start, open_lessons
+from kinespace.tools.teaching.beginning import Start, open_lessons
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:

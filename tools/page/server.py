@@ -172,7 +172,9 @@ class PageServer:
                 if message.ack is not None:
                     page.acknowledged(message.ack, self._clock())
                 if message.ask is not None:
-                    page.replies.append(await self._ask(message.ask))
+                    reply = await self._ask(message.ask)
+                    # Only now: other messages take the page's replies along while this one is asked.
+                    page.replies.append(reply)
                     self._wake()
         except ValueError as error:
             await connection.close(1008, str(error)[:100])

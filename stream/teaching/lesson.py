@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from kinespace.library.teaching.movement import ENDS_AFTER, MIN_SECONDS, Stretch, StretchFinder
+from kinespace.library.teaching.movement import ENDS_AFTER, MIN_SECONDS, STILLNESS, Stretch, StretchFinder
 from kinespace.stream.teaching.notices import State, Step
 
 if TYPE_CHECKING:
@@ -39,8 +39,6 @@ class Lesson:
         The performer's name.
     now
         Seconds on our clock.
-    stillness
-        Movement below which the performer stands still.
 
     Attributes
     ----------
@@ -50,13 +48,13 @@ class Lesson:
         Examples that are still to be recorded.
     """
 
-    def __init__(self, asked: Teach, performer: str, now: float, stillness: float) -> None:
+    def __init__(self, asked: Teach, performer: str, now: float) -> None:
         self.class_name, self.performer = asked.class_name, performer
         self.left = asked.repetitions
         self.step = Step.COUNTDOWN
         self._go = now + asked.countdown
         self._told = math.inf
-        self._finder = StretchFinder(stillness)
+        self._finder = StretchFinder(STILLNESS)
         self._armed = self._began = self._newest = math.nan
 
     def tick(self, now: float) -> State | None:

@@ -49,22 +49,20 @@ class Teacher:
         The examples of earlier sessions.
     base_classes
         Classes that are known without examples.
-    stillness
-        Movement below which a performer stands still (`library.teaching.movement`).
 
     Attributes
     ----------
     roster
         All examples now.
+    lesson
+        The lesson that goes on; None while there is none.
     """
 
-    def __init__(
-        self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = (), *, stillness: float = STILLNESS
-    ) -> None:
+    def __init__(self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = ()) -> None:
         self.roster = roster
-        self._skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
+        self.lesson: Lesson | None = None
+        self._skeleton, self._base = skeleton, tuple(base_classes)
         self._memories: dict[str, Memory] = {}
-        self._lesson: Lesson | None = None
         self._undone: list[Roster] = []
         self._before: list[Roster] = []
         #: The performers of the examples that are being checked, and the times on their clocks.
@@ -73,11 +71,6 @@ class Teacher:
         #: The last tick, and the first one after we were stopped.
         self._ticked = self._woke = -math.inf
 
-    @property
-    def lesson(self) -> Lesson | None:
-        """The lesson that goes on."""
-        return self._lesson
-
     def push(self, frame: Frame, now: float) -> list[Notice | Changed]:
         """Take in a frame, positions in the order of the skeleton."""
         memory = self._memories.get(frame.performer)
@@ -85,7 +78,7 @@ class Teacher:
             self._forget_absent(now)
             memory = self._memories[frame.performer] = Memory(self._skeleton)
         movement = memory.push(frame.time, frame.positions, now)
-        lesson = self._lesson
+        lesson = self.lesson
         if lesson is None or lesson.performer != frame.performer:
             return []
         return self._went(lesson, lesson.push(frame.time, movement))
@@ -95,12 +88,12 @@ class Teacher:
         if now - self._ticked > _STOPPED:
             self._woke = now
         self._ticked = now
-        lesson = self._lesson
+        lesson = self.lesson
         if lesson is None:
             return []
         silent = self._silent(lesson.performer, now)
         if silent > _GONE:
-            self._lesson = None
+            self.lesson = None
             return [State(lesson.performer, Step.REFUSED, 0.0, "the performer has left")]
         # A sender that pauses sends no stillness, which would end the recording.
         if lesson.step is Step.RECORDING and silent > MAX_PAUSE:
@@ -167,9 +160,9 @@ class Teacher:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         if isinstance(asked, commands.Last):
             return self._take_last(asked, performer)
-        if self._lesson:
-            return [_refused(performer, f"{self._lesson.performer} is being taught {self._lesson.class_name}")]
-        self._lesson = Lesson(asked, performer, now, self._stillness)
+        if self.lesson:
+            return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
+        self.lesson = Lesson(asked, performer, now)
         return self.tick(now)
 
     def _take_last(self, asked: commands.Last, performer: str) -> list[Notice | Changed]:
@@ -179,7 +172,7 @@ class Teacher:
         clip = memory.between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{asked.seconds:g} s have not been seen")]
-        kept = _moving(clip, self._stillness)
+        kept = _moving(clip)
         if kept is None:
             return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
         return self._add(performer, asked.class_name, clip, whole, kept)
@@ -190,18 +183,18 @@ class Teacher:
             return []
         if isinstance(told, State):
             if told.step is Step.REFUSED:
-                self._lesson = None
+                self.lesson = None
             return [told]
         clip = self._memories[lesson.performer].between(*told.whole)
         if not lesson.left:
-            self._lesson = None
+            self.lesson = None
         if clip is None or clip.gaps:
-            self._lesson = None
+            self.lesson = None
             return [_refused(lesson.performer, "frames are missing in the recording")]
         begin = max(told.kept.start - told.whole.start, 0.0)
         kept = Stretch(begin, min(told.kept.end - told.whole.start, clip.duration))
         notices = self._add(lesson.performer, lesson.class_name, clip, told.whole, kept)
-        return notices if self._lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
+        return notices if self.lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
 
     def _add(
         self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch
@@ -217,16 +210,16 @@ class Teacher:
         return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, told)]
 
     def _stopped(self) -> list[Notice | Changed]:
-        if self._lesson is None:
+        if self.lesson is None:
             return [_refused("", "nobody is being taught")]
-        lesson = self._lesson
+        lesson = self.lesson
         lesson.left = min(lesson.left, 1)
         return self._went(lesson, lesson.stop(by_hand=True))
 
     def _cancelled(self) -> list[Notice | Changed]:
-        if self._lesson is None:
+        if self.lesson is None:
             return [_refused("", "nobody is being taught")]
-        performer, self._lesson = self._lesson.performer, None
+        performer, self.lesson = self.lesson.performer, None
         return [State(performer, Step.DONE, 0.0, "cancelled")]
 
     def _renamed(self, old: str, new: str) -> list[Notice | Changed]:
@@ -245,7 +238,7 @@ class Teacher:
         if not self.roster.examples:
             return [_refused("", "nothing was taught")]
         last = max(self.roster.examples, key=lambda each: each.number)
-        kept = _moving(last.recording, self._stillness) if on else Stretch(0.0, last.recording.duration)
+        kept = _moving(last.recording) if on else Stretch(0.0, last.recording.duration)
         if kept is None:
             return [_refused("", f"expected {MIN_SECONDS:g} s or more of movement")]
         changed = replace(last, begin=kept.start, end=kept.end)
@@ -285,9 +278,9 @@ class Teacher:
             del self._memories[name]
 
 
-def _moving(clip: Clip, stillness: float) -> Stretch | None:
+def _moving(clip: Clip) -> Stretch | None:
     """Find the movement in a recording, from its first to its last motion; None when it is too short."""
-    meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(stillness), list[Stretch]()
+    meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(STILLNESS), list[Stretch]()
     for time, positions in zip(clip.times.tolist(), clip.positions, strict=True):
         movement = meter.push(time, positions)
         if movement is not None and (each := finder.push(time, movement)):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from kinespace.library.naming import hdm05
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, MAX_PERFORMERS, FrameAssembler
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import decode_packet
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 JOINTS = ("a", "b", "c", "d")
 
 
-def preset_text(close: Sequence[str], *, extra: str = "", frame: str = "", top: str = "") -> str:
+def preset_text(close: Sequence[str], *, frame: str = "", top: str = "") -> str:
     """Give a small preset of four joints."""
     closings = ", ".join(f'"{each}"' for each in close)
     return f"""
@@ -55,7 +55,6 @@ arguments = ["time"]
 [[message]]
 address = "/gone"
 arguments = ["performer", "present"]
-{extra}
 [joints]
 a = "root"
 b = "head"
@@ -65,11 +64,9 @@ e = ""
 """
 
 
-def assembler(*close: str, most: int = 64, extra: str = "", frame: str = "", top: str = "") -> FrameAssembler:
+def assembler(*close: str, frame: str = "", top: str = "") -> FrameAssembler:
     """Make an assembler that closes frames by some rules."""
-    return FrameAssembler(
-        parse_preset(preset_text(close, extra=extra, frame=frame, top=top), "small", "small.toml"), most=most
-    )
+    return FrameAssembler(parse_preset(preset_text(close, frame=frame, top=top), "small", "small.toml"))
 
 
 def joint(name: str, value: float, performer: str = "p") -> bytes:
@@ -338,15 +335,11 @@ def test_a_silent_performer_is_forgotten() -> None:
 
 def test_there_is_room_for_so_many() -> None:
     """A performer above the limit is refused and counted; the others go on."""
-    target = assembler("end", most=2)
-    assert {f.performer for f in pushed(target, [*whole(1.0, "p"), *whole(1.0, "q"), message("/end")], 0.0)} == {
-        "p",
-        "q",
-    }
-    pushed(target, whole(1.0, "r"), 0.0)
-    assert (target.counts.no_room, len(target)) == (4, 2)
-    with pytest.raises(ValueError, match="most: expected at least 1 performer, got 0"):
-        assembler("end", most=0)
+    target = assembler("end")
+    crowd = [packet for number in range(MAX_PERFORMERS + 1) for packet in whole(1.0, f"p{number}")]
+    made = pushed(target, [*crowd, message("/end")], 0.0)
+    assert [frame.performer for frame in made] == [f"p{number}" for number in range(MAX_PERFORMERS)]
+    assert (target.counts.no_room, len(target)) == (4, MAX_PERFORMERS)
 
 
 def test_the_joints_of_a_performer_who_leaves_are_not_held() -> None:

@@ -100,7 +100,6 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         "ZeroMQ",
     )
     add_shared(parser, "--keys", "--open")
-    parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)

@@ -55,7 +55,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where
         if options.plain or not console.is_terminal
         else LiveTable(lessons.classes if lessons else performers.classes)
     )
-    admission = Admission(silence=performers.silence, merge=options.merge, allowed=options.allow)
+    admission = Admission(silence=performers.silence, allowed=options.allow)
     # Before the sockets are open: no packet is to wait until the page runs.
     ends = open_page(options, keyring, performers, commands=lessons is not None)
     sources, sinks, kept = open_ends(options, preset, keyring, admission)

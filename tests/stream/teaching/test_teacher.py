@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Roster
@@ -114,13 +115,6 @@ def test_the_example_holds_the_motion_that_was_shown() -> None:
         if len(recorded[offset : offset + 20]) == 20
     )
     assert nearest < 0.03
-
-
-def test_several_repetitions() -> None:
-    """A lesson of several repetitions keeps one example of each."""
-    stage = _taught(repetitions=3)
-    assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"] * 3
-    assert stage.teacher.lesson is None
 
 
 def test_undo_and_redo_without_end() -> None:
@@ -313,3 +307,20 @@ def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
     stage = _taught()
     stage.teacher.failed(1, "too short")
     assert stage.teacher.roster.examples == ()
+
+
+def test_an_example_of_some_seconds_ago_is_the_movement_of_then(sticks: MotionLibrary) -> None:
+    """Of two motions the earlier one is taken when its seconds are named, as if asked when it had just ended."""
+    bow, wave = stick_clip("bow", seed=70, frames=120), stick_clip("wave", seed=71, frames=120)
+    teacher, now, taken = Teacher(sticks.skeleton, Roster()), 0.0, []
+    for clip in (bow, wave):
+        for positions in clip.positions:
+            now += 1 / 60
+            teacher.push(Frame("ann", now, positions), now)
+        if clip is bow:
+            teacher.command(commands.Last("ann", 1.5, "then"), now)
+            taken.append(teacher.roster.of("then")[0])
+    teacher.command(commands.Last("ann", 1.5, "later", 2.0), now)
+    taken.append(teacher.roster.of("later")[0])
+    assert taken[1].recording.positions == pytest.approx(taken[0].recording.positions, abs=1e-3)
+    assert (taken[1].begin, taken[1].end) == pytest.approx((taken[0].begin, taken[0].end), abs=0.05)

@@ -39,6 +39,12 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
         ({"do": "forget", "class": "wave"}, commands.Forget("wave")),
         ({"do": "enable", "class": "wave", "on": True}, commands.Enable("wave", on=True)),
         ({"do": "redo"}, commands.Redo()),
+        ({"do": "list"}, commands.List()),
+        ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
+        (
+            {"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 5.5},
+            commands.Last("ann", 2.0, "wave", 5.5),
+        ),
     ],
 )
 def test_commands_in_json(request_: dict[str, object], command: commands.Command) -> None:
@@ -74,10 +80,22 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
     assert "\n" not in str(raised.value)
 
 
-def test_a_request_without_what_it_needs_says_what() -> None:
-    """A request in JSON that lacks an argument names it."""
-    with pytest.raises(CommandError, match="teach: expected performer, class"):
-        wire.decode_json(b'{"do": "teach", "class": "wave"}')
+@pytest.mark.parametrize(
+    ("request_", "told"),
+    [
+        ({"do": "teach", "class": "wave"}, "teach: expected performer, class, .*, got no performer"),
+        ({"do": "trim"}, "trim: expected on, got no on"),
+        ({"do": "undo", "on": True}, "undo: expected no more, got 'on'"),
+        ({"do": "sensitivity", "share": 1.5}, "share: expected 0 to 1, got 1.5"),
+        ({"do": "sensitivity", "share": -0.1}, "share"),
+        ({"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": -1.0}, "ago"),
+        ({"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 1e9}, "ago"),
+    ],
+)
+def test_bad_requests_are_one_line(request_: dict[str, object], told: str) -> None:
+    """A request that lacks an argument, has another one, or a number out of range names it."""
+    with pytest.raises(CommandError, match=told):
+        wire.decode_json(json.dumps(request_).encode())
 
 
 @given(st.binary(max_size=80))

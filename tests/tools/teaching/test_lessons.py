@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import time
-from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.frame import Admitted, Announcement, Frame
-from kinespace.stream.inputs.commands import Allowed
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognizer import Performers, SentJoints
 from kinespace.stream.teaching import Asked, State, Step, Taught, commands
@@ -200,16 +198,6 @@ def test_indices_stay() -> None:
     assert places.of(roster(e2="a")) == ("base", "b", "a")
     assert places.of(roster(e2="a", e3="nothing", e4="c")) == ("base", "b", "a", "c")
     assert places.of(roster(e4="a")) == ("base", "b", "a", "c")
-
-
-def test_commands_are_accepted_from_here_and_from_named_networks() -> None:
-    """Commands are accepted from this machine and from the networks that are let in."""
-    allowed = Allowed([ip_network("192.0.2.7")])
-    assert allowed(("127.0.0.1", 1))
-    assert allowed(("::1", 1))
-    assert allowed(("192.0.2.7", 1))
-    assert not allowed(("192.0.2.8", 1))
-    assert not allowed(None)
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> None:

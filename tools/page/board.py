@@ -117,7 +117,6 @@ class _Performer:
     skeleton: _Noted = field(default_factory=_Noted)
     carried: _Noted = field(default_factory=_Noted)
     answer: _Noted = field(default_factory=_Noted)
-    answered: float = 0.0
     motions: deque[_Motion] = field(default_factory=deque)
     #: The beginnings of the guesses: seconds, the class or None.
     guesses: deque[tuple[int, float, str | None]] = field(default_factory=deque)
@@ -216,7 +215,6 @@ class Board:
         performer = self._performer(answer.performer, now)
         if performer is None:
             return
-        performer.answered = now
         order = {name: place for place, name in enumerate(self._classes.told)}
         scores = [answer.scores.get(name) for name in order]
         if missing := [name for name in answer.scores if name not in order]:
@@ -292,11 +290,7 @@ class Board:
             self.number += 1
             self._control = _Noted(control, self.number)
 
-    def newest_answer(self) -> float:
-        """Say when the newest answer came, on our clock; 0 before the first."""
-        return max((each.answered for each in self._performers.values()), default=0.0)
-
-    def news(self, seen: int, now: float, **further: object) -> bytes:
+    def news(self, seen: int, now: float, replies: Sequence[object] = ()) -> bytes:
         """Encode all that is newer than a number: bytes of JSON (u32), the JSON, spaces up to a multiple of 4, bodies.
 
         Parameters
@@ -305,10 +299,10 @@ class Board:
             The number up to which a page has seen everything.
         now
             Seconds on our clock.
-        further
-            Fields to add.
+        replies
+            Replies to the page's commands.
         """
-        told: dict[str, object] = {"number": self.number, "now": now, **further}
+        told: dict[str, object] = {"number": self.number, "now": now, "replies": [*replies]}
         for name in ("here", "classes", "status", "control"):
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import deque
 from contextlib import suppress
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from websockets.asyncio.server import serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -32,11 +30,8 @@ if TYPE_CHECKING:
 
 #: Open pages, at most.
 MAX_PAGES = 16
-#: Seconds between two messages to a page, at least; between two looks without a message; and
-#: between two reports of how long drawing takes.
-_PACE, _LOOK, _REPORT = 1 / 35, 0.2, 1.0
-#: Latencies that are remembered of a page: some seconds.
-_MAX_LATENCIES = 256
+#: Seconds between two messages to a page, at least, and between two looks without a message.
+_PACE, _LOOK = 1 / 35, 0.2
 #: Seconds that a page may stay silent in the handshake.
 _MAX_OPENING = 5.0
 _NO_CONTROL = "start kinespace live with --teach FILE to teach from here"
@@ -44,7 +39,7 @@ _NO_REPLY = "the recogniser does not reply"
 
 
 class _Page:
-    """One open page: the newest entry that it has seen, and the seconds that it takes to draw."""
+    """One open page: the newest entry that it has seen, the number of its last message, and replies to be sent."""
 
     def __init__(self) -> None:
         self.ready, self.woken = asyncio.Event(), asyncio.Event()
@@ -52,32 +47,12 @@ class _Page:
         self.woken.set()
         self.seen = self.sent = 0
         self.replies: list[dict[str, Any]] = []
-        self._answered = self._newest = 0.0
-        self._latencies = deque[float](maxlen=_MAX_LATENCIES)
-        self._reported = 0.0
 
-    def noted(self, number: int, answered: float) -> None:
-        """Note that a message was sent; `answered` is when the newest answer in it came."""
-        # The first message holds answers from before the page was opened.
-        self._answered = answered if answered > self._newest and self.sent else 0.0
-        self._newest, self.sent = answered, number
-        self.ready.clear()
-
-    def acknowledged(self, number: int, now: float) -> None:
+    def acknowledged(self, number: int) -> None:
         """Note that a message was drawn."""
-        if number != self.sent:
-            return
-        self.seen = number
-        if self._answered:
-            self._latencies.append(now - self._answered)
-        self.ready.set()
-
-    def report(self, now: float) -> dict[str, object]:
-        """Tell from time to time how long it took from an answer's coming here until it was drawn."""
-        if now < self._reported + _REPORT or not self._latencies:
-            return {}
-        self._reported = now
-        return {"drawn": np.percentile(self._latencies, (50, 99)).round(5).tolist()}
+        if number == self.sent:
+            self.seen = number
+            self.ready.set()
 
 
 class PageServer:
@@ -170,7 +145,7 @@ class PageServer:
             async for text in connection:
                 message = read_message(text)
                 if message.ack is not None:
-                    page.acknowledged(message.ack, self._clock())
+                    page.acknowledged(message.ack)
                 if message.ask is not None:
                     reply = await self._ask(message.ask)
                     # Only now: other messages take the page's replies along while this one is asked.
@@ -192,11 +167,10 @@ class PageServer:
                 await page.ready.wait()
                 await page.woken.wait()
                 page.woken.clear()
-                now = self._clock()
                 replies, page.replies = page.replies, []
-                further = page.report(now) | ({"replies": replies} if replies else {})
-                message = self.board.news(page.seen, now, **further)
-                page.noted(self.board.number, self.board.newest_answer())
+                message = self.board.news(page.seen, self._clock(), replies)
+                page.sent = self.board.number
+                page.ready.clear()
                 await connection.send(message)
                 await asyncio.sleep(_PACE)
 

@@ -154,19 +154,16 @@ def test_a_sleeping_page_is_sent_nothing_and_then_the_newest() -> None:
 
 
 def test_pages_do_not_wait_for_each_other() -> None:
-    """One page sleeps, another gets every answer, and how long it takes to be drawn."""
+    """One page sleeps, another gets every answer."""
 
     async def test() -> None:
         async with serving() as served, served.page() as sleeper, served.page() as page:
             await told(sleeper)
-            news, drawn = await told(page), []
+            news = await told(page)
             for number in range(1, 6):
                 served.published.publish(number)
                 news = await drawn_until(page, news, "answer")
                 assert news["answer"]["ann"]["score"] == number / 1000
-                drawn += news.get("drawn", [])
-            assert all(0 <= each < PATIENCE for each in drawn)
-            assert drawn
 
     run(test())
 

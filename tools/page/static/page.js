@@ -17,7 +17,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  hits: [], wrong: null, sound: true, theme: null, drawnAfter: null };
+  hits: [], wrong: null, sound: true, theme: null };
 window.kinespace = page;
 
 // --- what comes ---
@@ -77,7 +77,6 @@ function take(news) {
   if (news.classes) { page.classes = news.classes; listClasses(); }
   if (news.control) { page.control = news.control; listClasses(); showControl(); }
   if (news.status) { page.status = news.status; showStatus(); }
-  if (news.drawn) { page.drawnAfter = news.drawn; }
   for (const [name, { names, parents }] of Object.entries(news.skeleton ?? {})) page.performers.get(name)?.stage.setSkeleton(names, parents);
   for (const [name, carried] of Object.entries(news.carried ?? {})) { const each = page.performers.get(name); if (each) each.carried = carried; }
   for (const [name, answer] of Object.entries(news.answer ?? {})) takeAnswer(page.performers.get(name), answer);
@@ -251,8 +250,7 @@ function listMotions() {
 function showStatus() {
   const { counters, hop, notes, further, frames } = page.status;
   byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
-  const drawn = page.drawnAfter ? `; answer to drawn ${page.drawnAfter.map((each) => number(1000 * each, 0)).join(" / ")} ms` : "";
-  byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms${drawn} (p50 / p99)`;
+  byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
   byId("notes").replaceChildren(...lines.map((text) => made("li", { text })));
   tellState(`live · ${number(frames, 0)} frames/s`, false);

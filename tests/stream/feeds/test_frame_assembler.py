@@ -144,10 +144,12 @@ def test_a_start_between_two_joints_finds_the_next_frame(close: tuple[str, ...],
 def test_time_closes_a_frame() -> None:
     """When nothing more comes for the timeout the frame is taken as it is, and not a moment earlier."""
     target = assembler("timeout", top="rate = 2")
-    pushed(target, whole(1.0), 0.0)
-    assert target.expire(0.1) == []
-    _, frame = target.expire(0.11)
+    pushed(target, whole(1.0)[:2], 0.0)
+    pushed(target, whole(1.0)[2:], 0.05)
+    assert target.expire(0.15) == []
+    _, frame = target.expire(0.16)
     assert isinstance(frame, Frame)
+    assert frame.time == 0.0
     assert target.expire(0.5) == []
 
 

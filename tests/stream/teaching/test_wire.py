@@ -68,6 +68,7 @@ def test_commands_in_json(request_: dict[str, object], command: commands.Command
         (encode_message("/motion/teach/trim", float("inf")), "on: expected bool, got inf"),
         (encode_message("/motion/teach", "ann", "wave", 1, 1, 1), "expected performer, class"),
         (encode_message("/motion/teach/last", "ann", 60.0, "bow"), "seconds"),
+        (encode_message("/motion/teach/last", "ann", 0.0, "bow"), "seconds"),
         (encode_message("/motion/teach/rename", "a", "b/c"), "without /"),
         (encode_message("/motion/teach/jump"), "expected one of"),
         (b"/motion/teach", "expected OSC"),

@@ -130,7 +130,7 @@ def _teach(stage: Stage, begin: float, name: str, class_name: str, joints: Seque
 
 @pytest.mark.slow
 def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLibrary, tmp_path: Path) -> None:
-    """It comes behind the classes that were there, starts when it is shown again, and is in the file."""
+    """It comes behind the classes that were there, starts when it is shown, is in the file and there the next time."""
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
     heard = stage.until(lambda heard: Step.DONE in heard.steps())
@@ -144,17 +144,9 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
     assert stage.classes == (*library.classes, "bend")
-
-
-def test_taught_motions_are_there_again(stage: Stage, library: MotionLibrary, tmp_path: Path) -> None:
-    """Taught motions are there again when the program starts again with the same file."""
-    _show(stage, 0, "kickLFront1Reps")
-    _teach(stage, 10, "abc", "squat1Reps")
-    stage.until(lambda heard: Step.DONE in heard.steps())
-    stage.lessons.close()
     again = Stage(Start(tmp_path / "mine.npz", library))
-    assert again.classes == (*library.classes, "abc")
-    assert _show(again, 20, "squat1Reps", 1)[:1] == ["abc"]
+    assert again.classes == stage.classes
+    assert _show(again, 20, "squat1Reps", 1)[:1] == ["bend"]
     again.lessons.close()
 
 

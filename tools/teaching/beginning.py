@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,11 +22,15 @@ if TYPE_CHECKING:
     from kinespace.stream.service.recognising import Teachable
 
 
-@dataclass(frozen=True, slots=True)
-class Start:
-    """The beginning of teaching.
+def open_lessons(
+    file: Path,
+    library: MotionLibrary | None,
+    joints: Sequence[str],
+    performers: Callable[[WindowIndex, Sequence[str]], Teachable],
+) -> Lessons:
+    """Open the taught library for lessons.
 
-    Attributes
+    Parameters
     ----------
     file
         A library of taught motions; it may be missing.
@@ -34,32 +38,6 @@ class Start:
         The library that is compared beside the taught motions; None for none.
     joints
         The joints of frames, if known; used without a library.
-    """
-
-    file: Path
-    library: MotionLibrary | None
-    joints: tuple[str, ...] = ()
-
-    def base(self, taught: MotionLibrary | None) -> WindowIndex | None:
-        """Open the windows whose metrics compare the examples; None when the examples learn their own metrics."""
-        if self.library:
-            return opened(self.library.restricted_to(taught.skeleton.joints) if taught else self.library)
-        builtin = MotionLibrary.builtin()
-        # The numbers learned from the built-in motions make opening quick; those of other motions are left out.
-        builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
-        joints = taught.skeleton.joints if taught else self.joints or builtin.skeleton.joints
-        if not set(joints) <= set(builtin.skeleton.joints):
-            return None
-        return opened(builtin.restricted_to(joints))
-
-
-def open_lessons(start: Start, performers: Callable[[WindowIndex, Sequence[str]], Teachable]) -> Lessons:
-    """Open the taught library for lessons.
-
-    Parameters
-    ----------
-    start
-        The beginning of teaching.
     performers
         Makes the recognisers from an opened library and the order of its classes.
 
@@ -70,21 +48,34 @@ def open_lessons(start: Start, performers: Callable[[WindowIndex, Sequence[str]]
     OSError
         The file cannot be read, or its folder is missing.
     """
-    file = start.file
     if not file.absolute().parent.is_dir():
         raise FileNotFoundError(f"{file}: no such folder")
     taught = MotionLibrary.load(file) if file.exists() else None
-    base = start.base(taught)
+    base = _base(library, taught.skeleton.joints if taught else (), joints)
     if taught and base:
         taught = taught.restricted_to(base.library.skeleton.joints)
         motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
         taught = MotionLibrary(base.library.skeleton, motions)
     roster = Roster.of_library(taught) if taught else Roster()
-    windows = TaughtWindows(base, beside=start.library is not None)
-    index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(start.joints))
+    windows = TaughtWindows(base, beside=library is not None)
+    index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
     teacher = Teacher(index.library.skeleton, roster, windows.base_classes)
     order = ClassPlaces(windows.base_classes).of(roster)
     return Lessons(performers(index, order or index.classes), teacher, windows, file)
+
+
+def _base(library: MotionLibrary | None, taught: Sequence[str], joints: Sequence[str]) -> WindowIndex | None:
+    """Open the windows whose metrics compare the examples, by the joints taught or, else, known.
+
+    None when the examples learn their own metrics.
+    """
+    if library:
+        return opened(library.restricted_to(taught) if taught else library)
+    builtin = MotionLibrary.builtin()
+    # The numbers learned from the built-in motions make opening quick; those of other motions are left out.
+    builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
+    joints = taught or joints or builtin.skeleton.joints
+    return opened(builtin.restricted_to(joints)) if set(joints) <= set(builtin.skeleton.joints) else None
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:

@@ -12,7 +12,7 @@ from kinespace.stream.frame import Admitted, Announcement, Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognizer import Performers, SentJoints
 from kinespace.stream.teaching import Asked, State, Step, Taught, commands
-from kinespace.tools.teaching.beginning import Start, open_lessons
+from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.teaching.lessons import ClassPlaces
 
 if TYPE_CHECKING:
@@ -64,11 +64,11 @@ def library() -> MotionLibrary:
 class Stage:
     """The recognisers, the lessons and one listener, as a service holds them."""
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, file: Path, library: MotionLibrary | None, joints: Sequence[str] = ()) -> None:
         def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
             return Performers(index, classes=classes, joints=SentJoints())
 
-        self.lessons, self.heard = open_lessons(start, performers), Heard()
+        self.lessons, self.heard = open_lessons(file, library, joints, performers), Heard()
         self.lessons.sinks = [self.heard]
 
     def push(self, event: Admitted) -> Recognition | None:
@@ -101,7 +101,7 @@ class Stage:
 @pytest.fixture
 def stage(tmp_path: Path, library: MotionLibrary) -> Iterator[Stage]:
     """Open lessons whose library is kept in a file."""
-    stage = Stage(Start(tmp_path / "mine.npz", library))
+    stage = Stage(tmp_path / "mine.npz", library)
     yield stage
     stage.lessons.close()
 
@@ -144,7 +144,7 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
     assert stage.classes == (*library.classes, "bend")
-    again = Stage(Start(tmp_path / "mine.npz", library))
+    again = Stage(tmp_path / "mine.npz", library)
     assert again.classes == stage.classes
     assert _show(again, 20, "squat1Reps", 1)[:1] == ["bend"]
     again.lessons.close()
@@ -195,13 +195,13 @@ def test_indices_stay() -> None:
 def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> None:
     """A file in a folder that is not there is refused in one line."""
     with pytest.raises(FileNotFoundError, match="no such folder"):
-        Stage(Start(tmp_path / "nowhere" / "mine.npz", library))
+        Stage(tmp_path / "nowhere" / "mine.npz", library)
 
 
 def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
     """A sender's own joints can be taught without a library; until then nobody is answered."""
     joints = tuple(f"marker{number}" for number in range(31))
-    stage = Stage(Start(tmp_path / "mine.npz", None, joints))
+    stage = Stage(tmp_path / "mine.npz", None, joints)
     assert _show(stage, 0, "kickLFront1Reps") == []
     _teach(stage, 10, "squat", "squat1Reps")
     stage.until(lambda heard: Step.DONE in heard.steps())
@@ -216,7 +216,7 @@ def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
 @pytest.mark.parametrize("beside", [True, False])
 def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLibrary, tmp_path: Path) -> None:  # noqa: FBT001
     """Of 31 joints a performer has 20: what he is taught is recognised by these."""
-    stage = Stage(Start(tmp_path / "mine.npz", library if beside else None))
+    stage = Stage(tmp_path / "mine.npz", library if beside else None)
     kept = [place for place, name in enumerate(library.skeleton.joints) if not name.endswith(FURTHER_JOINTS)]
     assert len(kept) == 20
     joints = tuple(library.skeleton.joints[place] for place in reversed(kept))
@@ -251,7 +251,7 @@ def test_a_performer_whose_joints_cannot_be_compared_is_told_so(stage: Stage, li
 @pytest.mark.slow
 def test_without_a_library_nothing_starts(tmp_path: Path) -> None:
     """Until something is taught no motion of the library that lends its metrics is told, nor its end."""
-    stage = Stage(Start(tmp_path / "mine.npz", None))
+    stage = Stage(tmp_path / "mine.npz", None)
     assert _show(stage, 0.0, "squat1Reps") == []
     assert _show(stage, 20.0, "squat1Reps") == []
     stage.command(commands.Last("ann", 1.5, "dip"))

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.osc.packet import Message
 
+#: Performers of one feed at once, at most.
+MAX_PERFORMERS = 64
 #: Seconds of silence after which a performer is forgotten, and after which a bone that came before counts as one that
 #: this sender no longer sends.
 FORGET_AFTER = 5.0
@@ -118,15 +120,10 @@ class FrameAssembler:
     ----------
     preset
         The meaning of the messages, and when a frame is complete.
-    most
-        The number of performers at once, at most.
     """
 
-    def __init__(self, preset: Preset, *, most: int = 64) -> None:
-        if most < 1:
-            raise ValueError(f"most: expected at least 1 performer, got {most}")
+    def __init__(self, preset: Preset) -> None:
         self.preset = preset
-        self.most = most
         self.counts = AssemblerCounts()
         #: The reason why the last malformed message is malformed.
         self.why_malformed = ""
@@ -250,7 +247,7 @@ class FrameAssembler:
             return None
         if reading.means in (Means.BEGIN, Means.END) or not reading.present:
             return None
-        if len(self._bodies) >= self.most:
+        if len(self._bodies) >= MAX_PERFORMERS:
             self.counts.no_room += 1
             return None
         body = self._bodies[name] = _Body(

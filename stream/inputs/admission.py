@@ -66,16 +66,13 @@ class Admission:
     ----------
     silence
         Seconds without a frame after which a performer may have another sender.
-    merge
-        Let several senders send frames of one performer.
     allowed
         The performers that are allowed; empty for all.
     """
 
-    def __init__(self, *, silence: float = 5.0, merge: bool = False, allowed: Collection[str] = ()) -> None:
+    def __init__(self, *, silence: float = 5.0, allowed: Collection[str] = ()) -> None:
         self.counts = AdmissionCounts()
         self._silence = silence
-        self._merge = merge
         self._allowed = frozenset(allowed)
         self._owners: dict[str, _Owner] = {}
         #: Announcements of senders that have sent no frame yet.
@@ -162,7 +159,7 @@ class Admission:
             first.append(announced)
         owner.heard = arrival
         # Several senders' times are not converted, because mixed they look like no clock at all.
-        seconds = frame.time if self._merge else owner.clock.read(frame.time, arrival)
+        seconds = owner.clock.read(frame.time, arrival)
         if seconds != frame.time:
             frame = replace(frame, time=seconds)
         return (*first, *self._in_time(owner, frame, arrival))
@@ -173,8 +170,6 @@ class Admission:
         Another port of the same host belongs to another program if the first port is heard again after it, or is heard
         all the time.
         """
-        if self._merge:
-            return True
         if host != owner.host:
             return False
         if port == owner.port:

@@ -6,13 +6,15 @@ import ipaddress
 from typing import TYPE_CHECKING
 
 from kinespace.stream.packet import KEYED, datagram_of
+from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import Asked, CommandError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from kinespace.stream.packet import Networks, Packet, Sender
-    from kinespace.stream.teaching.commands import Command
+
+_TEACH = wire.TEACH.encode()
 
 
 class Allowed:
@@ -42,10 +44,6 @@ class CommandReader:
 
     Parameters
     ----------
-    decode
-        Gives the commands of an OSC packet; CommandError where it cannot.
-    prefix
-        The beginning of commands' OSC addresses.
     allowed
         The senders that may command.
 
@@ -55,21 +53,21 @@ class CommandReader:
         Packets with commands, and packets of senders that may not command.
     """
 
-    def __init__(self, decode: Callable[[bytes], list[Command]], prefix: str, allowed: Allowed) -> None:
-        self._decode, self._prefix, self._allowed = decode, prefix.encode(), allowed
+    def __init__(self, allowed: Allowed) -> None:
+        self._allowed = allowed
         self.received = self.refused = 0
 
     def read(self, packet: Packet, sender: Sender) -> Sequence[Asked] | None:
         """Read a packet's commands; None for a packet that holds none: hundreds of frames come each second."""
         datagram = datagram_of(packet)
-        in_bundle = datagram.startswith(b"#bundle") and self._prefix in datagram
-        if not (in_bundle or datagram.startswith(self._prefix)):
+        in_bundle = datagram.startswith(b"#bundle") and _TEACH in datagram
+        if not (in_bundle or datagram.startswith(_TEACH)):
             return None
         self.received += 1
         if not self._allowed(sender):
             self.refused += 1
             return [Asked(None, f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from")]
         try:
-            return [Asked(command) for command in self._decode(datagram)]
+            return [Asked(command) for command in wire.decode(datagram)]
         except CommandError as error:
             return [Asked(None, str(error))]

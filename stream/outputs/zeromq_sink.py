@@ -76,9 +76,7 @@ class ZmqSink(Sink):
 
     def publish_notice(self, notice: Notice) -> None:
         """Send a notice of teaching."""
-        told = as_json(notice)
-        if told is not None:
-            self.sender.send([b"teach/", json.dumps(told).encode()])
+        self.sender.send([b"teach/", json.dumps(as_json(notice)).encode()])
 
     def close(self) -> None:
         """Close the socket."""

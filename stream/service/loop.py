@@ -95,8 +95,8 @@ class Commanded(Protocol):
         """Whether performers are answered now."""
 
     @property
-    def classes(self) -> Sequence[str] | None:
-        """The classes that are answered; None for the recognisers' own."""
+    def classes(self) -> Sequence[str]:
+        """The classes that are answered."""
 
     def carry_out(self, asked: Asked) -> object:
         """Carry out a command. Never raises."""
@@ -356,9 +356,9 @@ class Service:
         now = self._clock()
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
-            classes = self._control.classes if self._control else None
+            classes = self._control.classes if self._control else self.performers.classes
             for sink in self.sinks:
-                sink.publish_classes(self.performers.classes if classes is None else classes)
+                sink.publish_classes(classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and silent performers cannot be told from others.

@@ -1,8 +1,10 @@
-"""The commands of teaching, checked when they are made, for every transport."""
+"""The commands of teaching, checked when they are made.
+
+Over OSC and in JSON a command is called by the name of its class in small letters, and has its fields as arguments.
+"""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -54,10 +56,10 @@ class Teach:
 
     def __post_init__(self) -> None:
         _require_performer(self.performer)
-        require_class(self.class_name)
+        _require_class(self.class_name)
         if not 1 <= self.repetitions <= MAX_REPETITIONS:
             raise CommandError(f"repetitions: expected 1 to {MAX_REPETITIONS}, got {self.repetitions}")
-        if not (math.isfinite(self.countdown) and 0 <= self.countdown <= MAX_COUNTDOWN):
+        if not 0 <= self.countdown <= MAX_COUNTDOWN:
             raise CommandError(f"countdown: expected 0 to {MAX_COUNTDOWN:g} s, got {self.countdown:g}")
 
 
@@ -78,10 +80,10 @@ class Last:
 
     def __post_init__(self) -> None:
         _require_performer(self.performer)
-        require_class(self.class_name)
-        if not (math.isfinite(self.ago) and 0 <= self.ago <= MAX_AGO):
+        _require_class(self.class_name)
+        if not 0 <= self.ago <= MAX_AGO:
             raise CommandError(f"ago: expected 0 to {MAX_AGO:g} s, got {self.ago:g}")
-        if not (math.isfinite(self.seconds) and 0 < self.seconds <= MAX_LAST):
+        if not 0 < self.seconds <= MAX_LAST:
             raise CommandError(f"seconds: expected up to {MAX_LAST:g}, got {self.seconds:g}")
 
 
@@ -89,11 +91,11 @@ class Last:
 class Rename:
     """Rename a taught class; CommandError for a name that is not allowed."""
 
-    old: str
-    new: str
+    class_name: str
+    to: str
 
     def __post_init__(self) -> None:
-        require_class(self.new)
+        _require_class(self.to)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,13 +146,6 @@ class Save:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
-    """Answer all performers, or none for a while."""
-
-    on: bool
-
-
-@dataclass(frozen=True, slots=True)
 class Sensitivity:
     """Recognise all performers with another sensitivity (`stream.recognizer.settings`); CommandError beyond 0 to 1."""
 
@@ -166,30 +161,7 @@ class List:
     """Change nothing; the reply tells classes and settings, as every reply does."""
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
-    """Begin a recording of all packets, or end it."""
-
-    on: bool
-
-
-Command = (
-    Teach
-    | Last
-    | Rename
-    | Forget
-    | Enable
-    | Trim
-    | Stop
-    | Cancel
-    | Undo
-    | Redo
-    | Save
-    | Run
-    | Sensitivity
-    | List
-    | Record
-)
+Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | List
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,7 +183,7 @@ class Asked:
     reply: Callable[[Sequence[State], Mapping[str, object]], None] | None = None
 
 
-def require_class(name: str) -> None:
+def _require_class(name: str) -> None:
     """Refuse a name that is not allowed for a class; CommandError."""
     if not 1 <= len(name) <= MAX_NAME:
         raise CommandError(f"class: expected a name of 1 to {MAX_NAME} characters, got {len(name)}")

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from kinespace.library.teaching.movement import ENDS_AFTER, MIN_SECONDS, Stretch, StretchFinder
+from kinespace.library.teaching.movement import ENDS_AFTER, MIN_SECONDS, STILLNESS, Stretch, StretchFinder
 from kinespace.stream.teaching.notices import State, Step
 
 if TYPE_CHECKING:
@@ -39,8 +39,6 @@ class Lesson:
         The performer's name.
     now
         Seconds on our clock.
-    stillness
-        Movement below which the performer stands still.
 
     Attributes
     ----------
@@ -50,13 +48,13 @@ class Lesson:
         Examples that are still to be recorded.
     """
 
-    def __init__(self, asked: Teach, performer: str, now: float, stillness: float) -> None:
+    def __init__(self, asked: Teach, performer: str, now: float) -> None:
         self.class_name, self.performer = asked.class_name, performer
         self.left = asked.repetitions
         self.step = Step.COUNTDOWN
         self._go = now + asked.countdown
         self._told = math.inf
-        self._finder = StretchFinder(stillness)
+        self._finder = StretchFinder(STILLNESS)
         self._armed = self._began = self._newest = math.nan
 
     def tick(self, now: float) -> State | None:
@@ -91,8 +89,8 @@ class Lesson:
         if self.step is Step.WAITING:
             return self._waited(time)
         if found:
-            return self._recorded(found, time, by_hand=False)
-        return self.stop() if time - self._began >= MAX_RECORDING else None
+            return self._recorded(found, by_hand=False)
+        return self.stop(by_hand=True) if time - self._began >= MAX_RECORDING else None
 
     def _waited(self, time: float) -> State | None:
         if self._finder.began is not None:
@@ -103,22 +101,16 @@ class Lesson:
             return State(self.performer, Step.REFUSED, MAX_WAITING, f"stood still for {MAX_WAITING:g} s")
         return None
 
-    def stop(self) -> State | Recorded:
-        """End the recording, by a command or because it has its maximal length."""
+    def stop(self, *, by_hand: bool) -> State | Recorded:
+        """End the recording by a command, because it has its maximal length, or because no frames come for now."""
         if self.step is not Step.RECORDING:
             return State(self.performer, Step.REFUSED, 0.0, "nothing was recorded")
-        found = self._finder.end()
-        return self._recorded(found or Stretch(self._began, self._newest), self._newest, by_hand=True)
+        return self._recorded(self._finder.end() or Stretch(self._began, self._newest), by_hand=by_hand)
 
-    def paused(self) -> State | Recorded:
-        """End the recording, because no frames come for now."""
-        found = self._finder.end()
-        return self._recorded(found or Stretch(self._began, self._newest), self._newest, by_hand=False)
-
-    def _recorded(self, found: Stretch, time: float, *, by_hand: bool) -> State | Recorded:
+    def _recorded(self, found: Stretch, *, by_hand: bool) -> State | Recorded:
         begin = max(found.start, self._armed)
-        kept = Stretch(begin, min(found.end, time, begin + MAX_RECORDING))
-        whole = Stretch(max(begin - BEFORE, self._armed - BEFORE), min(kept.end + ENDS_AFTER, time))
+        kept = Stretch(begin, min(found.end, self._newest, begin + MAX_RECORDING))
+        whole = Stretch(begin - BEFORE, min(kept.end + ENDS_AFTER, self._newest))
         self._armed = math.nan
         self._finder.clear()
         self.step = Step.WAITING

@@ -1,4 +1,4 @@
-"""The notices of teaching: the state of a lesson, a taught example, and changes of the library."""
+"""The notices of teaching: the state of a lesson, a taught example; and the change of a library."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from kinespace.library.teaching.examples import Roster
-    from kinespace.stream.recognition import Event
 
 
 class Step(StrEnum):
@@ -69,6 +68,10 @@ class Taught:
     would_have_started: int
 
 
+#: What listeners are told.
+Notice = State | Taught
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Changed:
     """A request to open and save the library anew.
@@ -83,33 +86,3 @@ class Changed:
 
     roster: Roster = field(repr=False)
     number: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Saving:
-    """A request to save."""
-
-
-@dataclass(frozen=True, slots=True)
-class Running:
-    """A request for answers, or for no answers."""
-
-    on: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Sensed:
-    """A request for another sensitivity."""
-
-    share: float
-
-
-@dataclass(frozen=True, slots=True)
-class Exchanged:
-    """The recognisers compare with another library: its classes, and the ends of motions whose class is gone."""
-
-    classes: tuple[str, ...]
-    ended: tuple[Event, ...] = ()
-
-
-Notice = State | Taught | Changed | Saving | Running | Sensed | Exchanged

@@ -18,7 +18,7 @@ from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
 from kinespace.stream.teaching.memory import Memory
-from kinespace.stream.teaching.notices import Changed, Notice, Running, Saving, Sensed, State, Step, Taught
+from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -49,22 +49,20 @@ class Teacher:
         The examples of earlier sessions.
     base_classes
         Classes that are known without examples.
-    stillness
-        Movement below which a performer stands still (`library.teaching.movement`).
 
     Attributes
     ----------
     roster
         All examples now.
+    lesson
+        The lesson that goes on; None while there is none.
     """
 
-    def __init__(
-        self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = (), *, stillness: float = STILLNESS
-    ) -> None:
+    def __init__(self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = ()) -> None:
         self.roster = roster
-        self._skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
+        self.lesson: Lesson | None = None
+        self._skeleton, self._base = skeleton, tuple(base_classes)
         self._memories: dict[str, Memory] = {}
-        self._lesson: Lesson | None = None
         self._undone: list[Roster] = []
         self._before: list[Roster] = []
         #: The performers of the examples that are being checked, and the times on their clocks.
@@ -73,48 +71,41 @@ class Teacher:
         #: The last tick, and the first one after we were stopped.
         self._ticked = self._woke = -math.inf
 
-    @property
-    def lesson(self) -> Lesson | None:
-        """The lesson that goes on."""
-        return self._lesson
-
-    def push(self, frame: Frame, now: float) -> list[Notice]:
+    def push(self, frame: Frame, now: float) -> list[Notice | Changed]:
         """Take in a frame, positions in the order of the skeleton."""
         memory = self._memories.get(frame.performer)
         if memory is None:
             self._forget_absent(now)
             memory = self._memories[frame.performer] = Memory(self._skeleton)
         movement = memory.push(frame.time, frame.positions, now)
-        lesson = self._lesson
+        lesson = self.lesson
         if lesson is None or lesson.performer != frame.performer:
             return []
         return self._went(lesson, lesson.push(frame.time, movement))
 
-    def tick(self, now: float) -> list[Notice]:
+    def tick(self, now: float) -> list[Notice | Changed]:
         """Do the work that is due by the clock; call it some times a second."""
         if now - self._ticked > _STOPPED:
             self._woke = now
         self._ticked = now
-        lesson = self._lesson
+        lesson = self.lesson
         if lesson is None:
             return []
         silent = self._silent(lesson.performer, now)
         if silent > _GONE:
-            self._lesson = None
+            self.lesson = None
             return [State(lesson.performer, Step.REFUSED, 0.0, "the performer has left")]
         # A sender that pauses sends no stillness, which would end the recording.
         if lesson.step is Step.RECORDING and silent > MAX_PAUSE:
-            return self._went(lesson, lesson.paused())
+            return self._went(lesson, lesson.stop(by_hand=False))
         told = lesson.tick(now)
         return [told] if told else []
 
-    def command(self, command: Command, now: float) -> list[Notice]:  # noqa: C901, PLR0911, PLR0912 - one line a command
-        """Carry out a command; a refusal is a notice, never an exception."""
+    def command(self, command: Command, now: float) -> list[Notice | Changed]:  # noqa: C901, PLR0911 - a line each
+        """Carry out a command about lessons and examples; a refusal is a notice, never an exception."""
         match command:
-            case commands.Teach():
+            case commands.Teach() | commands.Last():
                 return self._begin(command, now)
-            case commands.Last():
-                return self._take_last(command, now)
             case commands.Stop():
                 return self._stopped()
             case commands.Cancel():
@@ -133,16 +124,10 @@ class Teacher:
                 return self._change(self.roster.enabled(name, on=on), f"{name} {'on' if on else 'off'}")
             case commands.Trim(on):
                 return self._trimmed(on=on)
-            case commands.Save():
-                return [Saving(), State("", Step.CHECKING, 0.0, "saving")]
-            case commands.Run(on):
-                return [Running(on), State("", Step.DONE, 0.0, "running" if on else "not running")]
-            case commands.Sensitivity(share):
-                return [Sensed(share), State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
-            case commands.List() | commands.Record():
+            case _:
                 return []
 
-    def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice]:
+    def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice | Changed]:
         """Report the check of an example that is in the library now."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         example = next((each for each in self.roster.examples if each.number == number), None)
@@ -154,7 +139,7 @@ class Teacher:
         )
         return [taught, State(performer, Step.DONE, example.seconds, words)]
 
-    def failed(self, number: int, reason: str) -> list[Notice]:
+    def failed(self, number: int, reason: str) -> list[Notice | Changed]:
         """Undo an example that cannot be compared."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         kept = tuple(each for each in self.roster.examples if each.number != number)
@@ -167,54 +152,53 @@ class Teacher:
         memory = self._memories.get(performer)
         return memory.before(began) if memory else None
 
-    def _begin(self, asked: commands.Teach, now: float) -> list[Notice]:
+    def _begin(self, asked: commands.Teach | commands.Last, now: float) -> list[Notice | Changed]:
         performer = self._present(asked.performer, now)
         if performer is None:
             return [_refused(asked.performer, "no such performer is there")]
-        if self._lesson:
-            return [_refused(performer, f"{self._lesson.performer} is being taught {self._lesson.class_name}")]
         if len(self.roster.examples) >= MAX_EXAMPLES:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
-        self._lesson = Lesson(asked, performer, now, self._stillness)
+        if isinstance(asked, commands.Last):
+            return self._take_last(asked, performer)
+        if self.lesson:
+            return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
+        self.lesson = Lesson(asked, performer, now)
         return self.tick(now)
 
-    def _take_last(self, asked: commands.Last, now: float) -> list[Notice]:
-        performer = self._present(asked.performer, now)
-        if performer is None:
-            return [_refused(asked.performer, "no such performer is there")]
-        if len(self.roster.examples) >= MAX_EXAMPLES:
-            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
+    def _take_last(self, asked: commands.Last, performer: str) -> list[Notice | Changed]:
         memory = self._memories[performer]
         end = memory.newest - asked.ago
         whole = Stretch(end - asked.seconds, end)
         clip = memory.between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{asked.seconds:g} s have not been seen")]
-        kept = _moving(clip, self._stillness)
+        kept = _moving(clip)
         if kept is None:
             return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
         return self._add(performer, asked.class_name, clip, whole, kept)
 
-    def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice]:
+    def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice | Changed]:
         """Give the notices of a lesson's step."""
         if told is None:
             return []
         if isinstance(told, State):
             if told.step is Step.REFUSED:
-                self._lesson = None
+                self.lesson = None
             return [told]
         clip = self._memories[lesson.performer].between(*told.whole)
         if not lesson.left:
-            self._lesson = None
+            self.lesson = None
         if clip is None or clip.gaps:
-            self._lesson = None
+            self.lesson = None
             return [_refused(lesson.performer, "frames are missing in the recording")]
         begin = max(told.kept.start - told.whole.start, 0.0)
         kept = Stretch(begin, min(told.kept.end - told.whole.start, clip.duration))
         notices = self._add(lesson.performer, lesson.class_name, clip, told.whole, kept)
-        return notices if self._lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
+        return notices if self.lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
 
-    def _add(self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch) -> list[Notice]:
+    def _add(
+        self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch
+    ) -> list[Notice | Changed]:
         number, self._number = self._number, self._number + 1
         recording = replace(clip, actor=performer)
         example = Example(number, class_name, recording, kept.start, kept.end)
@@ -225,42 +209,42 @@ class Teacher:
         self.roster = self.roster.with_example(example)
         return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, told)]
 
-    def _stopped(self) -> list[Notice]:
-        if self._lesson is None:
+    def _stopped(self) -> list[Notice | Changed]:
+        if self.lesson is None:
             return [_refused("", "nobody is being taught")]
-        lesson = self._lesson
+        lesson = self.lesson
         lesson.left = min(lesson.left, 1)
-        return self._went(lesson, lesson.stop())
+        return self._went(lesson, lesson.stop(by_hand=True))
 
-    def _cancelled(self) -> list[Notice]:
-        if self._lesson is None:
+    def _cancelled(self) -> list[Notice | Changed]:
+        if self.lesson is None:
             return [_refused("", "nobody is being taught")]
-        performer, self._lesson = self._lesson.performer, None
+        performer, self.lesson = self.lesson.performer, None
         return [State(performer, Step.DONE, 0.0, "cancelled")]
 
-    def _renamed(self, old: str, new: str) -> list[Notice]:
+    def _renamed(self, old: str, new: str) -> list[Notice | Changed]:
         if old not in self.roster.classes:
             return [_unknown(old)]
         return self._change(self.roster.renamed(old, new), f"{old} is {new}")
 
-    def _forgotten(self, name: str) -> list[Notice]:
+    def _forgotten(self, name: str) -> list[Notice | Changed]:
         if not name:
             return self._change(Roster((), self.roster.disabled), "all forgotten")
         if name not in self.roster.classes:
             return [_unknown(name)]
         return self._change(self.roster.without_class(name), f"{name} forgotten")
 
-    def _trimmed(self, *, on: bool) -> list[Notice]:
+    def _trimmed(self, *, on: bool) -> list[Notice | Changed]:
         if not self.roster.examples:
             return [_refused("", "nothing was taught")]
         last = max(self.roster.examples, key=lambda each: each.number)
-        kept = _moving(last.recording, self._stillness) if on else Stretch(0.0, last.recording.duration)
+        kept = _moving(last.recording) if on else Stretch(0.0, last.recording.duration)
         if kept is None:
             return [_refused("", f"expected {MIN_SECONDS:g} s or more of movement")]
         changed = replace(last, begin=kept.start, end=kept.end)
         return self._change(self.roster.with_example(changed), f"{kept.duration:.2f} s kept")
 
-    def _change(self, roster: Roster, told: str) -> list[Notice]:
+    def _change(self, roster: Roster, told: str) -> list[Notice | Changed]:
         self._remember()
         self.roster = roster
         return [Changed(roster), State("", Step.DONE, 0.0, told)]
@@ -269,16 +253,14 @@ class Teacher:
         self._before.append(self.roster)
         self._undone.clear()
 
-    def _moved(self, taken_from: list[Roster], kept_in: list[Roster], otherwise: str) -> list[Notice]:
+    def _moved(self, taken_from: list[Roster], kept_in: list[Roster], otherwise: str) -> list[Notice | Changed]:
         if not taken_from:
             return [_refused("", otherwise)]
         kept_in.append(self.roster)
         self.roster = taken_from.pop()
         count = len(self.roster.examples)
-        return [
-            Changed(self.roster),
-            State("", Step.DONE, 0.0, f"{count} examples of {len(self.roster.classes)} classes"),
-        ]
+        told = f"{count} examples of {len(self.roster.classes)} classes"
+        return [Changed(self.roster), State("", Step.DONE, 0.0, told)]
 
     def _present(self, name: str, now: float) -> str | None:
         """Find a performer who is present; without a name the performer who was heard last."""
@@ -296,9 +278,9 @@ class Teacher:
             del self._memories[name]
 
 
-def _moving(clip: Clip, stillness: float) -> Stretch | None:
+def _moving(clip: Clip) -> Stretch | None:
     """Find the movement in a recording, from its first to its last motion; None when it is too short."""
-    meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(stillness), list[Stretch]()
+    meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(STILLNESS), list[Stretch]()
     for time, positions in zip(clip.times.tolist(), clip.positions, strict=True):
         movement = meter.push(time, positions)
         if movement is not None and (each := finder.push(time, movement)):

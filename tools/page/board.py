@@ -117,7 +117,6 @@ class _Performer:
     skeleton: _Noted = field(default_factory=_Noted)
     carried: _Noted = field(default_factory=_Noted)
     answer: _Noted = field(default_factory=_Noted)
-    answered: float = 0.0
     motions: deque[_Motion] = field(default_factory=deque)
     #: The beginnings of the guesses: seconds, the class or None.
     guesses: deque[tuple[int, float, str | None]] = field(default_factory=deque)
@@ -148,7 +147,7 @@ class Board:
         self._performers: dict[str, _Performer] = {}
         self._further: dict[str, float] = {}
         self._here = _Noted([])
-        self._classes, self._status, self._control, self._player = _Noted([]), _Noted(), _Noted(), _Noted()
+        self._classes, self._status, self._control = _Noted([]), _Noted(), _Noted()
         self._notices: deque[tuple[int, dict[str, object]]] = deque(maxlen=_MAX_NOTICES)
         self._keys = count(1)
         self._checking = ""
@@ -216,7 +215,6 @@ class Board:
         performer = self._performer(answer.performer, now)
         if performer is None:
             return
-        performer.answered = now
         order = {name: place for place, name in enumerate(self._classes.told)}
         scores = [answer.scores.get(name) for name in order]
         if missing := [name for name in answer.scores if name not in order]:
@@ -287,22 +285,12 @@ class Board:
             self._tell_here()
 
     def take_reply(self, control: dict[str, object]) -> None:
-        """Take in the control socket's description of the classes, the settings and the recording."""
+        """Take in the control socket's description of the classes and the settings."""
         if control != self._control.told:
             self.number += 1
             self._control = _Noted(control, self.number)
 
-    def take_player(self, described: dict[str, object]) -> None:
-        """Take in the list of recordings, and the recording that is played."""
-        if described != self._player.told:
-            self.number += 1
-            self._player = _Noted(described, self.number)
-
-    def newest_answer(self) -> float:
-        """Say when the newest answer came, on our clock; 0 before the first."""
-        return max((each.answered for each in self._performers.values()), default=0.0)
-
-    def news(self, seen: int, now: float, **further: object) -> bytes:
+    def news(self, seen: int, now: float, replies: Sequence[object] = ()) -> bytes:
         """Encode all that is newer than a number: bytes of JSON (u32), the JSON, spaces up to a multiple of 4, bodies.
 
         Parameters
@@ -311,11 +299,11 @@ class Board:
             The number up to which a page has seen everything.
         now
             Seconds on our clock.
-        further
-            Fields to add.
+        replies
+            Replies to the page's commands.
         """
-        told: dict[str, object] = {"number": self.number, "now": now, **further}
-        for name in ("here", "classes", "status", "control", "player"):
+        told: dict[str, object] = {"number": self.number, "now": now, "replies": [*replies]}
+        for name in ("here", "classes", "status", "control"):
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:
                 told[name] = noted.told

@@ -30,8 +30,6 @@ class _Reply(msgspec.Struct):
     off: list[str] = []
     sensitivity: float | None = None
     teaches: bool = False
-    recording: str = ""
-    records: bool = False
 
 
 _read = msgspec.json.Decoder(_Reply).decode

@@ -5,21 +5,44 @@ from __future__ import annotations
 import asyncio
 import multiprocessing
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.page.link import ControlLink, Subscription
-from kinespace.tools.page.player import PagePlan, Player
 from kinespace.tools.page.requests import Gate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
+    from pathlib import Path
 
 #: Seconds after which a new process is given up, and after which one that was told to end is.
 _MAX_START, _MAX_END = 30.0, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class PagePlan:
+    """A page to be served.
+
+    Attributes
+    ----------
+    source
+        The ZeroMQ endpoint on which a recogniser publishes.
+    address
+        HOST:PORT of the page.
+    control
+        The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
+    keys
+        Folder of the keys of all ZeroMQ; None for none.
+    """
+
+    source: str
+    address: str
+    control: str | None = None
+    keys: Path | None = None
 
 
 def require_websockets() -> None:
@@ -49,7 +72,7 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
     keyring = Keyring(plan.keys) if plan.keys else None
     subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
     control = ControlLink(Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
-    server = PageServer(subscription, control, Gate.for_host(host), Player(plan) if plan.recordings else None)
+    server = PageServer(subscription, control, Gate.for_host(host))
     try:
         # Windows' own loop cannot wait for ZeroMQ.
         with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
@@ -71,7 +94,7 @@ class PageProcess:
     Parameters
     ----------
     plan
-        The addresses and folders of the page.
+        The addresses of the page.
 
     Attributes
     ----------

@@ -27,16 +27,8 @@ _Short = Annotated[str, msgspec.Meta(max_length=256)]
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 
 
-class Play(msgspec.Struct, forbid_unknown_fields=True):
-    """Plays a recording from a second on, with a speed; speed 0 pauses."""
-
-    recording: _Short
-    at: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 0.0
-    speed: Annotated[float, msgspec.Meta(ge=0, le=16)] = 1.0
-
-
 class Message(msgspec.Struct, forbid_unknown_fields=True):
-    """A message of a page: the number of its last drawing, or one request.
+    """A message of a page: the number of its last drawing, or a command.
 
     Attributes
     ----------
@@ -44,13 +36,10 @@ class Message(msgspec.Struct, forbid_unknown_fields=True):
         The number of the message that has been drawn.
     ask
         A command for the control socket.
-    play
-        A recording to be played.
     """
 
     ack: _Count | None = None
     ask: Annotated[dict[_Short, _Short | float | bool], msgspec.Meta(max_length=8)] | None = None
-    play: Play | None = None
 
 
 _read = msgspec.json.Decoder(Message).decode
@@ -62,7 +51,7 @@ def read_message(text: str | bytes) -> Message:
     Raises
     ------
     ValueError
-        It is no text, too long, no JSON, or holds anything but one of the three.
+        It is no text, too long, no JSON, or holds anything but one of the two.
     """
     if not isinstance(text, str) or len(text) > MAX_MESSAGE:
         raise ValueError(f"message: expected text of at most {MAX_MESSAGE} characters, got {len(text)} of another kind")
@@ -70,8 +59,8 @@ def read_message(text: str | bytes) -> Message:
         message = _read(text)
     except RecursionError as error:
         raise ValueError("message: expected flat JSON") from error
-    if sum(each is not None for each in (message.ack, message.ask, message.play)) != 1:
-        raise ValueError("message: expected one of ack, ask, play")
+    if (message.ack is None) == (message.ask is None):
+        raise ValueError("message: expected one of ack and ask")
     return message
 
 

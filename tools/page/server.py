@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import deque
 from contextlib import suppress
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from websockets.asyncio.server import serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -29,16 +27,11 @@ if TYPE_CHECKING:
     from websockets.http11 import Request
 
     from kinespace.tools.page.link import ControlLink, Subscription
-    from kinespace.tools.page.player import Player
-    from kinespace.tools.page.requests import Message
 
 #: Open pages, at most.
 MAX_PAGES = 16
-#: Seconds between two messages to a page, at least; between two looks without a message; and
-#: between two reports of how long drawing takes.
-_PACE, _LOOK, _REPORT = 1 / 35, 0.2, 1.0
-#: Latencies that are remembered of a page: some seconds.
-_MAX_LATENCIES = 256
+#: Seconds between two messages to a page, at least, and between two looks without a message.
+_PACE, _LOOK = 1 / 35, 0.2
 #: Seconds that a page may stay silent in the handshake.
 _MAX_OPENING = 5.0
 _NO_CONTROL = "start kinespace live with --teach FILE to teach from here"
@@ -46,7 +39,7 @@ _NO_REPLY = "the recogniser does not reply"
 
 
 class _Page:
-    """One open page: the newest entry that it has seen, and the seconds that it takes to draw."""
+    """One open page: the newest entry that it has seen, the number of its last message, and replies to be sent."""
 
     def __init__(self) -> None:
         self.ready, self.woken = asyncio.Event(), asyncio.Event()
@@ -54,32 +47,12 @@ class _Page:
         self.woken.set()
         self.seen = self.sent = 0
         self.replies: list[dict[str, Any]] = []
-        self._answered = self._newest = 0.0
-        self._latencies = deque[float](maxlen=_MAX_LATENCIES)
-        self._reported = 0.0
 
-    def noted(self, number: int, answered: float) -> None:
-        """Note that a message was sent; `answered` is when the newest answer in it came."""
-        # The first message holds answers from before the page was opened.
-        self._answered = answered if answered > self._newest and self.sent else 0.0
-        self._newest, self.sent = answered, number
-        self.ready.clear()
-
-    def acknowledged(self, number: int, now: float) -> None:
+    def acknowledged(self, number: int) -> None:
         """Note that a message was drawn."""
-        if number != self.sent:
-            return
-        self.seen = number
-        if self._answered:
-            self._latencies.append(now - self._answered)
-        self.ready.set()
-
-    def report(self, now: float) -> dict[str, object]:
-        """Tell from time to time how long it took from an answer's coming here until it was drawn."""
-        if now < self._reported + _REPORT or not self._latencies:
-            return {}
-        self._reported = now
-        return {"drawn": np.percentile(self._latencies, (50, 99)).round(5).tolist()}
+        if number == self.sent:
+            self.seen = number
+            self.ready.set()
 
 
 class PageServer:
@@ -93,16 +66,11 @@ class PageServer:
         The recogniser's control socket; None: pages only look.
     gate
         Decides which browsers are let in.
-    player
-        Plays recordings; None: pages play nothing.
     """
 
-    def __init__(
-        self, subscription: Subscription, control: ControlLink | None, gate: Gate, player: Player | None = None
-    ) -> None:
+    def __init__(self, subscription: Subscription, control: ControlLink | None, gate: Gate) -> None:
         self.board = Board()
-        self._subscription, self._control, self._gate, self._player = subscription, control, gate, player
-        self._listed = 0.0
+        self._subscription, self._control, self._gate = subscription, control, gate
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
@@ -132,10 +100,7 @@ class PageServer:
                 # The file number wakes us for the first of several messages alone, and at times for none.
                 self._hear()
                 self._ask_for_state()
-                await self._list_recordings()
                 await asyncio.sleep(_LOOK)
-        if self._player:
-            self._player.stop()
         loop.remove_reader(self._subscription.fileno())
 
     def _hear(self) -> None:
@@ -152,13 +117,6 @@ class PageServer:
         """Ask the control again while it has not replied: it may have come later than we, or anew."""
         if self._stale and self._control and self._pages and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
-
-    async def _list_recordings(self, *, at_once: bool = False) -> None:
-        """Tell the pages every second the list of recordings, and the recording that is played."""
-        if self._player and self._pages and (at_once or self._clock() >= self._listed + _REPORT):
-            self._listed = self._clock()
-            self.board.take_player(await asyncio.to_thread(self._player.described))
-            self._wake()
 
     def _wake(self) -> None:
         for page in self._pages:
@@ -187,9 +145,11 @@ class PageServer:
             async for text in connection:
                 message = read_message(text)
                 if message.ack is not None:
-                    page.acknowledged(message.ack, self._clock())
-                else:
-                    page.replies.append(await self._do(message))
+                    page.acknowledged(message.ack)
+                if message.ask is not None:
+                    reply = await self._ask(message.ask)
+                    # Only now: other messages take the page's replies along while this one is asked.
+                    page.replies.append(reply)
                     self._wake()
         except ValueError as error:
             await connection.close(1008, str(error)[:100])
@@ -207,23 +167,12 @@ class PageServer:
                 await page.ready.wait()
                 await page.woken.wait()
                 page.woken.clear()
-                now = self._clock()
                 replies, page.replies = page.replies, []
-                further = page.report(now) | ({"replies": replies} if replies else {})
-                message = self.board.news(page.seen, now, **further)
-                page.noted(self.board.number, self.board.newest_answer())
+                message = self.board.news(page.seen, self._clock(), replies)
+                page.sent = self.board.number
+                page.ready.clear()
                 await connection.send(message)
                 await asyncio.sleep(_PACE)
-
-    async def _do(self, message: Message) -> dict[str, Any]:
-        """Carry out a page's request; give the reply."""
-        if message.ask is not None:
-            return await self._ask(message.ask)
-        if self._player is None or message.play is None:
-            return {"states": [_refused("this page has no recordings to play")]}
-        why = await asyncio.to_thread(self._player.play, message.play)
-        await self._list_recordings(at_once=True)
-        return {"states": [_refused(why)] if why else []}
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
         """Ask the control socket; tell every page the changes."""

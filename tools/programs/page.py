@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.cli.arguments import OSC_IN, PAGE, add_shared
+from kinespace.tools.cli.arguments import PAGE, add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
-from kinespace.tools.page.player import PagePlan
-from kinespace.tools.page.process import serve_page
+from kinespace.tools.page.process import PagePlan, serve_page
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -29,11 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"
     )
-    parser.add_argument("--recordings", type=Path, metavar="DIR", help="let pages play the .kinerec in this folder")
-    parser.add_argument(
-        "--osc", default=OSC_IN, metavar="HOST:PORT", help="play recorded datagrams there (default %(default)s)"
-    )
-    parser.add_argument("--zmq", metavar="ENDPOINT", help="play recorded ZeroMQ messages there")
     host, port = host_and_port(PAGE)
     parser.add_argument(
         "--host",
@@ -48,15 +41,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     ended: list[bool] = []
     stop_on_signals(lambda: ended.append(True))
-    plan = PagePlan(
-        options.source,
-        f"{options.host}:{options.port}",
-        options.control,
-        options.recordings,
-        options.osc,
-        options.zmq,
-        options.keys,
-    )
+    plan = PagePlan(options.source, f"{options.host}:{options.port}", options.control, options.keys)
     serve_page(
         plan, lambda address: console.print(f"page: {address}; Ctrl-C ends", soft_wrap=True), lambda: bool(ended)
     )

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Self
 from kinespace.stream.teaching import Asked, commands
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from kinespace.stream.teaching import Command
-    from kinespace.tools.teaching.control import Control
+    from kinespace.tools.teaching.lessons import Lessons
     from kinespace.tools.terminal.live_table import LiveTable
 
 #: Seconds between two checks for a key.
@@ -32,16 +30,14 @@ class Keys:
 
     Parameters
     ----------
-    control
-        Carries out the commands.
-    classes
-        Gives the classes that are known now.
+    lessons
+        Carries out the commands, and knows the classes.
     shown
         Shows the list of keys.
     """
 
-    def __init__(self, control: Control, classes: Callable[[], Sequence[str]], shown: LiveTable) -> None:
-        self._control, self._classes, self._shown = control, classes, shown
+    def __init__(self, lessons: Lessons, shown: LiveTable) -> None:
+        self._lessons, self._shown = lessons, shown
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, name="kinespace keys", daemon=True)
         self._taught = 0
@@ -60,7 +56,7 @@ class Keys:
     def command_of(self, key: str) -> Command | None:
         """Give a key's command; new motions are numbered, to be renamed later."""
         if key == "t":
-            names = self._classes()
+            names = self._lessons.classes
             self._taught = next(number for number in range(1, len(names) + 2) if f"motion {number}" not in names)
         if key in ("t", "a"):
             return commands.Teach("", f"motion {max(self._taught, 1)}")
@@ -78,6 +74,6 @@ class Keys:
                 if select.select([sys.stdin], [], [], _LOOK)[0]:
                     command = self.command_of(sys.stdin.read(1))
                     if command:
-                        self._control.ask(Asked(command))
+                        self._lessons.ask(Asked(command))
         finally:
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

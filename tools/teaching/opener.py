@@ -12,6 +12,7 @@ from kinespace.library.teaching.examples import checked
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.teaching import State, Step
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +44,7 @@ class Change:
     before
         The performer's last minutes before that example, on which it is tried; None where they are not known.
     asked
-        Whether a command asked for the file, and waits for `Saved`.
+        Whether a command asked for the file, and waits until it is written.
     """
 
     roster: Roster
@@ -71,21 +72,15 @@ class Checked:
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
-    """The file was written, or not: in words."""
-
-    words: str
-
-
-@dataclass(frozen=True, slots=True)
 class Failed:
-    """A change cannot be opened or saved, and why; the number of its example, or 0."""
+    """An example cannot be compared, and why."""
 
     number: int
     reason: str
 
 
-Result = Opened | Checked | Saved | Failed
+#: A state is for listeners: the file was written, or what went wrong.
+Result = Opened | Checked | Failed | State
 
 
 class RosterOpener:
@@ -140,7 +135,8 @@ class RosterOpener:
                 # A first recogniser prepares the windows here; between two frames there is no time for this.
                 Recognizer(index, change.settings)
         except (ValueError, MemoryError) as error:
-            self._results.put(Failed(change.number, " ".join(str(error).split())))
+            reason = " ".join(str(error).split())
+            self._results.put(Failed(change.number, reason) if change.number else _refused(reason))
             return None, unsaved
         self._results.put(Opened(change.roster, index))
         if not (change.asked or self._changes.empty()):
@@ -157,13 +153,13 @@ class RosterOpener:
                 library.save(self._file)
         except (OSError, ValueError) as error:
             why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self._results.put(
-                Failed(0, f"{self._file.name} was not saved: {why}; the taught motions are still in memory")
-            )
+            told = f"{self._file.name} was not saved: {why}; the taught motions are still in memory"
+            self._results.put(_refused(told))
             return
         if asked:
             count = len(roster.examples)
-            self._results.put(Saved(f"{self._file.name} saved, examples: {count}" if count else "nothing to save"))
+            told = f"{self._file.name} saved, examples: {count}" if count else "nothing to save"
+            self._results.put(State("", Step.DONE, 0.0, told))
 
     def _starts(self, change: Change, index: WindowIndex) -> int:
         """Count how often the new class would have started in the performer's last minutes."""
@@ -181,3 +177,7 @@ class RosterOpener:
             for event in recognition.events if recognition else ():
                 starts += event.kind is EventKind.START and event.label == name
         return starts
+
+
+def _refused(reason: str) -> State:
+    return State("", Step.REFUSED, 0.0, reason)

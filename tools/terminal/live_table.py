@@ -140,8 +140,7 @@ class PlainLines(Sink):
 
     def publish_notice(self, notice: Notice) -> None:
         """Print the notice."""
-        if line := as_line(notice):
-            console.print(printable(line), soft_wrap=True, markup=False)
+        console.print(printable(as_line(notice)), soft_wrap=True, markup=False)
 
 
 class LiveTable(Sink):
@@ -162,8 +161,7 @@ class LiveTable(Sink):
 
     def publish_notice(self, notice: Notice) -> None:
         """Keep the last notices."""
-        if line := as_line(notice):
-            self._taught = [*self._taught, printable(line)][-_NOTICES:]
+        self._taught = [*self._taught, printable(as_line(notice))][-_NOTICES:]
 
     def publish(self, recognition: Recognition) -> None:
         """Keep the recognition."""

@@ -8,7 +8,6 @@ product's feed, `presets` (their TOML by name; older recordings lack it). Every 
 
 `arrival` is seconds on the recorder's clock, whose zero means nothing. A datagram is one part; a ZeroMQ message keeps
 its parts. Records are only ever appended, so a recorder that is killed leaves whole records and at most one torn one.
-Older recorders appended records to one that a full disk had torn; the reader finds them by their CRC.
 """
 
 from __future__ import annotations
@@ -36,10 +35,6 @@ MAX_RECORD = 1 << 21
 
 #: Bytes that wait in memory when the disk does not take them: a minute of a large feed.
 MAX_WAITING = 16 << 20
-
-#: Bytes after a torn record in which the next whole one is searched for, and bytes that are summed up in a search, at
-#: most: a file can be made so that every byte of it looks like the beginning of a record.
-_MAX_SEARCHED, _MAX_SUMMED = MAX_RECORD + (1 << 16), 64 << 20
 
 #: Seconds on any clock, at most: a century after 1970, and as long as a program can wait.
 _MAX_ARRIVAL = 4e9
@@ -292,7 +287,6 @@ class RawFile:
         self.path = path
         self.lost_from: int | None = None
         self.lost = 0
-        self._ends_there = True
         with path.open("rb") as file:
             body = _next_body(file)
         try:
@@ -315,62 +309,32 @@ class RawFile:
         return self.path.stat().st_size
 
     def packets(self) -> Iterator[RawPacket]:
-        """Give the packets in the order in which they came; torn and damaged records are passed over.
+        """Give the packets in the order in which they came, up to the first record that is torn or damaged.
 
-        `lost_from` and `lost` then tell which part could not be read. A whole record without a packet ends the reading.
+        `lost_from` and `lost` then tell which part could not be read.
         """
-        self.lost_from, self.lost, self._ends_there = None, 0, True
+        self.lost_from, self.lost = None, 0
         with self.path.open("rb") as file:
             _next_body(file)
             place = file.tell()
-            while True:
-                while (body := _next_body(file)) is not None:
-                    try:
-                        packet = _decode_packet(body)
-                        if packet.source >= len(self.header.sources):
-                            raise ValueError("no such source")  # noqa: TRY301 - told alike
-                    except (ValueError, struct.error):
-                        break
-                    place = file.tell()
-                    yield packet
-                end = file.seek(0, os.SEEK_END)
-                if place == end:
-                    return
-                following = None if body else _next_record(file, place + 1)
-                self.lost_from = place if self.lost_from is None else self.lost_from
-                self.lost += (following or end) - place
-                self._ends_there = following is None and self.lost == end - self.lost_from
-                if following is None:
-                    return
-                place = file.seek(following)
+            while (body := _next_body(file)) is not None:
+                try:
+                    packet = _decode_packet(body)
+                except (ValueError, struct.error):
+                    break
+                if packet.source >= len(self.header.sources):
+                    break
+                place = file.tell()
+                yield packet
+            self.lost = file.seek(0, os.SEEK_END) - place
+            self.lost_from = place if self.lost else None
 
     def damage(self) -> str:
         """Say which part of the file could not be read; empty when all could."""
         if self.lost_from is None:
             return ""
         where = f"{self.path}: byte {self.lost_from}: cut off or damaged"
-        if self._ends_there:
-            return f"{where}; the {self.lost} bytes from there on are not read"
-        return f"{where}; {self.lost} bytes are not read, the bytes after them are"
-
-
-def _next_record(file: BinaryIO, begin: int) -> int | None:
-    """Look for the first whole packet's record at a byte or after it; None where none is near."""
-    file.seek(begin)
-    found = file.read(_MAX_SEARCHED + MAX_RECORD)
-    summed, place = 0, 0
-    while (kind := found.find(bytes([_ARRIVED]), place + _RECORD.size, _MAX_SEARCHED)) >= 0:
-        place = kind - _RECORD.size
-        length, crc = _RECORD.unpack_from(found, place)
-        body = memoryview(found)[kind : kind + length]
-        if _PACKET.size <= length <= MAX_RECORD and len(body) == length:
-            summed += length
-            if summed > _MAX_SUMMED:
-                return None
-            if zlib.crc32(body) == crc:
-                return begin + place
-        place += 1
-    return None
+        return f"{where}; the {self.lost} bytes from there on are not read"
 
 
 def _next_body(file: BinaryIO) -> bytes | None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from kinespace.library.naming import hdm05
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, MAX_PERFORMERS, FrameAssembler
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import decode_packet
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 JOINTS = ("a", "b", "c", "d")
 
 
-def preset_text(close: Sequence[str], *, extra: str = "", frame: str = "", top: str = "") -> str:
+def preset_text(close: Sequence[str], *, frame: str = "", top: str = "") -> str:
     """Give a small preset of four joints."""
     closings = ", ".join(f'"{each}"' for each in close)
     return f"""
@@ -55,7 +55,6 @@ arguments = ["time"]
 [[message]]
 address = "/gone"
 arguments = ["performer", "present"]
-{extra}
 [joints]
 a = "root"
 b = "head"
@@ -65,11 +64,9 @@ e = ""
 """
 
 
-def assembler(*close: str, most: int = 64, extra: str = "", frame: str = "", top: str = "") -> FrameAssembler:
+def assembler(*close: str, frame: str = "", top: str = "") -> FrameAssembler:
     """Make an assembler that closes frames by some rules."""
-    return FrameAssembler(
-        parse_preset(preset_text(close, extra=extra, frame=frame, top=top), "small", "small.toml"), most=most
-    )
+    return FrameAssembler(parse_preset(preset_text(close, frame=frame, top=top), "small", "small.toml"))
 
 
 def joint(name: str, value: float, performer: str = "p") -> bytes:
@@ -126,17 +123,6 @@ def test_a_frame_is_closed_by_its_packet(close: str, packets: list[bytes], expec
     assert sum(target.counts.closed_by.values()) == len([value for value in expected if value])
 
 
-def test_a_frame_split_over_bundles_is_one_frame() -> None:
-    """Once it is known which joints come, a frame is closed by the bundle that completes them; none is mixed."""
-    target = assembler("bundle", "repeat")
-    made: list[Frame] = []
-    for number in range(6):
-        halves = [bundle(joint("a", number), joint("b", number)), bundle(joint("c", number), joint("d", number))]
-        made += pushed(target, halves, number * 0.02)
-    assert [values(frame) for frame in made] == [[number] * 4 for number in range(6)]
-    assert target.counts.incomplete == 0
-
-
 @pytest.mark.parametrize("rate", [15, 30, 120, 240])
 @pytest.mark.parametrize("close", [("bundle",), ("complete", "repeat"), ("repeat",)], ids="-".join)
 def test_a_start_between_two_joints_finds_the_next_frame(close: tuple[str, ...], rate: int) -> None:
@@ -158,10 +144,12 @@ def test_a_start_between_two_joints_finds_the_next_frame(close: tuple[str, ...],
 def test_time_closes_a_frame() -> None:
     """When nothing more comes for the timeout the frame is taken as it is, and not a moment earlier."""
     target = assembler("timeout", top="rate = 2")
-    pushed(target, whole(1.0), 0.0)
-    assert target.expire(0.1) == []
-    _, frame = target.expire(0.11)
+    pushed(target, whole(1.0)[:2], 0.0)
+    pushed(target, whole(1.0)[2:], 0.05)
+    assert target.expire(0.15) == []
+    _, frame = target.expire(0.16)
     assert isinstance(frame, Frame)
+    assert frame.time == 0.0
     assert target.expire(0.5) == []
 
 
@@ -223,15 +211,12 @@ def test_an_absent_joint_is_held_for_a_while() -> None:
         packets = [joint(name, number) for name in "abc"]
         made += pushed(target, [*packets, message("/end")], number * 0.05)
     assert [values(frame) for frame in made] == [[number] * 3 + [0.0] for number in range(1, 6)]
+    # By default the time is the arrival.
+    assert [frame.time for frame in made] == [number * 0.05 for number in range(1, 6)]
     assert (target.counts.held, target.counts.incomplete) == (5, 5)
     assert target.counts.absent == {"rhand": 5}
-
-
-def test_a_joint_that_never_came_is_not_made_up() -> None:
-    """Frames without a joint that was never seen are refused, and the joint is named."""
-    target = assembler("end")
-    assert pushed(target, [*whole(1.0)[:3], message("/end")] * 2, 0.0) == []
-    assert (target.counts.incomplete, target.counts.absent) == (2, {"rhand": 2})
+    (frame,) = pushed(target, [*whole(5.0), message("/end")], 1.0)
+    assert values(frame) == [5.0] * 4
 
 
 def test_one_lost_joint_of_many_costs_no_frame() -> None:
@@ -265,16 +250,6 @@ def test_bones_below_a_lost_bone_are_lost() -> None:
     gone = [name for name, row in zip(preset.joints, frame.positions, strict=True) if np.isnan(row).any()]
     assert gone == ["lradius", "lhand"]
     assert made_without("Spine") == []
-
-
-def test_a_joint_that_comes_back_is_taken() -> None:
-    """After frames were refused, the absent joint's return makes frames again."""
-    target = assembler("end")
-    pushed(target, [*whole(0.0), message("/end")], 0.0)
-    for number in range(1, 10):
-        pushed(target, [*whole(1.0)[:3], message("/end")], number * 0.1)
-    (frame,) = pushed(target, [*whole(5.0), message("/end")], 1.0)
-    assert values(frame) == [5.0] * 4
 
 
 def test_an_uncertain_joint_is_absent() -> None:
@@ -338,15 +313,11 @@ def test_a_silent_performer_is_forgotten() -> None:
 
 def test_there_is_room_for_so_many() -> None:
     """A performer above the limit is refused and counted; the others go on."""
-    target = assembler("end", most=2)
-    assert {f.performer for f in pushed(target, [*whole(1.0, "p"), *whole(1.0, "q"), message("/end")], 0.0)} == {
-        "p",
-        "q",
-    }
-    pushed(target, whole(1.0, "r"), 0.0)
-    assert (target.counts.no_room, len(target)) == (4, 2)
-    with pytest.raises(ValueError, match="most: expected at least 1 performer, got 0"):
-        assembler("end", most=0)
+    target = assembler("end")
+    crowd = [packet for number in range(MAX_PERFORMERS + 1) for packet in whole(1.0, f"p{number}")]
+    made = pushed(target, [*crowd, message("/end")], 0.0)
+    assert [frame.performer for frame in made] == [f"p{number}" for number in range(MAX_PERFORMERS)]
+    assert (target.counts.no_room, len(target)) == (4, MAX_PERFORMERS)
 
 
 def test_the_joints_of_a_performer_who_leaves_are_not_held() -> None:
@@ -370,13 +341,6 @@ def test_the_senders_clock_bridges_a_lost_time() -> None:
         time = [message("/time", "d", 100.0 + number * 0.02)] if number != 1 else []
         made += pushed(target, [*time, *whole(1.0), message("/end")], 5.0 + number * 0.02)
     np.testing.assert_allclose([frame.time for frame in made], [100.0, 100.02, 100.04])
-
-
-def test_without_the_senders_clock_the_arrival_counts() -> None:
-    """By default a frame's time is the arrival of its first joint; the sender's clock does not count."""
-    target = assembler("end")
-    (frame,) = pushed(target, [message("/time", "d", 100.0), *whole(1.0), message("/end")], 5.0)
-    assert frame.time == 5.0
 
 
 def test_senseless_messages_are_counted() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, builtin_text, load_preset
-from kinespace.stream.feeds.preset import Closing, Means, parse_preset
+from kinespace.stream.feeds.preset import Closing, parse_preset
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,20 +27,6 @@ head = "head"
 """
 
 
-@pytest.mark.parametrize("name", builtin_names())
-def test_presets_that_come_along_are_whole(name: str) -> None:
-    """Each has a product, a port, something to set, and at least nine joints, all of them HDM05's."""
-    preset = builtin_preset(name)
-    assert preset.name == name
-    assert preset.product
-    assert "nothing: this is your own" not in preset.sender
-    assert 1 <= preset.port <= 65535
-    assert len(preset.joints) >= 9
-    assert set(preset.joints) <= set(SKELETON.joints)
-    assert {Closing.TIMEOUT} <= preset.closings.by
-    assert any(rule.means in (Means.JOINT, Means.FRAME) for rule in preset.messages)
-
-
 def test_presets_are_found_in_their_folder() -> None:
     """Every TOML file of the presets' folder is listed, and every listed preset is a file."""
     folder = resources.files("kinespace.stream.feeds") / "presets"
@@ -49,12 +35,17 @@ def test_presets_are_found_in_their_folder() -> None:
 
 
 @pytest.mark.parametrize("name", builtin_names())
-def test_a_copy_is_the_same_preset(name: str, tmp_path: Path) -> None:
-    """Copied to a file of one's own, a preset means the same."""
+def test_a_preset_is_whole_and_its_copy_is_the_same(name: str, tmp_path: Path) -> None:
+    """Each has a product, something to set, at least nine joints of HDM05's, and means the same in one's own file."""
     path = tmp_path / "mine.toml"
     path.write_text(builtin_text(name), encoding="utf-8")
     mine, theirs = load_preset(path), builtin_preset(name)
-    assert mine.name == "mine"
+    assert (mine.name, theirs.name) == ("mine", name)
+    assert theirs.product
+    assert "nothing: this is your own" not in theirs.sender
+    assert len(theirs.joints) >= 9
+    assert set(theirs.joints) <= set(SKELETON.joints)
+    assert {Closing.TIMEOUT} <= theirs.closings.by
     for field in ("port", "joints", "messages", "closings", "order", "bones", "axes", "metres", "asking", "seconds"):
         assert getattr(mine, field) == getattr(theirs, field)
 

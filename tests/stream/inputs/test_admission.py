@@ -54,13 +54,6 @@ class frame_like:  # noqa: N801 - stands for a frame in comparisons
     __hash__ = None  # type: ignore[assignment]
 
 
-def test_merging_lets_several_senders_in() -> None:
-    """With --merge frames of one performer come from anywhere."""
-    admission = Admission(merge=True)
-    assert all(admission.admit([frame(step / 10)], step / 10, (ANN, EVE)[step % 2]) for step in range(20))
-    assert admission.counts.other_sender == 0
-
-
 def test_a_program_may_send_each_packet_from_another_port() -> None:
     """Ports that never come back are one program; two that take turns are two, and the first is used."""
     admission = Admission()
@@ -181,24 +174,6 @@ def test_peers_from_elsewhere_do_not_connect(network: str, *, let_in: bool) -> N
     receiver.close()
 
 
-def test_invented_names_leave_room_for_a_performer(sticks: MotionLibrary) -> None:
-    """A performer that sends steadily displaces a name that was never answered; performers that were answered stay."""
-    performers = Performers(sticks, most=4)
-    positions = stick_clip("wave", seed=3, frames=360).positions
-    answers = dict.fromkeys(("ann", "bob"), 0)
-    for step, joints in enumerate(positions):
-        moment = step / 120
-        if step % 15 == 0:
-            for number in range(8):
-                # The joints of another body: never answered.
-                performers.push(Frame(f"invented {number}", 1 + moment, joints[:3]), moment)
-        for name in answers:
-            answers[name] += performers.push(Frame(name, 1 + moment, joints), moment) is not None
-    assert min(answers.values()) > 30
-    assert {"ann", "bob"} <= set(performers.names)
-    assert len(performers) == 4
-
-
 def test_performers_with_few_frames_make_room(sticks: MotionLibrary) -> None:
     """Invented names that send eight frames a second, and are answered, make room for a performer with a real feed."""
     performers = Performers(sticks, most=4)
@@ -216,17 +191,6 @@ def test_performers_with_few_frames_make_room(sticks: MotionLibrary) -> None:
         answers += performers.push(Frame("ann", 1 + moment, joints), moment) is not None
     assert answers > 60
     assert "ann" in performers.names
-
-
-def test_steady_names_do_not_displace_performers(sticks: MotionLibrary) -> None:
-    """When all performers were answered, a further sender gets no room, even if it sends steadily."""
-    performers = Performers(sticks, most=1)
-    positions = stick_clip("wave", seed=3, frames=360).positions
-    for step, joints in enumerate(positions):
-        for name in ("ann", "eve"):
-            performers.push(Frame(name, 1 + step / 120, joints), step / 120)
-    assert performers.names == ("ann",)
-    assert performers.counts.no_room == 360
 
 
 def test_a_subscription_is_bounded() -> None:

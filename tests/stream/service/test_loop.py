@@ -360,10 +360,9 @@ class FakeControl:
         self.answers, self.carried_out, self.tended = True, [], 0
 
     def carry_out(self, asked: Asked) -> None:
-        """Keep a command; `Run` switches answers."""
+        """Keep a command; `Stop` ends answers, and another one begins them."""
         self.carried_out.append(asked.command)
-        if isinstance(asked.command, commands.Run):
-            self.answers = asked.command.on
+        self.answers = not isinstance(asked.command, commands.Stop)
 
     def tend(self, now: float) -> None:  # noqa: ARG002 - as the service calls it
         """Count the turns."""
@@ -373,7 +372,7 @@ class FakeControl:
 def test_commands_are_carried_out_and_may_switch_answers_off(library: MotionLibrary) -> None:
     """A command among frames reaches the control, which is tended; while it says so nothing is answered or ended."""
     frames = _frames(STICK_CLASSES[0])
-    off, on = Asked(commands.Run(on=False)), Asked(commands.Run(on=True))
+    off, on = Asked(commands.Stop()), Asked(commands.Undo())
     for packets, answers in (([*frames], True), ([off, *frames], False), ([off, frames[0], on, *frames[1:]], True)):
         control, sink = FakeControl(), FakeSink()
         with Service(
@@ -382,7 +381,7 @@ def test_commands_are_carried_out_and_may_switch_answers_off(library: MotionLibr
             service.step(0.0)
             service.stop()
             service.run()
-        assert [isinstance(each, commands.Run) for each in control.carried_out] == [True] * (len(packets) - len(frames))
+        assert control.carried_out == [each.command for each in packets if isinstance(each, Asked)]
         assert control.tended
         assert set(sink.classes) == {("taught",)}
         assert bool(sink.recognitions) is answers

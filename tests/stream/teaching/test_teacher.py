@@ -4,12 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Roster
 from kinespace.stream.frame import Frame
 from kinespace.stream.teaching import Changed, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.lesson import MAX_RECORDING, MAX_WAITING
+from kinespace.stream.teaching.memory import Memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -116,13 +118,6 @@ def test_the_example_holds_the_motion_that_was_shown() -> None:
     assert nearest < 0.03
 
 
-def test_several_repetitions() -> None:
-    """A lesson of several repetitions keeps one example of each."""
-    stage = _taught(repetitions=3)
-    assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"] * 3
-    assert stage.teacher.lesson is None
-
-
 def test_undo_and_redo_without_end() -> None:
     """Every change can be undone and redone; a new change forgets the undone ones."""
     stage = _taught()
@@ -208,27 +203,18 @@ def test_a_pause_in_the_feed_ends_a_recording() -> None:
     assert [each.seconds for each in stage.teacher.roster.examples] == [pytest.approx(lasts, abs=0.3)] * 2
 
 
-def test_stop_by_hand() -> None:
-    """A recording that is stopped by hand becomes an example."""
+@pytest.mark.parametrize(("command", "examples"), [(commands.Stop(), 1), (commands.Cancel(), 0)])
+def test_a_recording_is_ended_by_hand(command: Command, examples: int) -> None:
+    """A recording that is stopped becomes an example, and one that is cancelled none."""
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "half", 1, 0.0))
     stage.stand(0.5)
     stage.show(stage.library.motions[40].positions[:60])
-    stage.ask(commands.Stop())
-    assert stage.steps()[-1] is Step.CHECKING
-    assert len(stage.teacher.roster.examples) == 1
-
-
-def test_cancel_leaves_nothing() -> None:
-    """A lesson that is cancelled leaves no example."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    stage.show(stage.library.motions[40].positions[:30])
-    stage.ask(commands.Cancel())
+    stage.ask(command)
+    assert stage.steps()[-1] is (Step.CHECKING if examples else Step.DONE)
     stage.perform()
-    assert stage.teacher.roster.examples == ()
+    assert len(stage.teacher.roster.examples) == examples
 
 
 def test_a_lesson_without_a_performer_is_refused() -> None:
@@ -311,5 +297,36 @@ def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:
 def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
     """An example of which no window can be made is taken back with a reason."""
     stage = _taught()
-    stage.teacher.failed(1, "too short")
+    told, changed = stage.teacher.failed(1, "too short")
+    assert told == State("ann", Step.REFUSED, 0.0, "too short")
     assert stage.teacher.roster.examples == ()
+    assert isinstance(changed, Changed)
+    assert changed.roster is stage.teacher.roster
+
+
+def test_a_slower_feed_keeps_its_rate() -> None:
+    """Of a feed of 120 Hz every fourth frame is remembered; one of 15 Hz is remembered as it is."""
+    for rate, kept in ((120.0, 30.0), (15.0, 15.0)):
+        stage, memory = Stage(), Memory(MotionLibrary.builtin().skeleton)
+        for number in range(round(2 * rate)):
+            memory.push(number / rate, stage.library.motions[0].positions[0], 0.0)
+        clip = memory.between(0.0, 2.0)
+        assert clip
+        assert clip.frame_rate == pytest.approx(kept)
+
+
+def test_an_example_of_some_seconds_ago_is_the_movement_of_then(sticks: MotionLibrary) -> None:
+    """Of two motions the earlier one is taken when its seconds are named, as if asked when it had just ended."""
+    bow, wave = stick_clip("bow", seed=70, frames=120), stick_clip("wave", seed=71, frames=120)
+    teacher, now, taken = Teacher(sticks.skeleton, Roster()), 0.0, []
+    for clip in (bow, wave):
+        for positions in clip.positions:
+            now += 1 / 60
+            teacher.push(Frame("ann", now, positions), now)
+        if clip is bow:
+            teacher.command(commands.Last("ann", 1.5, "then"), now)
+            taken.append(teacher.roster.of("then")[0])
+    teacher.command(commands.Last("ann", 1.5, "later", 2.0), now)
+    taken.append(teacher.roster.of("later")[0])
+    assert taken[1].recording.positions == pytest.approx(taken[0].recording.positions, abs=1e-3)
+    assert (taken[1].begin, taken[1].end) == pytest.approx((taken[0].begin, taken[0].end), abs=0.05)

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import socket
 import sys
-from typing import TYPE_CHECKING
 
 import pytest
 
 from kinespace.tools.cli.main import main
-from kinespace.tools.page.player import PagePlan
-from kinespace.tools.page.process import serve_page
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from kinespace.tools.page.process import PagePlan, serve_page
 
 #: An endpoint at which nobody publishes: a page waits for it without complaint.
 NOBODY = "tcp://127.0.0.1:9"
@@ -46,22 +41,6 @@ def test_a_page_is_served_until_it_is_to_end() -> None:
     assert told[0].startswith("http://127.0.0.1:")
     assert "token" not in told[0]
     assert "?token=" in told[1]
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["--recordings", "."],
-        ["--page", "0", "--recordings", ".", "--record", "a.kinerec"],
-    ],
-)
-def test_recordings_that_cannot_be_made_are_refused(
-    options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Without a page, and beside a recording from the beginning: one line, exit 2."""
-    monkeypatch.chdir(tmp_path)
-    assert main(["live", *options]) == 2
-    assert capsys.readouterr().err.startswith("kinespace: --recordings: ")
 
 
 def test_a_replay_needs_somebody_to_show(capsys: pytest.CaptureFixture[str]) -> None:

@@ -95,14 +95,11 @@ def test_everything_that_is_given_is_guarded() -> None:
 # --- messages of a page ------------------------------------------------------------------------------------------
 
 
-def test_the_three_messages_are_read() -> None:
-    """Drawn, ask and play are read with their fields."""
+def test_both_messages_are_read() -> None:
+    """Drawn and ask are read with their fields."""
     assert read_message('{"ack": 7}').ack == 7
     asked = read_message('{"ask": {"do": "teach", "class": "wave", "repetitions": 2, "on": true}}').ask
     assert asked == {"do": "teach", "class": "wave", "repetitions": 2.0, "on": True}
-    played = read_message('{"play": {"recording": "a.kinerec", "at": 1.5, "speed": 0}}').play
-    assert played is not None
-    assert (played.recording, played.at, played.speed) == ("a.kinerec", 1.5, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -119,7 +116,6 @@ def test_the_three_messages_are_read() -> None:
         '{"ask": {"do": ["undo"]}}',
         '{"ask": {"do": {"a": 1}}}',
         '{"hello": 1}',
-        '{"play": {"recording": "a", "speed": 1e9}}',
         json.dumps({"ask": {"do": "x" * 300}}),
         json.dumps({"ask": {f"k{n}": n for n in range(20)}}),
         json.dumps({"ask": {"do": "x"}}) + " " * MAX_MESSAGE,

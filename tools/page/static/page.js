@@ -16,8 +16,8 @@ function made(kind, { className = "", text = "" } = {}, ...children) {
 const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
-const page = { performers: new Map(), classes: [], control: null, player: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  hits: [], wrong: null, sound: true, theme: null, drawnAfter: null };
+const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
+  hits: [], wrong: null, sound: true, theme: null };
 window.kinespace = page;
 
 // --- what comes ---
@@ -43,7 +43,7 @@ function send(message) {
 
 function forget() {
   for (const name of [...page.performers.keys()]) leave(name);
-  page.status = page.control = page.player = null;
+  page.status = page.control = null;
   page.classes = [];
 }
 
@@ -77,8 +77,6 @@ function take(news) {
   if (news.classes) { page.classes = news.classes; listClasses(); }
   if (news.control) { page.control = news.control; listClasses(); showControl(); }
   if (news.status) { page.status = news.status; showStatus(); }
-  if (news.player) { page.player = { ...news.player, since: performance.now() }; showPlayer(); }
-  if (news.drawn) { page.drawnAfter = news.drawn; }
   for (const [name, { names, parents }] of Object.entries(news.skeleton ?? {})) page.performers.get(name)?.stage.setSkeleton(names, parents);
   for (const [name, carried] of Object.entries(news.carried ?? {})) { const each = page.performers.get(name); if (each) each.carried = carried; }
   for (const [name, answer] of Object.entries(news.answer ?? {})) takeAnswer(page.performers.get(name), answer);
@@ -157,7 +155,6 @@ function draw() {
   for (const performer of page.performers.values()) drawPerformer(performer);
   drawScores();
   drawPast();
-  if (page.player?.speed && document.activeElement !== byId("scrub")) showPlace(placeNow());
 }
 
 function drawPerformer(performer) {
@@ -253,8 +250,7 @@ function listMotions() {
 function showStatus() {
   const { counters, hop, notes, further, frames } = page.status;
   byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
-  const drawn = page.drawnAfter ? `; answer to drawn ${page.drawnAfter.map((each) => number(1000 * each, 0)).join(" / ")} ms` : "";
-  byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms${drawn} (p50 / p99)`;
+  byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
   byId("notes").replaceChildren(...lines.map((text) => made("li", { text })));
   tellState(`live · ${number(frames, 0)} frames/s`, false);
@@ -280,14 +276,11 @@ const teaches = () => Boolean(page.control?.teaches);
 
 function showControl() {
   byId("teach").toggleAttribute("data-on", teaches());
-  const { sensitivity, records, recording } = page.control;
+  const { sensitivity } = page.control;
   const slider = byId("sensitivity");
   slider.closest("label").hidden = sensitivity === null;
   if (sensitivity !== null && document.activeElement !== slider) slider.value = sensitivity;
   byId("sensitivity-shown").textContent = sensitivity === null ? "" : number(sensitivity);
-  byId("record").hidden = !records;
-  byId("record").classList.toggle("on", Boolean(recording));
-  byId("record").textContent = recording ? "Stop recording" : "Record";
 }
 
 byId("teach").addEventListener("submit", (event) => {
@@ -297,7 +290,6 @@ byId("teach").addEventListener("submit", (event) => {
 });
 for (const button of document.querySelectorAll("[data-do]")) button.addEventListener("click", () => ask({ do: button.dataset.do }));
 byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensitivity", share: Number(target.value) }));
-byId("record").addEventListener("click", () => ask({ do: "record", on: !page.control.recording }));
 
 function takeNotice({ at, performer: name, state, seconds, reason, taught, check, examples }) {
   const old = page.now - at > OLD;
@@ -394,49 +386,6 @@ byId("timeline").addEventListener("click", (event) => {
   const performer = page.performers.get(hit.row.key);
   openWrong(performer, performer.motions.get(hit.bar.key));
 });
-
-// --- recordings ---
-
-function showPlayer() {
-  const { recordings, playing, speed, trouble, at } = page.player;
-  byId("player").hidden = !recordings.length;
-  const list = byId("recordings");
-  const names = recordings.map(([name]) => name);
-  if ([...list.options].map(({ value }) => value).join() !== names.join()) {
-    const chosen = list.value || playing;
-    list.replaceChildren(...names.map((name) => new Option(name)));
-    if (names.includes(chosen)) list.value = chosen;
-  }
-  byId("play").textContent = speed ? "Pause" : "Play";
-  const seconds = recordings.find(([name]) => name === list.value)?.[1] ?? 1;
-  byId("scrub").max = seconds;
-  if (!speed && playing === list.value && document.activeElement !== byId("scrub")) showPlace(at);
-  if (trouble) say(trouble);
-}
-
-/** The second that is played now: the server tells it once a second. */
-const placeNow = () => page.player.at + page.player.speed * (performance.now() - page.player.since) / 1000;
-
-function showPlace(second) {
-  byId("scrub").value = second;
-  byId("played").textContent = `${number(second, 1)} s`;
-}
-
-function play(speed) {
-  const recording = byId("recordings").value;
-  if (recording) send({ play: { recording, at: Number(byId("scrub").value), speed } });
-}
-const speedChosen = () => Number(byId("speed").value);
-byId("play").addEventListener("click", () => {
-  const { recordings, speed } = page.player;
-  const over = Number(byId("scrub").value) >= recordings.find(([name]) => name === byId("recordings").value)[1] - 0.2;
-  if (!speed && over) byId("scrub").value = 0;
-  play(speed ? 0 : speedChosen());
-});
-byId("scrub").addEventListener("input", ({ target }) => { byId("played").textContent = `${number(Number(target.value), 1)} s`; });
-byId("scrub").addEventListener("change", ({ target }) => { play(page.player.speed ? speedChosen() : 0); target.blur(); });
-byId("speed").addEventListener("change", () => page.player.speed && play(speedChosen()));
-byId("recordings").addEventListener("change", () => { showPlace(0); play(0); });
 
 // --- the page ---
 

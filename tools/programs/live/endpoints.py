@@ -13,11 +13,9 @@ from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
-from kinespace.stream.teaching import wire
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
-from kinespace.tools.page.player import PagePlan
-from kinespace.tools.page.process import PageProcess, require_websockets
+from kinespace.tools.page.process import PagePlan, PageProcess, require_websockets
 from kinespace.tools.teaching.requests import RequestSource
 
 if TYPE_CHECKING:
@@ -31,8 +29,6 @@ if TYPE_CHECKING:
     from kinespace.stream.packet import Networks
     from kinespace.stream.zeromq import Keyring
 
-#: The port on which Wekinator listens.
-WEKINATOR_PORT = 6448
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 #: Where the page's process finds its recogniser.
@@ -148,30 +144,21 @@ def _endpoint(options: argparse.Namespace, address: str) -> zeromq.Endpoint:
 
 
 def open_controls(
-    options: argparse.Namespace, sources: Sequence[Source], keyring: Keyring | None, admission: Admission
-) -> list[Source | RequestSource]:
+    options: argparse.Namespace, sources: Sequence[Source], keyring: Keyring | None
+) -> list[RequestSource]:
     """Let the frames' own ports take commands, and open the further ways in for them."""
     networks = _networks(options)
     allowed = Allowed(networks)
     for source in sources:
-        source.commands = CommandReader(wire.decode, wire.TEACH, allowed)
-    controls: list[Source | RequestSource] = []
+        source.commands = CommandReader(allowed)
+    controls: list[RequestSource] = []
     for control in options.control:
-        name, _, place = control.partition("=")
-        if name == "wekinator":
-            host, port = host_and_port(place) if place else ("127.0.0.1", WEKINATOR_PORT)
-            with opening("--control"):
-                receiver = osc.OscReceiver(host, port, _and_here(networks))
-            wekinator = Source(receiver, OscDecoder(), admission=admission)
-            wekinator.commands = CommandReader(wire.Wekinator().decode, wire.WEKINATOR, allowed)
-            controls.append(wekinator)
-        elif "://" in control:
-            with opening("--control"):
-                # The owner of a known key may command from any network.
-                near = () if keyring else _and_here(networks)
-                controls.append(RequestSource(_endpoint(options, control), allowed, keyring, networks=near))
-        else:
-            raise ValueError(f"--control: expected wekinator or an endpoint like tcp://127.0.0.1:9330, got {control!r}")
+        if "://" not in control:
+            raise ValueError(f"--control: expected an endpoint like tcp://127.0.0.1:9330, got {control!r}")
+        with opening("--control"):
+            # The owner of a known key may command from any network.
+            near = () if keyring else _and_here(networks)
+            controls.append(RequestSource(_endpoint(options, control), allowed, keyring, networks=near))
     return controls
 
 
@@ -198,14 +185,5 @@ def open_page(
     require_websockets()
     sender = zeromq.ZmqSender(_HERE, keyring)
     requests = [RequestSource(_HERE, Allowed(), keyring)] if commands else []
-    plan = PagePlan(
-        sender.address,
-        options.page,
-        requests[0].address if requests else None,
-        options.recordings,
-        # A port on all of this machine's addresses is reached on this one.
-        options.osc_in.replace("0.0.0.0:", "127.0.0.1:") if options.osc_in else None,
-        options.zmq_in,
-        options.keys,
-    )
+    plan = PagePlan(sender.address, options.page, requests[0].address if requests else None, options.keys)
     return PageEnds([ZmqSink(sender), BodySink(sender, performers)], requests, PageProcess(plan))

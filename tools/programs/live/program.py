@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--control",
         action="append",
         default=[],
-        metavar="wekinator|ENDPOINT",
-        help="also obey Wekinator's control messages (=HOST:PORT; 6448), or ZeroMQ requests, like tcp://127.0.0.1:9330",
+        metavar="ENDPOINT",
+        help="also obey ZeroMQ requests, like tcp://127.0.0.1:9330",
     )
 
 
@@ -100,7 +100,6 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         "ZeroMQ",
     )
     add_shared(parser, "--keys", "--open")
-    parser.add_argument("--merge", action="store_true", help="let several senders send frames of one performer")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_overwrite(parser)
@@ -108,9 +107,6 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
     add_shared(parser, "--page")
-    parser.add_argument(
-        "--recordings", type=Path, metavar="DIR", help="let the page begin recordings there, and play them"
-    )
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 

@@ -13,7 +13,7 @@ from kinespace.stream.service.recognising import Teachable
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
-from kinespace.tools.teaching.lessons import Start, open_lessons
+from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
             raise ValueError(f"--teach: expected recognisers that take another library, got {type(made).__name__}")  # noqa: TRY004 - the program's options are at fault
         return made
 
-    return open_lessons(Start(options.teach, motions, sent.assumed), performers)
+    return open_lessons(options.teach, motions, sent.assumed, performers)
 
 
 def _require_room_for(motions: Known, settings: Settings) -> None:

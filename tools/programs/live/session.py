@@ -13,7 +13,6 @@ from rich.live import Live
 
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.feed_source import FeedSource
-from kinespace.stream.inputs.recording.recorder import RecordingSession
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature
@@ -23,7 +22,6 @@ from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.programs.live.endpoints import open_controls, open_ends, open_page
 from kinespace.tools.programs.live.recognisers import Where, recognisers
-from kinespace.tools.teaching.control import Control
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
@@ -57,16 +55,15 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where
         if options.plain or not console.is_terminal
         else LiveTable(lessons.classes if lessons else performers.classes)
     )
-    admission = Admission(silence=performers.silence, merge=options.merge, allowed=options.allow)
+    admission = Admission(silence=performers.silence, allowed=options.allow)
     # Before the sockets are open: no packet is to wait until the page runs.
-    control = Control(lessons) if lessons or options.recordings else None
-    ends = open_page(options, keyring, performers, commands=control is not None)
+    ends = open_page(options, keyring, performers, commands=lessons is not None)
     sources, sinks, kept = open_ends(options, preset, keyring, admission)
     feeds = [source for source in sources if isinstance(source, FeedSource)]
     with ExitStack() as opened:
         for close in [each.close for each in sources] + [each.close for each in sinks] + ([kept.close] if kept else []):
             opened.callback(close)
-        controls = open_controls(options, sources, keyring, admission) if lessons else []
+        controls = open_controls(options, sources, keyring) if lessons else []
         opened.pop_all()
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
@@ -75,16 +72,14 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where
         Service(
             performers,
             [*sources, *controls, *ends.sources, *where.sources],
-            [*sinks, *where.sinks, shown, *ends.sinks, *([control] if control and lessons else [])],
+            [*sinks, *where.sinks, shown, *ends.sinks, *([lessons] if lessons else [])],
             admission=admission,
-            control=control,
+            control=lessons,
         ) as service,
         ends.page or nullcontext() as page,
     ):
-        if control:
-            control.sinks = service.sinks
-            if options.recordings:
-                control.recording = RecordingSession(options.recordings, sources, preset)
+        if lessons:
+            lessons.sinks = service.sinks
         # Before the program says that it runs.
         stop_on_signals(service.stop)
         _announce([*sources, *controls], sinks)
@@ -92,13 +87,13 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where
             console.print(f"page: {page.address}", soft_wrap=True)
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
-        with _keys(control, lessons, shown):
+        with _keys(lessons, shown):
             if isinstance(shown, LiveTable):
                 _run_with_table(service, shown)
             else:
                 service.run()
-        if control:
-            control.close()
+        if lessons:
+            lessons.close()
         status = service.status()
     console.print(summary(status, settings.hop), soft_wrap=True)
     for source in feeds:
@@ -114,10 +109,6 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
         raise ValueError("--control: expected --teach with it")
     if options.teach and settings.signature is LiveSignature.PAPER:
         raise ValueError("--teach: expected --signature windows with it, got paper")
-    if options.recordings:
-        if not options.page or options.record:
-            raise ValueError("--recordings: expected --page with it, and no --record")
-        options.recordings.mkdir(parents=True, exist_ok=True)
     if options.record:
         require_place_for(options.record, overwrite=options.overwrite)
     preset = preset_named(options.feed) if options.feed else None
@@ -138,13 +129,9 @@ def _allow_many_connections() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
-def _keys(
-    control: Control | None, lessons: Lessons | None, shown: PlainLines | LiveTable
-) -> AbstractContextManager[object]:
+def _keys(lessons: Lessons | None, shown: PlainLines | LiveTable) -> AbstractContextManager[object]:
     """Read keys where people may teach and a table is shown."""
-    if control is None or lessons is None or not isinstance(shown, LiveTable):
-        return nullcontext()
-    return Keys(control, lambda: lessons.classes, shown)
+    return Keys(lessons, shown) if lessons and isinstance(shown, LiveTable) else nullcontext()
 
 
 def _announce(sources: Sequence[object], sinks: Sequence[Sink]) -> None:

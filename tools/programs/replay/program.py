@@ -26,8 +26,7 @@ from kinespace.tools.cli.arguments import (
 from kinespace.tools.feeding import packets
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender, piece_cues
 from kinespace.tools.loopback.answer_listener import Listener
-from kinespace.tools.page.player import PagePlan
-from kinespace.tools.page.process import PageProcess
+from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.programs.replay.exchange import Exchange, shown
 from kinespace.tools.programs.replay.options import Faults
 from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in

@@ -58,7 +58,6 @@ KINDS: Mapping[str, tuple[str, float]] = {
     "warped_error": ("lower", 0.01),
     "warped_within_tenth": ("higher", 0.03),
     "speed_octaves": ("lower", 0.05),
-    "amplitude_error": ("lower", 0.02),
     "back_steps": ("lower", 0.01),
     "doubted": ("lower", 0.005),
     "same_first_right": ("higher", 0.03),
@@ -82,7 +81,7 @@ _OF_NOISE = ("answers_right", "answers_guessed", "clips_right", "clips_guessed")
 _OF_RETRIEVAL = ("nearest", "two_nearest")
 _OF_PROGRESS = (
     *("phase_error", "within_tenth", "warped_error", "warped_within_tenth"),
-    *("speed_octaves", "amplitude_error", "back_steps"),
+    *("speed_octaves", "back_steps"),
 )
 
 _OWN_TAKES = tuple(f"{{data}}/cmu/13_{number}.amc" for number in (29, 30, 31))

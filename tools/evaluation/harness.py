@@ -102,7 +102,6 @@ def sources_of(options: argparse.Namespace) -> Sources:
         options.takes,
         options.labels,
         clips=options.clips,
-        unknown=getattr(options, "unknown", ()),
         tables=getattr(options, "tables", ()),
         names=dict(options.map),
         persons=options.subjects,
@@ -132,7 +131,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     """
     sources, protocol = sources_of(options), Protocol(options.protocol)
     if not sources and protocol is Protocol.LIBRARY:
-        raise ValueError("TAKE, --takes, --unknown: expected takes with --protocol library, got none")
+        raise ValueError("TAKE, --takes: expected takes with --protocol library, got none")
     given = None
     if protocol is Protocol.LIBRARY or not sources:
         given = library_at(options.library)

@@ -93,8 +93,6 @@ class Sources:
     clips
         Whether each recording without labels is one motion from beginning to end. Its class is in its name (for files
         named like HDM05's, without this option too) or is its folder's name.
-    unknown
-        Recordings without known motions, or folders of them.
     tables
         CSV files that list the classes that each take contains.
     names
@@ -108,7 +106,6 @@ class Sources:
     places: Sequence[Path] = ()
     labels: Sequence[Path] = ()
     clips: bool = False
-    unknown: Sequence[Path] = ()
     tables: Sequence[Path] = ()
     names: Mapping[str, str] = field(default_factory=dict)
     persons: Sequence[str] = ()
@@ -116,7 +113,7 @@ class Sources:
     skeleton: str | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.places or self.unknown or self.tables)
+        return bool(self.places or self.tables)
 
     def wants(self, person: str) -> bool:
         """Whether a person's takes are kept."""
@@ -143,7 +140,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     OSError
         A file or a take's labels are missing or cannot be opened.
     """
-    entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
+    entries = [*_labelled(sources), *(each for table in sources.tables for each in _listed(table))]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
     reader, tell = RecordingReader(reading), NameTeller()
     takes = [
@@ -186,11 +183,6 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
                 f"{path.with_suffix('.csv')}: no labels for {path.name}; --labels says where they are, --clips that it "
                 "is one motion"
             )
-
-
-def _unknown(sources: Sources) -> Iterator[_Entry]:
-    for path in find_recordings(sources.unknown) if sources.unknown else ():
-        yield _Entry(path, contains=(NOTHING,))
 
 
 def _listed(table: Path) -> Iterator[_Entry]:

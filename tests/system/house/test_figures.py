@@ -48,10 +48,10 @@ def test_each_experiment_has_a_quick_figure() -> None:
 
 def test_a_figure_is_measured_as_a_person_would() -> None:
     """Figures are numbers of the JSON object that the program prints, found by their place in it."""
-    run = Run(("retrieval", "--skeleton", "vrchat", "--protocol", "split"), ("0.joints", "0.splits.worst", "1.nearest"))
+    run = Run(("retrieval", "--protocol", "split"), ("motions", "splits.worst", "nearest"))
     got = figures.measured(run, None)
-    assert got["0.joints"] == 9
-    assert 0.4 < got["0.splits.worst"] < got["1.nearest"] < 1
+    assert got["motions"] == 99
+    assert 0.4 < got["splits.worst"] < got["nearest"] < 1
 
 
 def test_a_program_that_fails_has_no_figures(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.scoring.stream_score import score_courses
 from kinespace.tools.evaluation.scoring.stretches import LASTING
-from kinespace.tools.evaluation.scoring.timeline import NONE, Course, confusion, course_of
+from kinespace.tools.evaluation.scoring.timeline import NONE, Course, course_of
 from kinespace.tools.evaluation.takes import Take
 
 if TYPE_CHECKING:
@@ -342,12 +342,3 @@ def test_classes_that_the_library_lacks_are_unknown() -> None:
     assert set(course.segment) == set(course.truth) == {NONE}
     assert (course.contains, course.seconds) == ((BOW,), SECONDS)
     assert set(course.published[8:]) == {BOW}
-
-
-def test_the_confusion_is_the_share_of_each_labels_time() -> None:
-    """Each label's row, unknown ones too, holds the share of its frames by answer, no answer last."""
-    labels, answers, shares = confusion([_course(), _course()], CLASSES)
-    assert labels == ["bow", "juggle", "jump", "wave"]
-    assert answers == [*CLASSES, "none"]
-    expected = [[10, 0, 2, 4], [0, 2, 10, 8], [3, 13, 0, 4], [0, 0, 0, 4]]
-    assert shares == pytest.approx(np.array(expected) / [[16], [20], [20], [4]])

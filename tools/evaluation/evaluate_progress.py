@@ -16,8 +16,6 @@ from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_json, count
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.scoring.rounds import COLUMNS as ROUNDS
-from kinespace.tools.evaluation.scoring.rounds import rounds_scored
 from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
@@ -76,28 +74,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Plays the built-in library's motions, as recorded and at speeds that swing between half and twice, and "
         "follows each by the motions of the other actors. The true phase of a motion is the median of its time "
-        "warpings onto other actors' motions of its class. Or follows labelled takes by the built-in library, and "
-        "compares with the rounds that the person makes of a motion."
+        "warpings onto other actors' motions of its class."
     )
-    harness.add_sources(parser, "the built-in library's motions, alone")
-    parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
+    parser.add_argument("--every", type=count, default=1, help="play every nth motion (default %(default)s)")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Follow the motions or the takes, and print how right their progress was; return the exit status."""
-    library, sources = MotionLibrary.builtin(), harness.sources_of(options)
-    if sources:
-        rounds = list(rounds_scored(harness.takes_at(sources, options, library), opened(library)))
-        if not rounds:
-            raise ValueError("takes: expected a whole round of a known class, got none (--map renames labels)")
-        if options.json:
-            harness.print_json(rounds)
-        else:
-            title = "Progress in the rounds of a motion, by the built-in library"
-            harness.print_scores(rounds, ROUNDS, title=title, names=2)
-        return 0
-    scores = followed(library, every=options.every)
+    """Follow the motions, and print how right their progress was; return the exit status."""
+    scores = followed(MotionLibrary.builtin(), every=options.every)
     if options.json:
         named = {each["played"]: each for each in scores if each["method"] == NAMED}
         harness.print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Motions of a class that ask in one draw, at most: of the same person, and of all other persons.
 _ASKED = {"same": 4, "other": 2}
+#: Seed of the draws.
+_SEED = 0
 #: Seconds between two windows of a taught motion.
 _EVERY = 0.1
 _COLUMNS = (
@@ -96,7 +98,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--draws", type=above_zero, default=20, help=text)
     text = "the persons who teach (default: all, in turn)"
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
-    parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
     parser.add_argument("--beside", action="store_true", help="teach beside the built-in library")
     add_settings(parser)
     add_json(parser)
@@ -123,7 +124,7 @@ def run(options: argparse.Namespace) -> int:
         others = [clip for name, each in by_person.items() if name not in not_asked for _, clip in each]
         for draw in range(options.draws):
             for count in options.examples:
-                generator = np.random.default_rng([options.seed, place, draw, count])
+                generator = np.random.default_rng([_SEED, place, draw, count])
                 examples, left = drawn(own, taught, count, generator)
                 if examples:
                     index = taught.opened(examples)

@@ -16,7 +16,6 @@ from kinespace.library.recordings.formats.labels import (
     Segment,
     cut,
     oddities,
-    read_labels,
     renamed,
 )
 from kinespace.tools.feeding import utkinect
@@ -88,8 +87,6 @@ class Sources:
     places
         Labelled takes, or folders of them: each take's labels lie beside it, ending in `.csv`, `.tsv` or `.txt`, or as
         UTKinect has them.
-    labels
-        The takes' labels in the takes' order, when they lie elsewhere.
     clips
         Whether each recording without labels is one motion from beginning to end. Its class is in its name (for files
         named like HDM05's, without this option too) or is its folder's name.
@@ -104,7 +101,6 @@ class Sources:
     """
 
     places: Sequence[Path] = ()
-    labels: Sequence[Path] = ()
     clips: bool = False
     tables: Sequence[Path] = ()
     names: Mapping[str, str] = field(default_factory=dict)
@@ -168,20 +164,16 @@ def takes_of(motions: Sequence[Clip]) -> list[Take]:
 
 def _labelled(sources: Sources) -> Iterator[_Entry]:
     found = [path for place in sources.places for path in utkinect.takes_in(place) or find_recordings([place])]
-    paths = list(dict.fromkeys(found))
-    if sources.labels and len(sources.labels) != len(paths):
-        raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
-    for index, path in enumerate(paths):
-        segments = read_labels(sources.labels[index]) if sources.labels else segments_beside(path)
+    for path in dict.fromkeys(found):
+        segments = segments_beside(path)
         named = hdm05.read_clip_name(path)
         if segments or utkinect.is_take(path):
             yield _Entry(path, segments or ())
-        elif not sources.labels and (sources.clips or (named and named.class_name)):
+        elif sources.clips or (named and named.class_name):
             yield _Entry(path, None)
         else:
             raise FileNotFoundError(
-                f"{path.with_suffix('.csv')}: no labels for {path.name}; --labels says where they are, --clips that it "
-                "is one motion"
+                f"{path.with_suffix('.csv')}: no labels for {path.name}; --clips says that it is one motion"
             )
 
 

@@ -183,20 +183,6 @@ def test_a_sensors_frames_come_at_their_own_times(takes: list[Take]) -> None:
 # --- labels and names --------------------------------------------------------------------------------------------
 
 
-def test_labels_may_lie_elsewhere(
-    folder: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Labels given by --labels, in the takes' order, count like labels beside the takes."""
-    beside = _scored(capsys, folder / "ann_01.amc", folder / "ben_01.amc", "--library", library)
-    files = []
-    for person in ("ann", "ben"):
-        files.append(tmp_path / f"{person}.labels.csv")
-        files[-1].write_bytes((folder / f"{person}_01.csv").read_bytes())
-    takes = (folder / "ann_01.amc", folder / "ben_01.amc")
-    assert _scored(capsys, *takes, "--library", library, "--labels", *files) == beside
-    assert _scored(capsys, *takes, "--library", library, "--labels", *files[::-1]) != beside
-
-
 def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A label mapped to a class counts as that class: an unknown motion is then known, and guessed wrong."""
     plain = _scored(capsys, folder / "cid_01.amc", "--library", library)

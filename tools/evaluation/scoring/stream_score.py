@@ -159,10 +159,6 @@ def _over_takes(
     return _ratio(_grouped(courses, lambda each: each.name), counted, among, scale)
 
 
-def _seconds(course: Course) -> float:
-    return course.seconds
-
-
 def _found(course: Course) -> int:
     """Count the classes of a take that were named at some time."""
     return len({*course.contains} & {*course.published.tolist()})

@@ -67,12 +67,12 @@ def test_noise_equals_a_replay_by_hand(monkeypatch: pytest.MonkeyPatch, capsys: 
     ]
     few = replace(builtin, motions=tuple(motions))
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: few)
-    assert main(["evaluate", "noise", "--noise", "15", "--groups", "3", "--seed", "4", "--json"]) == 0
+    assert main(["evaluate", "noise", "--noise", "15", "--groups", "3", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     guessed, last = list[list[bool]](), list[bool]()
     for index, motion in enumerate(motions):
         recognizer = Recognizer(few.without(motions=motions[index % 3 :: 3]))
-        noise = np.random.default_rng([4, index]).standard_normal(motion.positions[::2].shape)
+        noise = np.random.default_rng([0, index]).standard_normal(motion.positions[::2].shape)
         frames = enumerate(motion.positions[::2] + 0.015 * noise)
         answers = [each for place, body in frames if (each := recognizer.push(Frame("p", place / 30, body)))]
         guessed.append([each.guess_index >= 0 and each.classes[each.best] == motion.class_name for each in answers])

@@ -141,7 +141,7 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
 def _estimates(played: _Played, index: WindowIndex) -> dict[str, Estimate]:
     """Get phase and speed at every step by the filter, with the class that was named, and given the class."""
     class_name, library = played.clip.class_name, index.library
-    feed = harness.Feed(np.arange(len(played.positions)) * STEP, played.positions, library.skeleton)
+    feed = harness.Feed(np.arange(len(played.positions), dtype=np.float64) * STEP, played.positions, library.skeleton)
     answers = [answer for _, answer in harness.pushed(Recognizer(index, Settings(progress=True)), feed)]
     rows, follower = distance_rows(played.positions, library.skeleton), ProgressFollower(index.phases)
     points = rows @ index.basis.directions / index.body.size(rows)[:, None]

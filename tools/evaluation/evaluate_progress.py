@@ -16,6 +16,7 @@ from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_json, count
 from kinespace.tools.evaluation import harness
+from kinespace.tools.feeding.feed import between
 from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
@@ -131,11 +132,7 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
         now += STEP * speed
     own = np.interp(np.array(times) * MOMENTS_PER_SECOND, np.arange(len(phases)), phases)
     true = np.array([own, np.array(speeds) * mean_seconds / clip.duration])
-    # A body between two frames is on straight lines.
-    places = np.array(times) * clip.frame_rate
-    below = np.minimum(places.astype(int), clip.frames - 2)
-    part = (places - below)[:, None, None]
-    return _Played(clip, clip.positions[below] * (1 - part) + clip.positions[below + 1] * part, true)
+    return _Played(clip, between(clip, np.array(times) * clip.frame_rate), true)
 
 
 def _estimates(played: _Played, index: WindowIndex) -> dict[str, Estimate]:

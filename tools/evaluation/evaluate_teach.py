@@ -116,7 +116,9 @@ def run(options: argparse.Namespace) -> int:
         for clip in take.motions():
             named = replace(clip, class_name=mine.format(clip.class_name), actor=clip.actor or options.person)
             by_person[named.actor].append((take.clip.name, named))
-    teachers = sorted(_checked(options.teachers, by_person) or by_person)
+    if strange := {*options.teachers} - {*by_person}:
+        raise ValueError(f"--teachers: expected some of {', '.join(sorted(by_person))}, got {min(strange)!r}")
+    teachers = sorted(options.teachers or by_person)
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
         own, taught = by_person[teacher], taught_by(by_person[teacher], beside=options.beside)
@@ -141,14 +143,6 @@ def run(options: argparse.Namespace) -> int:
     caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
     harness.print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
     return 0
-
-
-def _checked(teachers: Sequence[str], known: Mapping[str, object]) -> Sequence[str]:
-    """Refuse a teacher who performs nothing."""
-    for name in teachers:
-        if name not in known:
-            raise ValueError(f"--teachers: expected some of {', '.join(sorted(known))}, got {name!r}")
-    return teachers
 
 
 def taught_by(own: Sequence[Motion], *, beside: bool) -> Taught:

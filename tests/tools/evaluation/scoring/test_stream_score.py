@@ -113,11 +113,6 @@ def test_classes_counted_by_hand() -> None:
         assert scores[name] == pytest.approx(exact)
 
 
-def test_a_take_twice_has_the_figures_of_once() -> None:
-    """Takes are scored together: the same take twice has the same figures, but for the 90 % of twice as many delays."""
-    assert _figures([_course(), _course()]) == pytest.approx({**KNOWN_ANSWERS, "p90_delay_s": 0.875})
-
-
 # --- bases of the figures ---------------------------------------------------------------------------------------
 
 
@@ -177,16 +172,6 @@ def test_intervals_come_from_segments_drawn_again() -> None:
     ]
     score = score_courses(answers, CLASSES, 1.0)
     assert score.figures["frame_accuracy"].interval() == pytest.approx(naive_score.middle(shares))
-
-
-def test_no_frame_between_two_takes_is_a_change() -> None:
-    """The border between two takes is no change."""
-    course = _course()
-    still = np.full(64, NONE)
-    quiet = Course("quiet", TIMES, SEGMENTS[:1], still, still, still, still, still, np.full(64, np.nan))
-    together = score_courses([course, quiet], CLASSES, 1.0)
-    assert together.values["changes_per_minute"] == pytest.approx(KNOWN_ANSWERS["changes_per_minute"] / 2)
-    assert together.values["true_changes_per_minute"] == pytest.approx(KNOWN_ANSWERS["true_changes_per_minute"] / 2)
 
 
 def test_where_there_is_nothing_to_count_there_is_no_figure() -> None:

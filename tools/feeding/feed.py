@@ -124,7 +124,7 @@ def resampled(clip: Clip, frame_rate: float) -> Clip:
     return replace(clip, positions=positions, frame_rate=frame_rate, rotations=np.zeros((count, 0)))
 
 
-def between(clip: Clip, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def between(clip: Clip, places: NDArray[np.floating]) -> NDArray[np.float64]:
     """Give a clip's positions, (places, joints, 3), metres, at places counted in frames, by straight lines."""
     before = np.minimum(places.astype(np.intp), max(clip.frames - 2, 0))
     share = (places - before)[:, None, None]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from synthetic import stick_clip
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome, Recognition
@@ -109,6 +109,9 @@ def test_each_fault_does_what_its_name_says() -> None:
     assert set(np.flatnonzero(lost.any(axis=0))) == {joints.index("head"), joints.index("rhand")}
     assert len(_played("half the frames dropped")[1].times) < 0.7 * len(feed.times)
     assert len(np.unique(_played("two postures, 1/4 s")[1].positions, axis=0)) == 2
+    unsided = feed._replace(skeleton=Skeleton(tuple(f"joint {place}" for place in range(len(joints)))))
+    with pytest.raises(ValueError, match="--fault: expected joints whose names tell left from right"):
+        FAULTS["sides exchanged"](unsided, np.random.default_rng(0))
 
 
 @pytest.mark.slow

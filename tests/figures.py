@@ -5,9 +5,11 @@ After a change that is meant to move them:
 
     make figures FIGURES=--update
 
-writes what came out in place of the old values; tolerances and directions stay as they are. Names of evaluations
-measure only those (`FIGURES="noise --update"`). The takes are found as the tests find them: in `shared/data` beside the
-repository, or where KINESPACE_DATA says. Look at the difference before you commit it: it is the change's price.
+writes what came out in place of the old values. A figure of another name, its tolerance (less than a listener would
+notice, more than another processor's rounding moves it) and its direction are written into the file by hand. Names of
+evaluations measure only those (`FIGURES="noise --update"`). The takes are found as the tests find them: in
+`shared/data` beside the repository, or where KINESPACE_DATA says. Look at the difference before you commit it: it is
+the change's price.
 """
 
 from __future__ import annotations
@@ -23,67 +25,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 FILE = Path(__file__).with_name("figures.toml")
-
-#: Which way is better, and how far the other way a figure may go: less than a listener would notice, more than another
-#: processor's rounding moves it. By the last part of a figure's name.
-KINDS: Mapping[str, tuple[str, float]] = {
-    "frame_accuracy": ("higher", 0.02),
-    "segment_accuracy": ("higher", 0.02),
-    "segment_majority": ("higher", 0.03),
-    "known_answered": ("higher", 0.03),
-    "segments_found": ("higher", 0.05),
-    "median_delay_s": ("lower", 0.1),
-    "p90_delay_s": ("lower", 0.2),
-    "median_seen": ("lower", 0.05),
-    "median_event_delay_s": ("lower", 0.1),
-    "false_per_minute": ("lower", 3.0),
-    "false_starts_per_minute": ("lower", 0.5),
-    "unknown_answered": ("lower", 0.03),
-    "takes_found": ("higher", 0.03),
-    "changes_per_minute": ("lower", 2.0),
-    "auc_unknown": ("higher", 0.02),
-    "answers_right": ("higher", 0.03),
-    "answers_guessed": ("higher", 0.03),
-    "clips_right": ("higher", 0.03),
-    "clips_guessed": ("higher", 0.03),
-    "nearest": ("higher", 0.01),
-    "two_nearest": ("higher", 0.01),
-    "mean": ("higher", 0.01),
-    "worst": ("higher", 0.02),
-    "phase_error": ("lower", 0.01),
-    "within_tenth": ("higher", 0.03),
-    "warped_error": ("lower", 0.01),
-    "warped_within_tenth": ("higher", 0.03),
-    "speed_octaves": ("lower", 0.05),
-    "amplitude_error": ("lower", 0.02),
-    "back_steps": ("lower", 0.01),
-    "doubted": ("lower", 0.005),
-    "same_first_right": ("higher", 0.03),
-    "other_first_right": ("higher", 0.03),
-    "right": ("higher", 0.03),
-    "guessed": ("higher", 0.03),
-    "wrong": ("lower", 0.02),
-    "alarmed": ("lower", 0.9),
-}
-_OF_KNOWN = (
-    *("frame_accuracy", "segment_accuracy", "segment_majority", "known_answered", "segments_found"),
-    *("median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s", "changes_per_minute"),
-)
-_OF_UNKNOWN = ("unknown_answered", "false_per_minute", "false_starts_per_minute")
-_OF_BOTH = (*_OF_KNOWN, *_OF_UNKNOWN, "auc_unknown", "doubted")
-_OF_SENSOR = ("frame_accuracy", "segment_accuracy", "known_answered", "unknown_answered", "auc_unknown", "doubted")
-_OF_PERSONS = tuple(
-    f"{of}.{name}" for of in ("mean", "worst") for name in ("frame_accuracy", "segment_accuracy", "segment_majority")
-)
-_OF_NOISE = ("answers_right", "answers_guessed", "clips_right", "clips_guessed")
-_OF_RETRIEVAL = ("nearest", "two_nearest")
-_OF_PROGRESS = (
-    *("phase_error", "within_tenth", "warped_error", "warped_within_tenth"),
-    *("speed_octaves", "amplitude_error", "back_steps"),
-)
 
 _OWN_TAKES = tuple(f"{{data}}/cmu/13_{number}.amc" for number in (29, 30, 31))
 _OTHERS_TAKES = (*_OWN_TAKES, "{data}/cmu/86_01.amc")
@@ -97,75 +41,36 @@ _SOME_PERSONS = tuple(
 )
 
 
-class Run(NamedTuple):
-    """One evaluation: the arguments of `kinespace evaluate` (`{data}` is the folder of recordings), and its figures.
-
-    A figure's name says where it stands in the JSON object: `mean.nearest` is "nearest" in "mean", `noise.0.x` is "x"
-    in the first of "noise".
-    """
-
-    arguments: tuple[str, ...]
-    figures: tuple[str, ...]
-
-    @property
-    def needs_recordings(self) -> bool:
-        """Whether it reads recordings, beside the built-in library."""
-        return any("{data}" in argument for argument in self.arguments)
-
-
-def _retrieval(signature: str, protocol: str, *figures: str) -> Run:
-    return Run(("retrieval", "--signature", signature, "--protocol", protocol), (*_OF_RETRIEVAL, *figures))
-
-
 #: The evaluations that the tests measure: one of each kind.
 QUICK = ("own_takes", "builtin", "noise", "faults", "teach", "progress", "retrieval_spread_split")
 
-RUNS: Mapping[str, Run] = {
-    "own_takes": Run(("stream", *_OWN_TAKES, "--protocol", "leave-one-take-out"), _OF_KNOWN),
-    "own_takes_paper": Run(
-        ("stream", *_OWN_TAKES, "--protocol", "leave-one-take-out", "--signature", "paper"), _OF_KNOWN
-    ),
-    "builtin": Run(("stream", *_OTHERS_TAKES, *_NAMES), _OF_BOTH),
-    "builtin_paper": Run(("stream", *_OTHERS_TAKES, *_NAMES, "--signature", "paper"), _OF_BOTH),
+#: The arguments of `kinespace evaluate` for each evaluation; `{data}` is the folder of recordings.
+RUNS: Mapping[str, tuple[str, ...]] = {
+    "own_takes": ("stream", *_OWN_TAKES, "--protocol", "leave-one-take-out"),
+    "own_takes_paper": ("stream", *_OWN_TAKES, "--protocol", "leave-one-take-out", "--signature", "paper"),
+    "builtin": ("stream", *_OTHERS_TAKES, *_NAMES),
+    "builtin_paper": ("stream", *_OTHERS_TAKES, *_NAMES, "--signature", "paper"),
+    "builtin_kinectv2": ("stream", *_OTHERS_TAKES, *_NAMES, "--skeleton", "kinectv2"),
+    "builtin_osceleton": ("stream", *_OTHERS_TAKES, *_NAMES, "--skeleton", "osceleton"),
+    "utkinect": ("stream", *_SOME_PERSONS, "--protocol", "leave-one-person-out"),
+    "strangers": ("stream", "--takes", "{data}/cmu_takes/takes.csv", "--subjects", *_SOME_STRANGERS),
     **{
-        f"builtin_{skeleton}": Run(("stream", *_OTHERS_TAKES, *_NAMES, "--skeleton", skeleton), _OF_BOTH)
-        for skeleton in ("kinectv2", "osceleton")
-    },
-    "utkinect": Run(
-        ("stream", *_SOME_PERSONS, "--protocol", "leave-one-person-out"), (*_OF_KNOWN, *_OF_PERSONS, "doubted")
-    ),
-    "strangers": Run(
-        ("stream", "--takes", "{data}/cmu_takes/takes.csv", "--subjects", *_SOME_STRANGERS),
-        (*_OF_UNKNOWN, "takes_found", "doubted"),
-    ),
-    **{
-        sensor: Run(("stream", f"{{data}}/{sensor}/takes", "--actor-in", "name"), _OF_SENSOR)
+        sensor: ("stream", f"{{data}}/{sensor}/takes", "--actor-in", "name")
         for sensor in ("uiprmd", "uiprmd_kinect", "kindergator")
     },
-    "camera": Run(
-        ("stream", "{data}/camera", "--actor-in", "name", "--map", "squat=squat1Reps", "run=jogLeftCircle4StepsRstart"),
-        _OF_SENSOR,
+    "camera": (
+        *("stream", "{data}/camera", "--actor-in", "name"),
+        *("--map", "squat=squat1Reps", "run=jogLeftCircle4StepsRstart"),
     ),
-    "noise": Run(
-        ("noise", "--noise", "0", "20", "--groups", "3", "--every", "4"),
-        tuple(f"noise.{index}.{name}" for index in range(2) for name in _OF_NOISE),
-    ),
-    "faults": Run(
-        ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
-        ("faults.0.right", "faults.0.guessed", "faults.0.wrong", "faults.1.right", "faults.1.alarmed"),
-    ),
-    "teach": Run(
-        ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"), ("same_first_right.0", "other_first_right.0")
-    ),
-    "progress": Run(("progress", "--every", "16"), _OF_PROGRESS),
+    "noise": ("noise", "--noise", "0", "20", "--groups", "3", "--every", "4"),
+    "faults": ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
+    "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
+    "progress": ("progress", "--every", "16"),
     **{
-        f"retrieval_{signature}_{protocol}": _retrieval(signature, protocol)
+        f"retrieval_{signature}_{protocol}": ("retrieval", "--signature", signature, "--protocol", protocol)
+        for protocols in (("leave-one-out", "actor-held-out"), ("split",))
         for signature in ("eigenvector", "spread")
-        for protocol in ("leave-one-out", "actor-held-out")
-    },
-    **{
-        f"retrieval_{signature}_split": _retrieval(signature, "split", "splits.mean", "splits.worst")
-        for signature in ("eigenvector", "spread")
+        for protocol in protocols
     },
 }
 
@@ -188,29 +93,28 @@ class Figure(NamedTuple):
 Figures = dict[str, dict[str, Figure]]
 
 
-def measured(run: Run, data: Path | None) -> dict[str, float]:
-    """Run one evaluation as a person would, on the recordings of a folder; the figures that there are."""
+def measured(arguments: Sequence[str], names: Iterable[str], data: Path | None) -> dict[str, float]:
+    """Run one evaluation as a person would, on the recordings of a folder; give the figures that there are.
+
+    A figure's name says where it stands in the JSON object: `mean.nearest` is "nearest" in "mean", `noise.0.x` is "x"
+    in the first of "noise".
+    """
     from kinespace.tools.cli.main import main  # noqa: PLC0415 - as a script this file first has to find the project
 
     printed = io.StringIO()
-    arguments = [argument.replace("{data}", str(data)) for argument in run.arguments]
+    arguments = [argument.replace("{data}", str(data)) for argument in arguments]
     with redirect_stdout(printed):
         status = main(["evaluate", *arguments, "--json"])
     if status:
         raise RuntimeError(f"{' '.join(arguments)}: ended with {status}")
     told = json.loads(printed.getvalue())
-    return {name: value for name in run.figures if (value := _looked_up(told, name)) is not None}
+    return {name: value for name in names if (value := _looked_up(told, name)) is not None}
 
 
 def _looked_up(told: Any, name: str) -> float | None:  # noqa: ANN401 - JSON
     for part in name.split("."):
         told = told[int(part)] if isinstance(told, list) else told[part]
     return None if told is None else float(told)
-
-
-def kind_of(name: str) -> tuple[str, float]:
-    """Give the direction and the usual tolerance of a figure; a number in a list has its list's."""
-    return KINDS[[part for part in name.split(".") if not part.isdecimal()][-1]]
 
 
 def expected() -> Figures:
@@ -230,15 +134,14 @@ def fallen(run: str, figures: Mapping[str, Figure], got: Mapping[str, float]) ->
     ]
 
 
-def written(before: Figures, got: Mapping[str, Mapping[str, float]]) -> str:
-    """Write new values as TOML, with the tolerances and directions there were, or a new figure's usual ones."""
-    lines = ["# Written by `python tests/figures.py --update`; tolerances and directions may be edited by hand."]
-    for run, figures in got.items():
+def written(figures: Figures, got: Mapping[str, Mapping[str, float]]) -> str:
+    """Write figures as TOML, those that were measured with their new values."""
+    lines = ["# `python tests/figures.py --update` writes the values; all else is written by hand."]
+    for run, entries in figures.items():
         lines += ["", f"[{run}]"]
-        for name, value in figures.items():
-            old = before.get(run, {}).get(name)
-            direction, tolerance = (old.direction, old.tolerance) if old else kind_of(name)
+        for name, (old, tolerance, direction) in entries.items():
             key = f'"{name}"' if "." in name else name
+            value = got.get(run, {}).get(name, old)
             lines.append(f'{key} = {{ value = {value:.6f}, tolerance = {tolerance}, direction = "{direction}" }}')
     return "\n".join(lines) + "\n"
 
@@ -252,14 +155,13 @@ def _main(arguments: Sequence[str] | None = None) -> int:
     if absent := [name for name in parsed.runs if name not in RUNS]:
         parser.error(f"expected some of {', '.join(RUNS)}, got {absent[0]}")
     data = Path(os.environ.get("KINESPACE_DATA") or root.parent / "shared" / "data")
-    before = expected() if FILE.exists() else {}
-    told, kept = list[str](), {name: {k: each.value for k, each in before[name].items()} for name in before}
+    figures, got, told = expected(), dict[str, dict[str, float]](), list[str]()
     for name in parsed.runs or RUNS:
-        kept[name] = measured(RUNS[name], data)
-        told += fallen(name, before.get(name, {}), kept[name])
-        print(name, kept[name], flush=True)  # noqa: T201 - it is asked for
-        if parsed.update:
-            FILE.write_text(written(before, {run: kept[run] for run in RUNS if run in kept}), encoding="utf-8")
+        got[name] = measured(RUNS[name], figures[name], data)
+        told += fallen(name, figures[name], got[name])
+        print(name, got[name], flush=True)  # noqa: T201 - it is asked for
+    if parsed.update:
+        FILE.write_text(written(figures, got), encoding="utf-8")
     print("\n".join(told) or "no figure has fallen")  # noqa: T201 - it is asked for
     return 0 if parsed.update or not told else 1
 

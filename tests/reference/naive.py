@@ -89,12 +89,11 @@ def allowed(asking: int, actors: Sequence[str], protocol: str) -> list[int]:
 
 @dataclass
 class Tally:
-    """The counts of the naive retrieval: motions that asked, right nearest, right among two, and confusions."""
+    """The counts of the naive retrieval: motions that asked, right nearest, right among two."""
 
     asked: int = 0
     nearest: int = 0
     two_nearest: int = 0
-    taken_for: dict[tuple[str, str], int] = field(default_factory=dict)
 
 
 def retrieval(scores: Matrix, classes: Sequence[str], actors: Sequence[str], protocol: str) -> Tally:
@@ -107,7 +106,6 @@ def retrieval(scores: Matrix, classes: Sequence[str], actors: Sequence[str], pro
         tally.asked += 1
         tally.nearest += found[0] == own
         tally.two_nearest += own in found[:2]
-        tally.taken_for[own, found[0]] = tally.taken_for.get((own, found[0]), 0) + 1
     return tally
 
 

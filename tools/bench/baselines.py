@@ -5,7 +5,6 @@ All of them get distances by our own function, and templates prepared beforehand
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections import deque
 from typing import TYPE_CHECKING
@@ -16,8 +15,6 @@ from kinespace.library.distances import distance_rows
 from kinespace.stream.recognizer import Settings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from kinespace.library import MotionLibrary
@@ -30,12 +27,12 @@ WINDOW = 0.5
 _EVERY = 0.25
 #: Frames per second of poses that are warped, and the seconds that are.
 _WARPED_RATE, _WARPED_SECONDS = 30.0, 1.0
-#: Seconds before the first answer, and seconds without a frame after which a method starts anew.
-FIRST = GAP = 0.5
+#: Seconds before the first answer.
+FIRST = 0.5
 
 
 class Alternative(ABC):
-    """Another way of comparing the last moments with a library.
+    """Another way of comparing the last moments of a motion with a library.
 
     Parameters
     ----------
@@ -51,14 +48,15 @@ class Alternative(ABC):
         self._classes, self._skeleton = library.classes, library.skeleton
         self._first, self._hop = round(FIRST * frame_rate), round(Settings().hop * frame_rate)
         self._entries: deque[NDArray[np.floating]] = deque(maxlen=most)
-        self._frames, self._last = 0, math.inf
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was seen: another motion begins."""
+        self._entries.clear()
+        self._frames = 0
 
     def push(self, frame: Frame) -> str | None:
         """Take in a frame; give the class with the best score when an answer is due."""
-        if frame.time - self._last > GAP:
-            self._entries.clear()
-            self._frames = 0
-        self._last = frame.time
         entry = self.entry(frame.positions, self._frames)
         if entry is not None:
             self._entries.append(entry)
@@ -77,21 +75,16 @@ class Alternative(ABC):
 
 
 class LeadingAxis(Alternative):
-    """The paper's comparison: |inner product| of leading eigenvectors of windows of half a second.
+    """The paper's comparison: |inner product| of leading eigenvectors, by SVD, of windows of half a second.
 
     Parameters
     ----------
     library, frame_rate
         As `Alternative`.
-    axis
-        Gives the leading eigenvector of distance rows (frames, pairs).
     """
 
-    def __init__(
-        self, library: MotionLibrary, frame_rate: float, axis: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    ) -> None:
+    def __init__(self, library: MotionLibrary, frame_rate: float) -> None:
         super().__init__(library, frame_rate, round(WINDOW * frame_rate))
-        self._axis = axis
         axes, names = [], []
         for motion in library.motions:
             rows = distance_rows(motion.positions, motion.skeleton)
@@ -109,7 +102,7 @@ class LeadingAxis(Alternative):
 
     def scores(self) -> NDArray[np.floating]:
         """Compare the window's leading eigenvector with the eigenvectors of all windows of the library."""
-        products = np.abs(self._axes @ self._axis(np.array(self._entries)).astype(np.float32))
+        products = np.abs(self._axes @ by_svd(np.array(self._entries)).astype(np.float32))
         best: NDArray[np.floating] = np.maximum.reduceat(products, self._starts)
         return best
 
@@ -117,12 +110,6 @@ class LeadingAxis(Alternative):
 def by_svd(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Give the leading eigenvector of rows (frames, pairs): the first right singular vector of the centred rows."""
     axis: NDArray[np.float64] = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)[2][0]
-    return axis
-
-
-def by_eigh(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give the leading eigenvector of rows (frames, pairs) by `np.cov` and `np.linalg.eigh`."""
-    axis: NDArray[np.float64] = np.linalg.eigh(np.cov(rows, rowvar=False))[1][:, -1]
     return axis
 
 

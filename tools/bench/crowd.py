@@ -42,14 +42,12 @@ class Feed(NamedTuple):
     answers: list[Recognition]
 
     @classmethod
-    def of(
-        cls, positions: NDArray[np.float32], performers: int, seconds: float, settings: Settings | None = None
-    ) -> Feed:
+    def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> Feed:
         """Make a feed of positions, shape (frames, joints, 3), metres, 120 a second, and recognise it."""
         moments, shift = round(seconds * FRAME_RATE), len(positions) // performers + 1
         each = [list(islice(endless(positions, f"p{index}", index * shift), moments)) for index in range(performers)]
         frames = [[of[k] for of in each[: k + 1]] for k in range(moments)]
-        recognisers = Performers(MotionLibrary.builtin(), settings or Settings(), most=performers)
+        recognisers = Performers(MotionLibrary.builtin(), Settings(), most=performers)
         answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
         # Looking for garbage among so many frames would take a tenth of a second.
         gc.freeze()

@@ -5,14 +5,13 @@ The feed is the motions of one person of the built-in library; all methods compa
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.tools.bench.baselines import FIRST, WINDOW, LeadingAxis, TimeWarping, by_eigh, by_svd
+from kinespace.tools.bench.baselines import FIRST, WINDOW, LeadingAxis, TimeWarping
 from kinespace.tools.bench.recorded import FRAME_RATE
 from kinespace.tools.bench.report import Measured, table
 from kinespace.tools.bench.timing import clock
@@ -20,23 +19,24 @@ from kinespace.tools.feeding.feed import clip_cues, resampled
 from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from rich.table import Table
-
-    from kinespace.library import Clip
     from kinespace.stream.frame import Frame
     from kinespace.tools.bench.report import Plan
-    from kinespace.tools.feeding.feed import Cue
-
-    #: Takes a frame, and names a class when an answer is due.
-    Contender = Callable[[Frame], str | None]
 
 #: The names of the other methods in the figures.
-_OTHERS = {"svd": "SVD of the window", "eigh": "np.cov + eigh", "dtw": "DTW"}
+_OTHERS = {"svd": "SVD of the window", "dtw": "DTW"}
 FIGURES = (*(f"ratio_{key}" for key in _OTHERS), "accuracy", *(f"accuracy_{key}" for key in _OTHERS))
 #: The person whose motions are played.
 _PERSON = "bd"
+
+
+class Contender(Protocol):
+    """One of the methods."""
+
+    def begin(self) -> None:
+        """Forget what was seen: another motion begins."""
+
+    def push(self, frame: Frame) -> str | None:
+        """Take in a frame; name a class when an answer is due."""
 
 
 class Peer(NamedTuple):
@@ -45,9 +45,9 @@ class Peer(NamedTuple):
     Attributes
     ----------
     us_per_frame
-        Microseconds per frame, from joint positions to a class, median of the rounds.
+        Microseconds per frame, from joint positions to a class, median of the motions.
     ratio
-        Its cost relative to ours, median of the rounds' ratios.
+        Its cost relative to ours, median of the motions' ratios.
     answers
         The number of answers after half a second of a motion.
     accuracy
@@ -60,26 +60,22 @@ class Peer(NamedTuple):
     accuracy: float
 
 
-def measure(plan: Plan) -> Measured:
+def measure(_: Plan) -> Measured:
     """Race all methods on the motions of one person of the built-in library."""
-    peers = raced(MotionLibrary.builtin(), _PERSON, plan.rounds, plan.signature)
+    peers = raced(MotionLibrary.builtin(), _PERSON)
     figures = {f"ratio_{key}": peers[name].ratio for key, name in _OTHERS.items()}
-    figures["accuracy"] = peers[plan.signature].accuracy
+    figures["accuracy"] = peers[LiveSignature.WINDOWS].accuracy
     figures |= {f"accuracy_{key}": peers[name].accuracy for key, name in _OTHERS.items()}
-    return Measured(figures, [_table(peers, plan.signature)])
-
-
-def _table(peers: dict[str, Peer], ours: LiveSignature) -> Table:
     most = max(peer.answers for peer in peers.values())
     title = f"Motions of {_PERSON} by the others' motions\ntimes: its cost in ours; right: of {most:,} answers"
-    made = table(title, ("",), ("frames/s", f"times {ours}", "right"))
+    made = table(title, ("",), ("frames/s", "times windows", "right"))
     for name, peer in peers.items():
         shown = f"ours, {name}" if name in list(LiveSignature) else name
         made.add_row(shown, f"{1e6 / peer.us_per_frame:,.0f}", f"{peer.ratio:,.2f}", f"{peer.accuracy:.1%}")
-    return made
+    return Measured(figures, [made])
 
 
-def raced(whole: MotionLibrary, person: str, rounds: int, ours: LiveSignature) -> dict[str, Peer]:
+def raced(whole: MotionLibrary, person: str) -> dict[str, Peer]:
     """Measure all methods, ours first, on the motions of one person, compared with the other persons' motions.
 
     Parameters
@@ -87,27 +83,26 @@ def raced(whole: MotionLibrary, person: str, rounds: int, ours: LiveSignature) -
     whole
         Motions of several people who share classes, of HDM05's joints.
     person
-        The person whose motions are played.
-    rounds
-        Pieces of the feed, of which medians are taken; a further piece before them warms up.
-    ours
-        The signature of ours with which all are compared.
+        The person whose motions are played, twice the first, which warms up.
     """
     contenders = contenders_of(whole.without(actors=[person]))
-    played = [resampled(motion, FRAME_RATE) for motion in whole.motions if motion.actor == person]
+    own = [resampled(motion, FRAME_RATE) for motion in whole.motions if motion.actor == person]
     costs: dict[str, list[float]] = {name: [] for name in contenders}
     right: dict[str, list[bool]] = {name: [] for name in contenders}
-    for piece in progress(_pieces(played, rounds + 1), "Racing", rounds + 1):
+    first = round(FIRST * FRAME_RATE) - 1
+    for motion in progress([own[0], *own], "Racing", len(own) + 1):
+        frames = [cue.frame for cue in clip_cues([motion], "bench")]
         for name, contender in contenders.items():
+            contender.begin()
             start = clock()
-            answers = [contender(cue.frame) for cue in piece]
-            costs[name].append((clock() - start) * 1e6 / len(piece))
-            right[name] += judged(piece, answers)
+            answers = [contender.push(frame) for frame in frames]
+            costs[name].append((clock() - start) * 1e6 / len(frames))
+            right[name] += [each == motion.class_name for each in answers[first:] if each is not None]
     us = {name: np.array(each[1:]) for name, each in costs.items()}
     return {
         name: Peer(
             float(np.median(us[name])),
-            float(np.median(us[name] / us[ours])),
+            float(np.median(us[name] / us[LiveSignature.WINDOWS])),
             len(right[name]),
             float(np.mean(right[name])),
         )
@@ -117,42 +112,24 @@ def raced(whole: MotionLibrary, person: str, rounds: int, ours: LiveSignature) -
 
 def contenders_of(library: MotionLibrary) -> dict[str, Contender]:
     """Make all methods for a library, ours first."""
-    svd, eigh, dtw = _OTHERS.values()
     return {
-        LiveSignature.WINDOWS: _ours(library, Settings()),
-        # The same window as the methods that compute the same.
-        LiveSignature.PAPER: _ours(library, Settings(signature=LiveSignature.PAPER, window=WINDOW)),
-        svd: LeadingAxis(library, FRAME_RATE, by_svd).push,
-        eigh: LeadingAxis(library, FRAME_RATE, by_eigh).push,
-        dtw: TimeWarping(library, FRAME_RATE).push,
+        LiveSignature.WINDOWS: _Ours(library, Settings()),
+        # The same window as the method that computes the same.
+        LiveSignature.PAPER: _Ours(library, Settings(signature=LiveSignature.PAPER, window=WINDOW)),
+        _OTHERS["svd"]: LeadingAxis(library, FRAME_RATE),
+        _OTHERS["dtw"]: TimeWarping(library, FRAME_RATE),
     }
 
 
-def _ours(library: MotionLibrary, settings: Settings) -> Contender:
-    recognizer = Recognizer(library, settings)
+class _Ours:
+    """The recogniser's guesses."""
 
-    def push(frame: Frame) -> str | None:
-        recognition = recognizer.push(frame)
+    def __init__(self, library: MotionLibrary, settings: Settings) -> None:
+        self._recognizer = Recognizer(library, settings)
+
+    def begin(self) -> None:
+        self._recognizer.reset()
+
+    def push(self, frame: Frame) -> str | None:
+        recognition = self._recognizer.push(frame)
         return recognition.classes[recognition.best] if recognition else None
-
-    return push
-
-
-def _pieces(motions: Sequence[Clip], count: int) -> list[list[Cue]]:
-    """Distribute motions, so that each piece has some of each class; a second lies between two motions."""
-    cues = list(clip_cues((motion for piece in range(count) for motion in motions[piece::count]), "bench"))
-    ends = np.cumsum([0, *(sum(motion.frames for motion in motions[piece::count]) for piece in range(count))])
-    return [cues[begin:end] for begin, end in pairwise(ends)]
-
-
-def judged(piece: Sequence[Cue], answers: Sequence[str | None]) -> list[bool]:
-    """Say whether each answer is the class performed; those of a motion's first half second do not count."""
-    begin, last, right = 0.0, -np.inf, list[bool]()
-    for cue, answer in zip(piece, answers, strict=True):
-        if cue.due - last > FIRST:
-            begin = cue.due
-        last = cue.due
-        # A difference of one frame is rounding.
-        if answer is not None and cue.due - begin >= FIRST - 1.5 / FRAME_RATE:
-            right.append(answer == cue.class_name)
-    return right

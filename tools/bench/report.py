@@ -5,39 +5,19 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from kinespace.stream.recognizer import LiveSignature
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
     from rich.table import Table
 
 
 class Plan(NamedTuple):
-    """What is played, and for how long.
+    """How long and how much is played: seconds of each run over sockets, and the number of performers of scale."""
 
-    Attributes
-    ----------
-    positions
-        The positions of the feed, shape (frames, 31, 3), metres, 120 a second.
-    signature
-        The signature of the figures, and of sockets.
-    rounds
-        Turns, of which medians are taken.
-    seconds
-        Seconds of each run over sockets.
-    crowd
-        The number of performers of scale.
-    """
-
-    positions: NDArray[np.float32]
-    signature: LiveSignature = LiveSignature.WINDOWS
-    rounds: int = 9
-    seconds: float = 20.0
-    crowd: int = 12
+    seconds: float
+    crowd: int
 
 
 class Measured(NamedTuple):

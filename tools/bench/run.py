@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 import os
 import platform
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.library import kernels
-from kinespace.stream.recognizer import LiveSignature
-from kinespace.tools.bench import peers, recorded, scale, sockets, stages
+from kinespace.tools.bench import peers, scale, sockets, stages
 from kinespace.tools.bench.report import Plan, rounded
 from kinespace.tools.cli.arguments import add_json, count, positive
 from kinespace.tools.terminal.console import console
@@ -29,35 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "needs pip install kinespace[cluster]. Everything takes a quarter of an hour."
     )
     parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
-    parser.add_argument(
-        "--data",
-        type=Path,
-        metavar="FOLDER",
-        help="play two minutes of these recordings (default: motions of the built-in library)",
-    )
-    parser.add_argument(
-        "--signature",
-        type=LiveSignature,
-        choices=[*LiveSignature],
-        default=LiveSignature.WINDOWS,
-        help="the signature of --json and sockets (default: the recogniser's own)",
-    )
-    parser.add_argument(
-        "--rounds", type=count, default=9, help="rounds, of which medians are taken (default %(default)s)"
-    )
-    parser.add_argument(
-        "--seconds",
-        type=positive,
-        default=20.0,
-        help="seconds of a run of sockets or scale (default %(default)s)",
-    )
+    text = "seconds of a run of sockets or scale (default %(default)s)"
+    parser.add_argument("--seconds", type=positive, default=20.0, help=text)
     parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    plan = Plan(recorded.positions(options.data), options.signature, options.rounds, options.seconds, options.crowd)
+    plan = Plan(options.seconds, options.crowd)
     figures = dict.fromkeys(name for part in PARTS.values() for name in part.FIGURES)
     for part in [part for name, part in PARTS.items() if options.part in (name, "all")]:
         measured = part.measure(plan)

@@ -16,15 +16,14 @@ from collections import Counter
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play
-from kinespace.tools.bench.proxy import Proxy
-from kinespace.tools.bench.recorded import FRAME_RATE
+from kinespace.tools.bench.recorded import FRAME_RATE, positions
 from kinespace.tools.bench.report import Measured, shown, table
 from kinespace.tools.feeding.feed import OscFrameSender
 from kinespace.tools.loopback.answer_listener import Listener
@@ -41,12 +40,6 @@ if TYPE_CHECKING:
     from kinespace.tools.bench.report import Plan
     from kinespace.tools.feeding.feed import Cue
 
-_GAPS = ("kill", "hang", "leave", "join", "gateway")
-FIGURES = (
-    *("added_p50_ms", "added_p99_ms", "performers_per_core_ratio", "workers_speedup"),
-    *(f"{what}_gap_s" for what in _GAPS),
-    *("lost_events", "false_events"),
-)
 _LOOPBACK = "127.0.0.1"
 #: Seconds until the first status, at most.
 _MAX_START = 60.0
@@ -88,60 +81,38 @@ class Stage:
 
     Parameters
     ----------
+    opened
+        Ends the programs, and closes the sockets.
     command
         The words after `kinespace`.
     workers
         The number of workers of a gateway.
-    by_proxy
-        Whether the first worker connects by a proxy, which can be cut.
     """
 
-    def __init__(self, *command: str, workers: int = 0, by_proxy: bool = False) -> None:
-        self._opened, self.workers, self._wanted = ExitStack(), list[Program](), workers
-        self._port = _free_port()
+    def __init__(self, opened: ExitStack, *command: str, workers: int = 0) -> None:
+        self._opened, self.workers, self._port = opened, list[Program](), _free_port()
         listen = ["--listen", f"tcp/{_LOOPBACK}:{self._port}"] if workers else []
         self._command = (*command, *listen, "--plain", "--performers", f"{10 * CROWD}")
-        self._proxy = self._opened.enter_context(Proxy(self._port)) if by_proxy else None
-
-    def __enter__(self) -> Self:
-        try:
-            self._open()
-        except BaseException:
-            self._opened.close()
-            raise
-        return self
-
-    def _open(self) -> None:
         self.main = self._begun(f"{_LOOPBACK}:0", f"tcp://{_LOOPBACK}:*")
         self._place = self.main.place()
-        self.sender = self._opened.enter_context(closing(OscFrameSender(*self._place.osc)))
-        answers = ZmqReceiver(Endpoint(self._place.answers, bind=False))
-        self.listener = self._opened.enter_context(closing(Listener(answers)))
-        for _ in range(self._wanted):
+        self.sender = opened.enter_context(closing(OscFrameSender(*self._place.osc)))
+        self.listener = opened.enter_context(closing(Listener(ZmqReceiver(Endpoint(self._place.answers, bind=False)))))
+        for _ in range(workers):
             self.add_worker()
-        if self._wanted:
-            self.main.expect(f"; workers: {self._wanted}\n")
+        if workers:
+            self.main.expect(f"; workers: {workers}\n")
         # The first status says that this subscriber is known.
         until = time.perf_counter() + _MAX_START
         while not any(each.packet[0] == b"status/" for each in self.listener.listen_until(time.perf_counter())):
             if time.perf_counter() > until:
                 raise TimeoutError(f"no status came within {_MAX_START:g} s")
 
-    def __exit__(self, *_: object) -> None:
-        self._opened.close()
-
     def _begun(self, osc_in: str, zmq_out: str) -> Program:
         return self._opened.enter_context(Program(*self._command, "--osc-in", osc_in, "--zmq-out", zmq_out))
 
     def add_worker(self) -> None:
         """Start a worker."""
-        port = self._proxy.port if self._proxy and not self.workers else self._port
-        self.workers.append(self._opened.enter_context(Program("work", "--connect", f"tcp/{_LOOPBACK}:{port}")))
-
-    def cut(self) -> None:
-        """Cut the first worker off for some seconds."""
-        if self._proxy:
-            self._proxy.cut()
+        self.workers.append(self._opened.enter_context(Program("work", "--connect", f"tcp/{_LOOPBACK}:{self._port}")))
 
     def begin_again(self) -> None:
         """Kill the gateway, and start it at the same addresses."""
@@ -227,36 +198,41 @@ HAPPENINGS: dict[str, Callable[[Stage], object]] = {
     "hang": lambda stage: stage.workers[0].process.send_signal(signal.SIGSTOP),
     "leave": lambda stage: stage.workers[0].process.terminate(),
     "join": Stage.add_worker,
-    "cut": Stage.cut,
     "gateway": Stage.begin_again,
 }
+FIGURES = (
+    *("added_p50_ms", "added_p99_ms", "performers_per_core_ratio", "workers_speedup"),
+    *(f"{what}_gap_s" for what in HAPPENINGS),
+    *("lost_events", "false_events"),
+)
 
 
-def with_happening(feed: Feed, what: str) -> Run:
-    """Play a feed through a gateway and three workers; in its middle something happens."""
-    with Stage("gateway", workers=3, by_proxy=what == "cut") as stage:
-        return stage.play(feed, happen=lambda: HAPPENINGS[what](stage))
+def run_with(
+    feed: Feed,
+    *command: str,
+    workers: int = 0,
+    at_once: bool = False,
+    happen: Callable[[Stage], object] = lambda _: None,
+) -> Run:
+    """Play a feed to programs as `Stage` starts them; in its middle something happens."""
+    with ExitStack() as opened:
+        stage = Stage(opened, *command, workers=workers)
+        return stage.play(feed, at_once=at_once, happen=lambda: happen(stage))
 
 
 def measure(plan: Plan) -> Measured:
     """Run a crowd alone and with workers of which one comes or goes, and a crowd whose frames come at once."""
-    feed, many = (Feed.of(plan.positions, performers, plan.seconds) for performers in (plan.crowd, CROWD))
+    feed, many = (Feed.of(positions(), performers, plan.seconds) for performers in (plan.crowd, CROWD))
     plays: dict[str, Callable[[], Run]] = {
-        "live": lambda: _played(feed, "live"),
-        "two workers": lambda: _played(feed, "gateway", workers=2),
-        **{what: partial(with_happening, feed, what) for what in HAPPENINGS},
-        "live, at once": lambda: _played(many, "live", at_once=True),
-        "live --workers 2, at once": lambda: _played(many, "live", "--workers", "2", at_once=True),
-        "one worker, at once": lambda: _played(many, "gateway", workers=1, at_once=True),
+        "live": partial(run_with, feed, "live"),
+        "two workers": partial(run_with, feed, "gateway", workers=2),
+        **{what: partial(run_with, feed, "gateway", workers=3, happen=each) for what, each in HAPPENINGS.items()},
+        "live, at once": partial(run_with, many, "live", at_once=True),
+        "live --workers 2, at once": partial(run_with, many, "live", "--workers", "2", at_once=True),
+        "one worker, at once": partial(run_with, many, "gateway", workers=1, at_once=True),
     }
     runs = {name: run() for name, run in progress(plays.items(), "Scale", len(plays))}
-    figures = _figures(runs)
-    return Measured(figures, [_table(runs, plan.crowd), _ratios(figures)])
-
-
-def _played(feed: Feed, *command: str, workers: int = 0, at_once: bool = False) -> Run:
-    with Stage(*command, workers=workers) as stage:
-        return stage.play(feed, at_once=at_once)
+    return Measured(_figures(runs), [_table(runs, plan.crowd)])
 
 
 def _figures(runs: dict[str, Run]) -> dict[str, float]:
@@ -268,7 +244,7 @@ def _figures(runs: dict[str, Run]) -> dict[str, float]:
         **{f"added_p{percent}_ms": spread.percentile(percent) - alone.percentile(percent) for percent in (50, 99)},
         "performers_per_core_ratio": held["one worker, at once"] / held["live, at once"],
         "workers_speedup": held["live --workers 2, at once"] / held["live, at once"],
-        **{f"{what}_gap_s": runs[what].gap for what in _GAPS},
+        **{f"{what}_gap_s": runs[what].gap for what in HAPPENINGS},
         "lost_events": sum(run.lost_events for run in counted),
         "false_events": sum(run.false_events for run in counted),
     }
@@ -290,11 +266,4 @@ def _table(runs: dict[str, Run], crowd: int) -> Table:
         # A process that sleeps between two frames takes longer for each.
         cores = (shown(performers_a_core(run.core_us)), shown(run.receiving_us)) if "at once" in name else ()
         made.add_row(name, *lags, *counts, *cores)
-    return made
-
-
-def _ratios(figures: dict[str, float]) -> Table:
-    made = table("Held, relative to live", ("",), ("",))
-    made.add_row("a worker of a gateway", shown(figures["performers_per_core_ratio"], 2))
-    made.add_row("live --workers 2", shown(figures["workers_speedup"], 2))
     return made

@@ -12,7 +12,7 @@ from pythonosc.osc_packet import OscPacket
 from kinespace.library import MotionLibrary, kernels
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.tools.bench.recorded import FRAME_RATE, endless
+from kinespace.tools.bench.recorded import FRAME_RATE, endless, positions
 from kinespace.tools.bench.report import Measured, table
 from kinespace.tools.bench.timing import in_turns, timed
 
@@ -36,27 +36,27 @@ RECOGNISING = {
     "recognise, --progress": Settings(progress=True),
     "recognise, --signature paper": Settings(signature=LiveSignature.PAPER),
 }
-_OF_SIGNATURE = {LiveSignature.WINDOWS: "recognise", LiveSignature.PAPER: "recognise, --signature paper"}
 _NUMPY = ", numpy"
 #: Frames that fill every window and every cache before measuring.
 WARM_UP = 300
 #: Frames of one round: four seconds.
 ROUND = 480
+#: Rounds, of which medians are taken.
+ROUNDS = 9
 
 
-def measure(plan: Plan) -> Measured:
+def measure(_: Plan) -> Measured:
     """Time every step on recorded frames, compiled and with numpy alone: medians of rounds of four seconds of feed."""
-    library = MotionLibrary.builtin()
-    jobs = _transports(library, plan.positions)
+    library, played = MotionLibrary.builtin(), positions()
+    jobs = _transports(library, played)
     for name, settings in RECOGNISING.items():
-        jobs[name] = pushing(library, plan.positions, settings)
-        jobs[name + _NUMPY] = pushing(library, plan.positions, settings, by_numpy=True)
-    us = {name: float(np.median(each)) for name, each in in_turns(jobs, plan.rounds, "Stages").items()}
-    recognise = _OF_SIGNATURE[plan.signature]
+        jobs[name] = pushing(library, played, settings)
+        jobs[name + _NUMPY] = pushing(library, played, settings, by_numpy=True)
+    us = {name: float(np.median(each)) for name, each in in_turns(jobs, ROUNDS, "Stages").items()}
     figures = {
-        "us_per_frame": us[recognise],
-        "us_per_frame_numpy": us[recognise + _NUMPY],
-        "frames_per_second": 1e6 / us[recognise],
+        "us_per_frame": us["recognise"],
+        "us_per_frame_numpy": us["recognise" + _NUMPY],
+        "frames_per_second": 1e6 / us["recognise"],
         "osc_decode_us": us["decode OSC"],
         "osc_decode_python_osc_us": us["decode OSC by python-osc"],
     }

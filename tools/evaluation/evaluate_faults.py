@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.stream.recognizer import Recognizer
-from kinespace.tools.cli.arguments import add_json, positive, settings_of
+from kinespace.tools.cli.arguments import add_json, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import FAULTS
 from kinespace.tools.evaluation.scoring.answers import counted, shares
@@ -33,6 +33,8 @@ _SHARES = {
     "implausible": ("implausible", "answers"),
     "unknown_named": ("unknown_named", "unknown"),
 }
+#: Frames per second, and the seed of noise, drops and order.
+_RATE, _SEED = 60.0, 0
 _COLUMNS = (
     ("fault", "{fault}"),
     *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES),
@@ -61,8 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     harness.add_protocol(parser)
     text = "the faults (default: all)"
     parser.add_argument("--fault", nargs="+", action="extend", choices=list(FAULTS), default=[], help=text)
-    parser.add_argument("--rate", type=positive, default=60.0, help="frames per second (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of noise, drops and order (default %(default)s)")
     add_json(parser)
 
 
@@ -72,10 +72,10 @@ def run(options: argparse.Namespace) -> int:
     played: dict[str, list[_Played]] = {fault: [] for fault in options.fault or FAULTS}
     for each in progress(asked, "Playing", len(asked)):
         sound = harness.Feed.of(each.take.clip, each.library.skeleton, each.take.delivered)
-        step = max(1, round(each.take.clip.frame_rate / options.rate))
+        step = max(1, round(each.take.clip.frame_rate / _RATE))
         sound = sound._replace(times=sound.times[::step], positions=sound.positions[::step])
         for fault, of_fault in played.items():
-            feed = FAULTS[fault](sound, np.random.default_rng(options.seed))
+            feed = FAULTS[fault](sound, np.random.default_rng(_SEED))
             of_fault.append(_played(each.take, feed, each.library, settings))
     scores = [_scored(fault, each) for fault, each in played.items()]
     if options.json:

@@ -12,10 +12,11 @@ from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.tools.cli.arguments import add_json, settings_of
 from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.scoring.protocols import Protocol
 from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, score_courses
 from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
-from kinespace.tools.evaluation.scoring.timeline import Course, confusion, course_of
+from kinespace.tools.evaluation.scoring.timeline import Course, course_of
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.output_path import require_place_for
 
@@ -37,24 +38,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the answer of each moment with the movement performed at that moment."
     )
     harness.add_sources(parser, "the library's own motions")
-    text = "recordings in which nothing known happens, or folders of them"
-    parser.add_argument("--unknown", nargs="+", action="extend", type=Path, default=[], metavar="TAKE", help=text)
     harness.add_protocol(parser)
     text = "leave these parts of the signature out, to see their worth"
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
-    parser.add_argument("--timeline", type=Path, metavar="FILE", help="draw labels and answers over time")
     parser.add_argument("--page", type=Path, metavar="HTML", help="write a page that plays takes, answers and bodies")
-    parser.add_argument("--confusion", type=Path, metavar="FILE", help="draw the confusion matrix")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay takes, score the answers, and print or draw the results; return the exit status."""
-    _require_places(options)
+    """Replay takes, score the answers, and print the results; return the exit status."""
+    if options.page:
+        require_place_for(options.page)
     settings = settings_of(options)
     asked, classes = harness.asked_of(options)
-    if options.confusion and not any(each.take.segments for each in asked):
-        raise ValueError("--confusion: expected takes with labels, got none")
     without = Kind(options.without_part) if options.without_part else None
     courses = [
         course(each.take, _compared(each.library, without), classes, settings)
@@ -62,7 +58,8 @@ def run(options: argparse.Namespace) -> int:
     ]
     score = score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
-    _draw(options, asked, courses, classes)
+    if options.page:
+        write_report(options.page, [*zip(courses, (each.take.clip for each in asked), strict=True)], classes)
     if options.json:
         harness.print_json(score.as_json() | ({"persons": persons, **_over(persons)} if persons else {}))
         return 0
@@ -114,30 +111,3 @@ def _over(persons: Mapping[str, _Values]) -> dict[str, _Values]:
         mean[name] = float(np.mean(there)) if there else None
         worst[name] = (max if name in LOWER_IS_BETTER else min)(there) if there else None
     return {"mean": mean, "worst": worst}
-
-
-def _require_places(options: argparse.Namespace) -> None:
-    """Refuse files that cannot be written, before the work."""
-    if options.page:
-        require_place_for(options.page)
-    for picture in filter(None, (options.timeline, options.confusion)):
-        from kinespace.tools.evaluation import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
-
-        pictures.require_place_for_picture(picture)
-
-
-def _draw(
-    options: argparse.Namespace, asked: Sequence[harness.Asked], courses: Sequence[Course], classes: Sequence[str]
-) -> None:
-    """Draw the pictures and write the page that were asked for."""
-    if options.page:
-        from kinespace.tools.evaluation.report import write_report  # noqa: PLC0415 - seldom needed
-
-        write_report(options.page, [*zip(courses, (each.take.clip for each in asked), strict=True)], classes)
-    if options.timeline or options.confusion:
-        from kinespace.tools.evaluation import pictures  # noqa: PLC0415 - matplotlib is an extra, and slow to load
-
-        if options.timeline:
-            pictures.draw_timelines(options.timeline, courses, classes)
-        if options.confusion:
-            pictures.draw_time_confusion(options.confusion, *confusion(courses, classes))

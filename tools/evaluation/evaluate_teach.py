@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Motions of a class that ask in one draw, at most: of the same person, and of all other persons.
 _ASKED = {"same": 4, "other": 2}
+#: Seed of the draws.
+_SEED = 0
 #: Seconds between two windows of a taught motion.
 _EVERY = 0.1
 _COLUMNS = (
@@ -96,7 +98,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--draws", type=above_zero, default=20, help=text)
     text = "the persons who teach (default: all, in turn)"
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
-    parser.add_argument("--seed", type=int, default=0, help="of the draws (default %(default)s)")
     parser.add_argument("--beside", action="store_true", help="teach beside the built-in library")
     add_settings(parser)
     add_json(parser)
@@ -115,7 +116,9 @@ def run(options: argparse.Namespace) -> int:
         for clip in take.motions():
             named = replace(clip, class_name=mine.format(clip.class_name), actor=clip.actor or options.person)
             by_person[named.actor].append((take.clip.name, named))
-    teachers = sorted(_checked(options.teachers, by_person) or by_person)
+    if strange := {*options.teachers} - {*by_person}:
+        raise ValueError(f"--teachers: expected some of {', '.join(sorted(by_person))}, got {min(strange)!r}")
+    teachers = sorted(options.teachers or by_person)
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
         own, taught = by_person[teacher], taught_by(by_person[teacher], beside=options.beside)
@@ -123,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
         others = [clip for name, each in by_person.items() if name not in not_asked for _, clip in each]
         for draw in range(options.draws):
             for count in options.examples:
-                generator = np.random.default_rng([options.seed, place, draw, count])
+                generator = np.random.default_rng([_SEED, place, draw, count])
                 examples, left = drawn(own, taught, count, generator)
                 if examples:
                     index = taught.opened(examples)
@@ -140,14 +143,6 @@ def run(options: argparse.Namespace) -> int:
     caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
     harness.print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
     return 0
-
-
-def _checked(teachers: Sequence[str], known: Mapping[str, object]) -> Sequence[str]:
-    """Refuse a teacher who performs nothing."""
-    for name in teachers:
-        if name not in known:
-            raise ValueError(f"--teachers: expected some of {', '.join(sorted(known))}, got {name!r}")
-    return teachers
 
 
 def taught_by(own: Sequence[Motion], *, beside: bool) -> Taught:

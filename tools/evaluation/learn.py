@@ -164,8 +164,14 @@ def run(options: argparse.Namespace) -> int:
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
     if options.json:
         harness.print_json(rows)
-    else:
-        _print(rows, courses)
+        return 0
+    unknown = [each.take.clip.duration for each in courses if each.is_unknown]
+    containing = sum(bool(each.take.contains) for each in courses)
+    title = (
+        f"{len(unknown)} unknown takes ({sum(unknown) / 60:.1f} minutes), {containing} with a known motion; "
+        f"{len({each.take.person for each in courses})} subjects, each judged by numbers fitted on others"
+    )
+    harness.print_scores(rows, _COLUMNS, title=title, names=0)
     return 0
 
 
@@ -330,15 +336,3 @@ def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> d
         "starts_per_minute": 60 * starts / seconds if seconds else 0.0,
         "takes_found": found / containing if containing else 0.0,
     }
-
-
-def _print(rows: Sequence[dict[str, float]], courses: Sequence[_Course]) -> None:
-    unknown = [each.take for each in courses if each.is_unknown]
-    minutes = sum(take.clip.duration for take in unknown) / 60
-    containing = sum(bool(each.take.contains) for each in courses)
-    people = len({each.take.person for each in courses})
-    rests_on = (
-        f"{len(unknown)} unknown takes ({minutes:.1f} minutes), {containing} with a known motion; {people} subjects"
-    )
-    title = f"{rests_on}, each judged by numbers fitted on others"
-    harness.print_scores(rows, _COLUMNS, title=title, names=0)

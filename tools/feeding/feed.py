@@ -120,12 +120,17 @@ def resampled(clip: Clip, frame_rate: float) -> Clip:
         return clip
     # The last place is the last frame's; rounding must not lose it.
     count = int((clip.frames - 1) * frame_rate / clip.frame_rate + 1e-6) + 1
-    places = np.arange(count) * (clip.frame_rate / frame_rate)
+    positions = between(clip, np.arange(count) * (clip.frame_rate / frame_rate))
+    return replace(clip, positions=positions, frame_rate=frame_rate, rotations=np.zeros((count, 0)))
+
+
+def between(clip: Clip, places: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Give a clip's positions, (places, joints, 3), metres, at places counted in frames, by straight lines."""
     before = np.minimum(places.astype(np.intp), max(clip.frames - 2, 0))
     share = (places - before)[:, None, None]
     after = clip.positions[np.minimum(before + 1, clip.frames - 1)]
-    positions = (1 - share) * clip.positions[before] + share * after
-    return replace(clip, positions=positions, frame_rate=frame_rate, rotations=np.zeros((count, 0)))
+    positions: NDArray[np.float64] = (1 - share) * clip.positions[before] + share * after
+    return positions
 
 
 def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = math.inf) -> NDArray[np.float32]:

@@ -14,19 +14,12 @@ import pytest
 from kinespace.stream import zeromq
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.bench import proxy, scale, sockets
+from kinespace.tools.bench import scale
 from kinespace.tools.bench.crowd import Feed, Played, core_seconds, performers_a_core
 from kinespace.tools.loopback.answer_listener import Heard
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-
-def test_the_empty_loop_answers_one_packet_in_four_and_greetings() -> None:
-    """Whatever the packets say, the answer is the same."""
-    loop = sockets.EmptyLoop(b"answer", 4)
-    assert [loop.answer(b"packet") for _ in range(8)] == [*[None] * 3, b"answer"] * 2
-    assert loop.answer([b"hello/", b""]) == b"answer"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux is asked")
@@ -66,17 +59,15 @@ def test_answers_are_compared_with_one_process(played: NDArray[np.float32]) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", ["nothing", "kill", "gateway", "cut"])
-def test_answers_come_to_the_end(what: str, played: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch) -> None:
-    """From `live`, past a worker that is killed, from a gateway that begins again, and past a cut of the network."""
-    monkeypatch.setattr(proxy, "CUT", 0.5)
+@pytest.mark.parametrize("what", ["nothing", "kill", "gateway"])
+def test_answers_come_to_the_end(what: str, played: NDArray[np.float32]) -> None:
+    """From `live`, past a worker that is killed, and from a gateway that begins again."""
     feed = Feed.of(played, 2, 3.0)
     if what == "nothing":
-        with scale.Stage("live") as stage:
-            run = stage.play(feed)
+        run = scale.run_with(feed, "live")
     else:
         pytest.importorskip("zenoh")
-        run = scale.with_happening(feed, what)
+        run = scale.run_with(feed, "gateway", workers=3, happen=scale.HAPPENINGS[what])
     assert run.lags.size
     assert math.isfinite(run.gap)
 
@@ -89,8 +80,8 @@ def test_the_figures_of_scale_follow_from_its_runs() -> None:
     figures = scale._figures(runs)  # noqa: SLF001 - the published figures
     assert set(figures) == set(scale.FIGURES)
     assert figures["added_p99_ms"] == pytest.approx(1.0)
-    assert (figures["kill_gap_s"], figures["gateway_gap_s"]) == (0.3, 0.8)
-    assert (figures["workers_speedup"], figures["performers_per_core_ratio"]) == pytest.approx((9 / 10, 9 / 11))
-    assert (figures["lost_events"], figures["false_events"]) == (10, 20)
+    assert (figures["kill_gap_s"], figures["gateway_gap_s"]) == (0.3, 0.7)
+    assert (figures["workers_speedup"], figures["performers_per_core_ratio"]) == pytest.approx((8 / 9, 8 / 10))
+    assert (figures["lost_events"], figures["false_events"]) == (9, 18)
     drawn = scale._table(runs, 12)  # noqa: SLF001 - as above
     assert drawn.row_count == len(names)

@@ -6,7 +6,6 @@ import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from takes import write_take
@@ -135,19 +134,6 @@ def test_each_person_recognises_the_others(folder: Path, takes: list[Take], caps
 # --- takes without known motions, and takes whose labels have no times -------------------------------------------
 
 
-def test_of_unknown_takes_all_the_time_counts(
-    library: Path, takes: list[Take], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A take without labels counts as unknown from its first frame to its last."""
-    path = write_take(tmp_path, 3, [("salute", 2.5), ("hail", 2.5)], labelled=False)
-    score = _scored(capsys, "--unknown", path, "--library", library)
-    (take,) = read_takes(Sources(unknown=[path]), Reading())
-    assert score["unknown_answered"] == pytest.approx((_replayed(take, takes[:1]).published >= 0).mean())
-    assert score["unknown_answered"] > 0.2
-    assert score["unknown"] == {"seconds": pytest.approx(600 / 120), "segments": 1, "persons": None}
-    assert (score["frame_accuracy"], score["known"]["segments"], score["classes"]) == (None, 0, {})
-
-
 def test_tables_of_takes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A take is found when its class is named at some time, one without any is unknown, a doubtful one left out."""
     table = folder / "takes.list"
@@ -173,9 +159,6 @@ def test_tables_of_takes(folder: Path, library: Path, capsys: pytest.CaptureFixt
     printed = capsys.readouterr().out
     assert "takes that contain a class: 15 s, 2 takes, 1 person" in printed
     assert "\nknown motions" not in printed
-    drawn = ("--confusion", folder / "drawn.svg")
-    assert "--confusion: expected takes with labels" in _refused(capsys, *by_table, "--subjects", "1", *drawn)
-    assert not drawn[1].exists()
 
 
 # --- sensors that skip frames ------------------------------------------------------------------------------------
@@ -198,20 +181,6 @@ def test_a_sensors_frames_come_at_their_own_times(takes: list[Take]) -> None:
 
 
 # --- labels and names --------------------------------------------------------------------------------------------
-
-
-def test_labels_may_lie_elsewhere(
-    folder: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Labels given by --labels, in the takes' order, count like labels beside the takes."""
-    beside = _scored(capsys, folder / "ann_01.amc", folder / "ben_01.amc", "--library", library)
-    files = []
-    for person in ("ann", "ben"):
-        files.append(tmp_path / f"{person}.labels.csv")
-        files[-1].write_bytes((folder / f"{person}_01.csv").read_bytes())
-    takes = (folder / "ann_01.amc", folder / "ben_01.amc")
-    assert _scored(capsys, *takes, "--library", library, "--labels", *files) == beside
-    assert _scored(capsys, *takes, "--library", library, "--labels", *files[::-1]) != beside
 
 
 def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -241,27 +210,3 @@ def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pyte
     several = ((), paper, (*paper, "--window", "1.5"), ("--without-part", "eigen"))
     scores = [_scored(capsys, take, "--library", library, *options) for options in several]
     assert len({json.dumps(score, sort_keys=True) for score in scores}) == 4
-
-
-# --- pictures ----------------------------------------------------------------------------------------------------
-
-
-def _texts(path: Path) -> Sequence[str]:
-    drawn = path.read_text(encoding="utf-8")
-    return [part.split("</text>")[0].rsplit(">", 1)[-1] for part in drawn.split("<text")[1:]]
-
-
-def test_pictures_show_takes_labels_and_answers(
-    folder: Path, library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The timeline names each take, every segment in it and each colour; the confusion each label; figures stay."""
-    monkeypatch.setitem(mpl.rcParams, "svg.fonttype", "none")
-    timeline, shares = tmp_path / "timeline.svg", tmp_path / "confusion.svg"
-    plain = _scored(capsys, folder, "--library", library)
-    assert _scored(capsys, folder, "--library", library, "--timeline", timeline, "--confusion", shares) == plain
-    texts = _texts(timeline)
-    assert [texts.count(f"{person}_01") for person in ("ann", "ben", "cid")] == [1, 1, 1]
-    assert [texts.count(name) for name in ("clap", "hail", "row", "salute")] == [3 + 1, 3 + 1, 2 + 1, 1]
-    assert texts.count("performed") == texts.count("published") == texts.count("event") == 3
-    texts = _texts(shares)
-    assert [texts.count(name) for name in ("clap", "hail", "row", "salute", "none")] == [2, 2, 2, 1, 1]

@@ -20,15 +20,13 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 _CLASSES = ("squat1Reps", "kickLFront1Reps")
-
-
-#: One group of parts, of which nothing is typical.
-_TYPICAL = np.zeros(2)
+#: The typical distance and lead of one group of parts.
+_TYPICAL = np.array([2.0, 3.0])
 
 
 def _windows(leads: Sequence[float], guess: str = "a") -> list[tuple[Evidence, str]]:
-    """Make windows of one guess with these leads."""
-    return [(Evidence((0.0,), (float(lead),)), guess) for lead in leads]
+    """Make windows of one guess with these leads above the typical one."""
+    return [(Evidence((2.0,), (3.0 + float(lead),)), guess) for lead in leads]
 
 
 def test_the_fit_tells_two_kinds_of_windows_apart() -> None:

@@ -13,16 +13,8 @@ from kinespace.tools.terminal.output_path import require_place_for
 if TYPE_CHECKING:
     from pathlib import Path
 
-#: Programs that draw. The recordings are missing, so that the error comes after the check of the picture.
-DRAWING = [
-    ("demo", "--picture"),
-    ("evaluate", "retrieval", "nowhere", "--picture"),
-    ("evaluate", "stream", "nowhere", "--timeline"),
-    ("evaluate", "stream", "nowhere", "--confusion"),
-]
 
-
-@pytest.mark.parametrize("command", DRAWING, ids=" ".join)
+@pytest.mark.parametrize("command", [("demo", "--picture"), ("evaluate", "stream", "nowhere", "--page")], ids=" ".join)
 def test_a_picture_without_a_place_is_refused_before_the_work(
     command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -31,25 +23,6 @@ def test_a_picture_without_a_place_is_refused_before_the_work(
     assert capsys.readouterr().err == f"kinespace: {tmp_path / 'missing'}: No such file or directory\n"
     assert main([*command, str(tmp_path)]) == 2
     assert capsys.readouterr().err == f"kinespace: {tmp_path}: Is a directory\n"
-
-
-@pytest.mark.parametrize("command", DRAWING[1:], ids=" ".join)
-def test_an_unknown_picture_format_is_refused_before_the_work(
-    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """An ending that matplotlib does not know is refused with the endings that it knows."""
-    assert main([*command, str(tmp_path / "a.doc")]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"kinespace: {tmp_path / 'a.doc'}: expected a picture's ending, one of ")
-    assert ", svg, " in error
-    assert error.endswith(", got .doc\n")
-
-
-def test_the_table_beside_the_picture_needs_a_place_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The confusion matrices' numbers go beside their picture, and that is looked at as early."""
-    (tmp_path / "a.csv").mkdir()
-    assert main(["evaluate", "retrieval", "nowhere", "--picture", str(tmp_path / "a.png")]) == 2
-    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'a.csv'}: Is a directory\n"
 
 
 def test_an_existing_file_is_kept_unless_overwrite(tmp_path: Path) -> None:

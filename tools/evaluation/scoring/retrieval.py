@@ -13,7 +13,6 @@ scatter everywhere (Ledoit and Wolf 2004), since there are fewer motions than di
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
@@ -84,27 +83,19 @@ class Labels(NamedTuple):
         return cls(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Retrieval:
+class Retrieval(NamedTuple):
     """The outcome of one protocol in one space.
 
     Attributes
     ----------
-    classes
-        Class names, sorted.
-    confusion
-        Shape (classes, classes): entry (i, j) is the share of class i's motions whose nearest is of class j; rows of
-        classes that never asked are zero.
     asking
         Indices of the motions that asked, shape (asking,).
     right
         Whether the nearest, and whether one of the two nearest, is of their class, shape (asking, 2).
     """
 
-    classes: tuple[str, ...]
-    confusion: NDArray[np.float64] = field(repr=False)
-    asking: NDArray[np.intp] = field(repr=False)
-    right: NDArray[np.bool_] = field(repr=False)
+    asking: NDArray[np.intp]
+    right: NDArray[np.bool_]
 
     @property
     def shares(self) -> dict[str, Ratio]:
@@ -160,15 +151,6 @@ def _rows(clip: Clip, space: Space) -> NDArray[np.float64]:
     return clip.rotations
 
 
-def turned(clip: Clip, generator: np.random.Generator) -> Clip:
-    """Turn a motion to a random heading (about the vertical, y) and move it to a random place within a metre or so."""
-    angle = generator.uniform(0, 2 * np.pi)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
-    shift = generator.normal(size=3) * [1, 0, 1]
-    return clip.moved_to(clip.positions @ turn.T + shift)
-
-
 def splits(actors: Collection[str]) -> list[tuple[str, ...]]:
     """List all libraries of three of five actors, which the other two actors ask; empty for other numbers of actors."""
     return list(combinations(sorted(actors), _LIBRARY_ACTORS)) if len(actors) == _ACTORS else []
@@ -218,12 +200,8 @@ def retrieve(scores: NDArray[np.floating], labels: Labels, allowed: NDArray[np.b
         raise ValueError("--protocol: expected a motion that may be compared with two others, got none")
     order = np.argsort(-np.where(allowed, scores, -np.inf)[asking], axis=1, kind="stable")
     found, own = labels.classes[order[:, :2]], labels.classes[asking]
-    classes = np.unique(labels.classes)
-    confusion = np.zeros((len(classes), len(classes)))
-    np.add.at(confusion, (np.searchsorted(classes, own), np.searchsorted(classes, found[:, 0])), 1.0)
-    confusion /= np.maximum(confusion.sum(axis=1, keepdims=True), 1.0)
     right = np.logical_or.accumulate(found == own[:, None], axis=1)
-    return Retrieval(tuple(classes.tolist()), confusion, asking, right)
+    return Retrieval(asking, right)
 
 
 def compare(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, RocArea, intervals_of, values_of
-from kinespace.tools.evaluation.scoring.stretches import Stretch, stretches_of
+from kinespace.tools.evaluation.scoring.stretches import stretches_of
 from kinespace.tools.evaluation.scoring.timeline import NONE
 
 if TYPE_CHECKING:
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.tools.evaluation.scoring.bootstrap import Figure
+    from kinespace.tools.evaluation.scoring.stretches import Stretch
     from kinespace.tools.evaluation.scoring.timeline import Course
 
 _Item = TypeVar("_Item")
+_seconds = attrgetter("seconds")
 #: Seconds, units, and persons, by name.
 Basis = dict[str, float | None]
 
@@ -85,82 +88,64 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         Seconds before a moment that must lie inside the segment.
     """
     stretches = list(stretches_of(courses, window))
-    known = _Counting([each for each in stretches if each.known])
-    unknown = _Counting([each for each in stretches if not each.known])
-    containing = [each for each in courses if each.contains]
+    of_known = [each for each in stretches if each.known]
+    known, unknown = _grouped(of_known, "key"), _grouped([each for each in stretches if not each.known], "key")
+    takes, containing = _grouped(courses, "name"), _grouped([each for each in courses if each.contains], "name")
     figures: dict[str, Figure] = {
-        "frame_accuracy": known.ratio(lambda each: each.right, lambda each: each.seconds),
-        "segment_accuracy": known.ratio(lambda each: each.right_inside, lambda each: each.inside),
-        "segment_majority": known.ratio(lambda each: each.mostly_right, lambda _: 1),
-        "known_answered": known.ratio(lambda each: each.named_inside, lambda each: each.inside),
-        "segments_found": known.ratio(lambda each: each.delay is not None, lambda _: 1),
-        "median_delay_s": known.percentile(lambda each: each.delay, 50),
-        "p90_delay_s": known.percentile(lambda each: each.delay, 90),
-        "median_seen": known.percentile(lambda each: each.seen, 50),
-        "median_event_delay_s": known.percentile(lambda each: each.event_delay, 50),
-        "unknown_answered": unknown.ratio(lambda each: each.named, lambda each: each.seconds),
-        "false_per_minute": unknown.ratio(lambda each: each.begun, lambda each: each.seconds, 60),
-        "false_starts_per_minute": unknown.ratio(lambda each: each.started, lambda each: each.seconds, 60),
-        "auc_unknown": RocArea(known.scores(), unknown.scores()),
-        "takes_found": _over_takes(containing, _found, lambda each: len(each.contains)),
-        "changes_per_minute": _over_takes(courses, lambda each: _changes(each.event), lambda each: each.seconds, 60),
-        "true_changes_per_minute": _over_takes(
-            courses, lambda each: _changes(each.truth), lambda each: each.seconds, 60
-        ),
-        "doubted": _over_takes(courses, lambda each: each.doubted * each.seconds, lambda each: each.seconds),
+        "frame_accuracy": _ratio(known, lambda each: each.right, _seconds),
+        "segment_accuracy": _ratio(known, lambda each: each.right_inside, lambda each: each.inside),
+        "segment_majority": _ratio(known, lambda each: each.mostly_right, lambda _: 1),
+        "known_answered": _ratio(known, lambda each: each.named_inside, lambda each: each.inside),
+        "segments_found": _ratio(known, lambda each: each.delay is not None, lambda _: 1),
+        "median_delay_s": _percentile(known, lambda each: each.delay, 50),
+        "p90_delay_s": _percentile(known, lambda each: each.delay, 90),
+        "median_seen": _percentile(known, lambda each: each.seen, 50),
+        "median_event_delay_s": _percentile(known, lambda each: each.event_delay, 50),
+        "unknown_answered": _ratio(unknown, lambda each: each.named, _seconds),
+        "false_per_minute": _ratio(unknown, lambda each: each.begun, _seconds, 60),
+        "false_starts_per_minute": _ratio(unknown, lambda each: each.started, _seconds, 60),
+        "auc_unknown": RocArea(_scores(known), _scores(unknown)),
+        "takes_found": _ratio(containing, _found, lambda each: len(each.contains)),
+        "changes_per_minute": _ratio(takes, lambda each: _changes(each.event), _seconds, 60),
+        "true_changes_per_minute": _ratio(takes, lambda each: _changes(each.truth), _seconds, 60),
+        "doubted": _ratio(takes, lambda each: each.doubted * each.seconds, _seconds),
     }
-    first = {each.name: each for each in reversed(containing)}.values()
-    rests_on = basis_of([each.seconds for each in first], [each.person for each in first])
-    return StreamScore(figures, _by_class(stretches, classes), known.basis(), unknown.basis(), rests_on)
+    of_classes = sorted(_grouped(of_known, "truth"), key=lambda own: own[0].truth)
+    by_class = {classes[own[0].truth]: _score_of_class(_grouped(own, "key")) for own in of_classes}
+    return StreamScore(figures, by_class, _basis(known), _basis(unknown), _basis(containing))
 
 
-class _Counting:
-    """Stretches by segment: the answers of several libraries to one segment belong together."""
-
-    def __init__(self, stretches: Sequence[Stretch]) -> None:
-        self._units = _grouped(stretches, lambda each: each.key)
-
-    def ratio(self, counted: Callable[[Stretch], float], among: Callable[[Stretch], float], scale: float = 1) -> Ratio:
-        """Divide two sums."""
-        return _ratio(self._units, counted, among, scale)
-
-    def percentile(self, measured: Callable[[Stretch], float | None], percent: float) -> Percentile:
-        """Take a percentile of a number over the stretches that have it."""
-        values = [[value for value in map(measured, unit) if value is not None] for unit in self._units]
-        return Percentile(values, percent)
-
-    def scores(self) -> list[NDArray[np.float64]]:
-        """Give the raw scores of each segment."""
-        return [np.concatenate([each.scores for each in unit]) for unit in self._units]
-
-    def basis(self) -> Basis:
-        """Count seconds, segments and persons."""
-        first = [unit[0] for unit in self._units]
-        return basis_of([each.seconds for each in first], [each.person for each in first])
-
-
-def _grouped(items: Sequence[_Item], key: Callable[[_Item], object]) -> list[list[_Item]]:
+def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
+    """Put together the answers of several libraries to one segment, or to one take."""
     groups = dict[object, list[_Item]]()
     for item in items:
-        groups.setdefault(key(item), []).append(item)
+        groups.setdefault(getattr(item, by), []).append(item)
     return list(groups.values())
 
 
 def _ratio(
-    units: Sequence[Sequence[_Item]], counted: Callable[[_Item], float], among: Callable[[_Item], float], scale: float
+    units: Sequence[Sequence[_Item]],
+    counted: Callable[[_Item], float],
+    among: Callable[[_Item], float],
+    scale: float = 1,
 ) -> Ratio:
     above, below = ([float(sum(map(count, unit))) for unit in units] for count in (counted, among))
     return Ratio(above, below, scale)
 
 
-def _over_takes(
-    courses: Sequence[Course], counted: Callable[[Course], float], among: Callable[[Course], float], scale: float = 1
-) -> Ratio:
-    return _ratio(_grouped(courses, lambda each: each.name), counted, among, scale)
+def _percentile(
+    units: Sequence[Sequence[Stretch]], measured: Callable[[Stretch], float | None], percent: float
+) -> Percentile:
+    """Take a percentile of a number over the stretches that have it."""
+    return Percentile([[value for each in unit if (value := measured(each)) is not None] for unit in units], percent)
 
 
-def _seconds(course: Course) -> float:
-    return course.seconds
+def _scores(units: Sequence[Sequence[Stretch]]) -> list[NDArray[np.float64]]:
+    return [np.concatenate([each.scores for each in unit]) for unit in units]
+
+
+def _basis(units: Sequence[Sequence[Stretch | Course]]) -> Basis:
+    return basis_of([unit[0].seconds for unit in units], [unit[0].person for unit in units])
 
 
 def _found(course: Course) -> int:
@@ -174,13 +159,7 @@ def _changes(track: NDArray[np.intp]) -> int:
     return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
 
 
-def _by_class(stretches: Sequence[Stretch], classes: Sequence[str]) -> dict[str, dict[str, float]]:
-    performed = [each for each in stretches if each.known]
-    scores = dict[str, dict[str, float]]()
-    for own in sorted(_grouped(performed, lambda each: each.truth), key=lambda each: each[0].truth):
-        counting = _Counting(own)
-        right = counting.ratio(lambda each: each.right, lambda each: each.seconds).value()
-        inside = counting.ratio(lambda each: each.right_inside, lambda each: each.inside).value()
-        seconds = counting.basis()["seconds"] or 0.0
-        scores[classes[own[0].truth]] = {"seconds": seconds, "right": right or 0.0, "right_inside": inside or 0.0}
-    return scores
+def _score_of_class(units: Sequence[Sequence[Stretch]]) -> dict[str, float]:
+    right = _ratio(units, lambda each: each.right, _seconds).value()
+    inside = _ratio(units, lambda each: each.right_inside, lambda each: each.inside).value()
+    return {"seconds": _basis(units)["seconds"] or 0.0, "right": right or 0.0, "right_inside": inside or 0.0}

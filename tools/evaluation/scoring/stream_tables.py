@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
-from kinespace.tools.evaluation.harness import print_table, written
-from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import add_names, counted
+from kinespace.tools.evaluation.harness import print_scores, print_table, written
+from kinespace.tools.terminal.tables import counted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,8 +14,6 @@ if TYPE_CHECKING:
     from kinespace.tools.evaluation.scoring.protocols import Protocol
     from kinespace.tools.evaluation.scoring.stream_score import StreamScore
 
-#: Characters that the figures beside classes' names need.
-_BESIDE_CLASSES = 38
 _SHARE, _SECONDS, _PLAIN = "{:.1%}", "{:.2f} s", "{:.3g}"
 #: What each figure is, and the form of its value; under a heading the basis of the figures below it.
 _KNOWN = {
@@ -44,6 +39,12 @@ _WHOLE = {
     "true_changes_per_minute": ("the same, by the labels", _PLAIN),
     "doubted": ("share of their time in which joints are doubted", _SHARE),
 }
+_CLASSES = (
+    ("class", "{name}"),
+    ("seconds", "{seconds:.1f}"),
+    ("right", "{right:.1%}"),
+    ("right, last second inside", "{right_inside:.1%}"),
+)
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 
@@ -63,7 +64,8 @@ def print_score(score: StreamScore) -> None:
                 rows.append((f"  {text}", written(score.values[name], form), ends))
     print_table(("", "", "95 %"), rows, title="Answers against the motion performed at that moment")
     if score.classes:
-        _print_classes(score.classes)
+        by_class = ({"name": name, **each} for name, each in score.classes.items())
+        print_scores(by_class, _CLASSES, title="By class")
 
 
 def print_persons(
@@ -91,13 +93,3 @@ def rests_on(basis: Mapping[str, Any], unit: str) -> str:
     """Write what figures rest on (`stream_score.basis_of`)."""
     persons = "persons not known" if basis["persons"] is None else counted(basis["persons"], "person")
     return f"{basis['seconds']:.0f} s, {counted(basis['segments'], unit)}, {persons}"
-
-
-def _print_classes(scores: Mapping[str, Mapping[str, float]]) -> None:
-    table = Table(title="By class", title_justify="left")
-    add_names(table, "class", scores, beside=_BESIDE_CLASSES)
-    for heading in ("seconds", "right", "right, last second inside"):
-        table.add_column(heading, justify="right")
-    for name, each in scores.items():
-        table.add_row(name, f"{each['seconds']:.1f}", written(each["right"]), written(each["right_inside"]))
-    console.print(table)

@@ -140,20 +140,3 @@ def course_of(
 def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDArray[Any]:
     """Hold each value until the next one; `before` the first."""
     return np.array([*values, before])[np.where(last < 0, len(values), last)]
-
-
-def confusion(courses: Sequence[Course], classes: Sequence[str]) -> tuple[list[str], list[str], NDArray[np.float64]]:
-    """Compute the share of each answer in the time of each label.
-
-    Returns
-    -------
-    The labels performed, the answers ("none" last), and the shares, shape (labels, answers).
-    """
-    labels = sorted({segment.label for each in courses for segment in each.segments})
-    shares = np.zeros((len(labels), len(classes) + 1))
-    for each in courses:
-        rows = np.array([labels.index(segment.label) for segment in each.segments], dtype=np.intp)
-        labelled = each.segment >= 0
-        np.add.at(shares, (rows[each.segment[labelled]], each.published[labelled]), each.lasts[labelled])
-    whole = shares.sum(axis=1, keepdims=True)
-    return labels, [*classes, "none"], shares / np.where(whole > 0, whole, 1.0)

@@ -64,28 +64,16 @@ def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:
     assert len(folds[0].library) == 8
 
 
-def test_each_person_is_recognised_by_the_others(takes: list[Take]) -> None:
-    """Leaving one person out no motion of that person is in the library; one library is for all takes of a person."""
-    folds = {fold.person: fold for fold in folds_of(takes, Protocol.LEAVE_ONE_PERSON_OUT, _unused)}
-    assert {person: _names(fold) for person, fold in folds.items()} == {
-        "ann": ["ann1", "ann2"],
-        "ben": ["ben3", "ben4"],
-        "cid": ["cid5"],
-    }
+@pytest.mark.parametrize("protocol", [Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON])
+def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol: Protocol) -> None:
+    """Each person is recognised by all others together, or recognises all others: one library for a whole fold."""
+    own = {"ann": ["ann1", "ann2"], "ben": ["ben3", "ben4"], "cid": ["cid5"]}
+    folds = {fold.person: fold for fold in folds_of(takes, protocol, _unused)}
+    assert list(folds) == list(own)
     for person, fold in folds.items():
-        assert set(fold.library.actors) == {"ann", "ben", "cid"} - {person}
-
-
-def test_each_person_recognises_all_others(takes: list[Take]) -> None:
-    """A library of one person is asked by all other persons, never by that person."""
-    folds = {fold.person: fold for fold in folds_of(takes, Protocol.ONE_PERSON, _unused)}
-    assert {person: _names(fold) for person, fold in folds.items()} == {
-        "ann": ["ben3", "ben4", "cid5"],
-        "ben": ["ann1", "ann2", "cid5"],
-        "cid": ["ann1", "ann2", "ben3", "ben4"],
-    }
-    for person, fold in folds.items():
-        assert fold.library.actors == (person,)
+        others = [name for each in own if each != person for name in own[each]]
+        asking, library = (others, own[person]) if protocol is Protocol.ONE_PERSON else (own[person], others)
+        assert (_names(fold), _sources(fold)) == (asking, set(library))
 
 
 def test_unlabelled_takes_are_asked_of_other_persons_libraries(takes: list[Take]) -> None:

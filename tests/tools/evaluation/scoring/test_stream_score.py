@@ -18,7 +18,7 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.scoring.stream_score import score_courses
 from kinespace.tools.evaluation.scoring.stretches import LASTING
-from kinespace.tools.evaluation.scoring.timeline import NONE, Course, confusion, course_of
+from kinespace.tools.evaluation.scoring.timeline import NONE, Course, course_of
 from kinespace.tools.evaluation.takes import Take
 
 if TYPE_CHECKING:
@@ -113,11 +113,6 @@ def test_classes_counted_by_hand() -> None:
         assert scores[name] == pytest.approx(exact)
 
 
-def test_a_take_twice_has_the_figures_of_once() -> None:
-    """Takes are scored together: the same take twice has the same figures, but for the 90 % of twice as many delays."""
-    assert _figures([_course(), _course()]) == pytest.approx({**KNOWN_ANSWERS, "p90_delay_s": 0.875})
-
-
 # --- bases of the figures ---------------------------------------------------------------------------------------
 
 
@@ -177,16 +172,6 @@ def test_intervals_come_from_segments_drawn_again() -> None:
     ]
     score = score_courses(answers, CLASSES, 1.0)
     assert score.figures["frame_accuracy"].interval() == pytest.approx(naive_score.middle(shares))
-
-
-def test_no_frame_between_two_takes_is_a_change() -> None:
-    """The border between two takes is no change."""
-    course = _course()
-    still = np.full(64, NONE)
-    quiet = Course("quiet", TIMES, SEGMENTS[:1], still, still, still, still, still, np.full(64, np.nan))
-    together = score_courses([course, quiet], CLASSES, 1.0)
-    assert together.values["changes_per_minute"] == pytest.approx(KNOWN_ANSWERS["changes_per_minute"] / 2)
-    assert together.values["true_changes_per_minute"] == pytest.approx(KNOWN_ANSWERS["true_changes_per_minute"] / 2)
 
 
 def test_where_there_is_nothing_to_count_there_is_no_figure() -> None:
@@ -342,12 +327,3 @@ def test_classes_that_the_library_lacks_are_unknown() -> None:
     assert set(course.segment) == set(course.truth) == {NONE}
     assert (course.contains, course.seconds) == ((BOW,), SECONDS)
     assert set(course.published[8:]) == {BOW}
-
-
-def test_the_confusion_is_the_share_of_each_labels_time() -> None:
-    """Each label's row, unknown ones too, holds the share of its frames by answer, no answer last."""
-    labels, answers, shares = confusion([_course(), _course()], CLASSES)
-    assert labels == ["bow", "juggle", "jump", "wave"]
-    assert answers == [*CLASSES, "none"]
-    expected = [[10, 0, 2, 4], [0, 2, 10, 8], [3, 13, 0, 4], [0, 0, 0, 4]]
-    assert shares == pytest.approx(np.array(expected) / [[16], [20], [20], [4]])

@@ -541,18 +541,3 @@ def steps(positions: Numbers, last: Numbers, found: Numbers) -> Call:
         return float(np.einsum("fjc,fjc->f", own, own).max())
 
     return call
-
-
-def extremes(positions: Numbers, ends: Indices, lengths: Numbers, moved: Numbers) -> Call:
-    """Find how segments and joints change in some frames; NaN counts only where there is nothing else."""
-
-    def call(frames: float) -> float:
-        looks = positions[: int(frames)]
-        along = looks[:, ends[:, 0]] - looks[:, ends[:, 1]]
-        measured = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
-        least, greatest = np.fmin.reduce(measured), np.fmax.reduce(measured)
-        lengths[0], lengths[1] = (least + greatest) / 2, greatest - least
-        moved[...] = (np.fmax.reduce(looks) - np.fmin.reduce(looks)).max(axis=1)
-        return 0.0
-
-    return call

@@ -478,29 +478,30 @@ KINDS: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
     "records": lambda array: array.astype([("x", "<i4")]),
 }
 CRAFTED: list[tuple[Callable[..., None], str]] = [
-    (_said("joints", to=[f"j{n}" for n in range(20_000)]), "joints: expected at most 512"),
+    (_said("joints", to=[f"j{n}" for n in range(20_000)]), "of length <= 512 - at `$.joints`"),
     (_said("joints", to=list(STICK.joints[:5])), "parents: expected one per joint (5)"),
     (_said("joints", to=["a"] * 6), "joints: expected distinct"),
-    *((_said("joints", to=to), "joints: expected a list") for to in ([1, 2, 3, 4, 5, 6], "abcdef")),
+    *((_said("joints", to=to), "at `$.joints") for to in ([1, 2, 3, 4, 5, 6], "abcdef")),
     (_said("parents", to=[0] * 6), "parents: expected joint indices"),
     (_said("parents", to=[1, 2, 0, -1, 3, 3]), "parents: expected no joint above itself"),
     *((_said("parents", to=to), "parents: expected") for to in ([-1, 0, 10**400, 0, 0, 0], [-1, 0])),
-    (_first("frames", 10**400), "frames: expected 2 to 100000000"),
-    *((_first("frames", to), "frames: expected") for to in (0, 1, -24, 2.5, True, None, "24", float("nan"), 10**9)),
+    (_first("frames", 10**400), "Expected `int` <= 100000000 - at `$.motions.frames[0]`"),
+    *((_first("frames", to), "") for to in (0, 1, -24, 2.5, True, None, "24", float("nan"), 10**9)),
     (_long, "frames: expected at most 100000000 coordinates"),
     (_first("frames", 23), "positions: expected int16"),
     (_said("motions", "frames", to=[]), "motions: expected 1 to 100000, got 0"),
     (_many, "motions: expected 1 to 100000, got 100001"),
     *((_first("frame_rate", to), "") for to in (0, -60.0, 0.5, 75.1, float("nan"), float("inf"), 10**400, "60", None)),
     (_first("class_name", ""), "expected a class name"),
-    (_first("class_name", 3), "class_name: expected a list of 18"),
-    (_first("actor", None), "actor: expected a list of 18"),
-    (_said("motions", "take", to=["1"]), "take: expected a list of 18"),
-    *((_first("origin", to), "origin: expected 0 to 0") for to in (1, -1)),
-    (_said("origins", to=[["a", "b"]]), "origins: expected a list of 3"),
-    *((_said(name, to=to), NO_LIBRARY) for name, to in (("origins", 7), ("motions", []), ("learned", ["weights"]))),
-    *((_unsaid(name), NO_LIBRARY) for name in ("joints", "parents", "origins", "learned")),
-    *((_unsaid("motions", name), NO_LIBRARY) for name in ("frames", "name")),
+    (_first("class_name", 3), "Expected `str`, got `int` - at `$.motions.class_name[0]`"),
+    (_first("actor", None), "at `$.motions.actor[0]`"),
+    (_said("motions", "take", to=["1"]), "take: expected 18, one for each motion, got 1"),
+    (_first("origin", 1), "origin: expected 0 to 0"),
+    (_first("origin", -1), "at `$.motions.origin[0]`"),
+    (_said("origins", to=[["a", "b"]]), "at `$.origins[0]`"),
+    *((_said(name, to=to), f"`$.{name}`") for name, to in (("origins", 7), ("motions", []), ("learned", ["weights"]))),
+    *((_unsaid(name), f"required field `{name}`") for name in ("joints", "parents", "origins", "learned")),
+    *((_unsaid("motions", name), f"required field `{name}`") for name in ("frames", "name")),
     *((_array(name, np.copy), "arrays: expected exactly the arrays") for name in ("further", "learned_more")),
     *((_no_array(name), "arrays: expected exactly the arrays") for name in ("positions", "learned_weights")),
     (_array("starts", _far), "positions: expected at most 1000 m"),
@@ -509,8 +510,8 @@ CRAFTED: list[tuple[Callable[..., None], str]] = [
     (_array("learned_weights", _not_finite), "expected finite numbers"),
     (_array("learned_weights", np.transpose), "learned_weights: expected float32"),
     *(
-        (_said("learned", to={"weights": to}), "learned: expected at most")
-        for to in ([10**400], [-3, -4], [0, 2**62], [9**7, 9])
+        (_said("learned", to={"weights": to}), f"{told}: expected at most" if told else "at `$.learned[...]")
+        for to, told in (([10**400], ""), ([-3, -4], ""), ([0, 2**62], ""), ([9**7, 9], "learned"))
     ),
 ]
 

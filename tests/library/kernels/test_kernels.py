@@ -468,20 +468,6 @@ def test_a_kernel_or_width_that_is_none_is_refused(width: str) -> None:
 # --- which kernels are in use --------------------------------------------------------------------------------------
 
 
-def test_compiled_kernels_can_be_left_aside_for_a_while(width: str) -> None:
-    """Inside the block numpy's are bound; after it, even after an error, the compiled ones."""
-    meanwhile = list[str]()
-
-    def fail() -> None:
-        with kernels.left_aside():
-            meanwhile.append(kernels.kind())
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    assert (meanwhile, kernels.kind()) == (["numpy"], f"compiled loops ({width})")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("old", [True, False])
 def test_kernels_built_from_older_sources_or_switched_off_are_not_used(*, old: bool) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from importlib import resources
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
@@ -241,13 +240,6 @@ def test_motions_are_added(library: MotionLibrary) -> None:
     _assert_equal(more.without(classes=["ab"], motions=[jump]), before)
 
 
-def test_adding_a_motion_copies_no_other(builtin: MotionLibrary) -> None:
-    """Adding a motion does not copy the other 288."""
-    more = builtin.with_motions([builtin.motions[100]])
-    assert len(more) == 289
-    assert len({id(each) for each in more.motions} - {id(each) for each in builtin.motions}) == 1
-
-
 def test_classes_persons_and_motions_are_left_out(library: MotionLibrary) -> None:
     """Classes, persons and motions are left out; all other motions stay."""
     assert library.without(classes=["bow", "wave"]).classes == ("jump",)
@@ -282,14 +274,6 @@ def test_classes_are_renamed(library: MotionLibrary) -> None:
     assert renamed.classes == ("wave", "zeal")
     assert [motion.class_name for motion in renamed.motions] == ["wave"] * 12 + ["zeal"] * 6
     assert {motion.take for motion in renamed.motions} == {motion.take for motion in library.motions}
-
-
-def test_nothing_is_no_class(library: MotionLibrary) -> None:
-    """Motions of the class `nothing` are motions, but `nothing` is not among the classes of the answers."""
-    nothing = library.renamed({"jump": NOTHING})
-    assert nothing.classes == ("bow", "wave")
-    assert len(nothing) == 18
-    assert nothing.without(classes=[NOTHING]).classes == ("bow", "wave")
 
 
 # --- fewer joints ------------------------------------------------------------------------------------------------
@@ -408,11 +392,6 @@ def test_the_built_in_motions_are_a_persons(builtin: MotionLibrary) -> None:
         assert 0.35 < bones[0, motion.skeleton.joints.index("ltibia") - 1] < 0.5
         speed = np.linalg.norm(np.diff(motion.positions[:, 0], axis=0), axis=-1) * motion.frame_rate
         assert speed.max() < 5.0
-
-
-def test_the_built_in_library_is_small() -> None:
-    """The library in the package takes at most three megabytes."""
-    assert len(resources.files("kinespace.library").joinpath("hdm05.npz").read_bytes()) <= 3_000_000
 
 
 def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, hdm05_clips: tuple[Clip, ...]) -> None:

@@ -40,18 +40,6 @@ def test_without_a_kind(weighing: Weighing, kind: Kind) -> None:
     assert 1 <= len(fewer.views) <= len(weighing.views)
 
 
-def test_weights_keep_their_proportions() -> None:
-    """Without postures a half and a quarter become two thirds and one; a group that loses a part keeps its weight."""
-    fewer = SMALL.without(Kind.POSTURE)
-    assert fewer.groups == SMALL.groups[:2]
-    assert np.allclose(fewer.views, [(2 / 3, 1 / 3)])
-    fewer = SMALL.without(Kind.SPREAD)
-    assert fewer.groups == ((EIGEN_LONG,), (EIGEN_SHORT,), (POSTURE,))
-    assert np.allclose(fewer.views, SMALL.views)
-    with pytest.raises(ValueError, match="beside posture"):
-        Weighing(groups=((POSTURE,),), views=((1.0,),), first=0.5).without(Kind.POSTURE)
-
-
 def test_below_the_views_each_group_is_compared_alone() -> None:
     """Two views of three groups make five rows of weights; the views name a class, and the rest is evidence."""
     assert np.array_equal(SMALL.weights, [*SMALL.views, (1, 0, 0), (0, 1, 0), (0, 0, 1)])

@@ -155,36 +155,6 @@ def test_a_second_person_must_agree(small_index: WindowIndex) -> None:
 # --- kinds of libraries ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["as it is", "no parents", "nothing"])
-def test_motions_of_new_people_are_nearest_to_their_class(
-    kind: str, small_library: MotionLibrary, asking: tuple[Clip, ...]
-) -> None:
-    """By Kinect 1's twenty joints, also without segments, and where a class is `nothing`."""
-    joints, classes = joints_of("kinect20"), list(CLASSES)
-    library, clips = small_library.restricted_to(joints), tuple(clip.restricted_to(joints) for clip in asking)
-    if kind == "no parents":
-        skeleton = Skeleton(library.skeleton.joints)
-        library = MotionLibrary(skeleton, tuple(replace(clip, skeleton=skeleton) for clip in library.motions))
-        clips = tuple(replace(clip, skeleton=skeleton) for clip in clips)
-    if kind == "nothing":
-        library, classes[-1] = library.renamed({"squat1Reps": NOTHING}), NOTHING
-    index = WindowIndex.of(library)
-    assert _guessed(index, clips) == classes
-    assert index.classes == tuple(sorted(classes))
-    assert (kind == "nothing") == (len(index.library.classes) == 2)
-
-
-def test_one_class_is_nearest_to_itself(people: MotionLibrary, arithmetic: str) -> None:
-    """There is one distance for each view, and it says how near a motion is."""
-    index = WindowIndex.of(people.without(classes=STICK_CLASSES[1:]))
-    near, *far = (
-        index.log_distances(_numbers(index, stick_clip(name, seed=70, frames=240))[-1]) for name in STICK_CLASSES
-    )
-    assert near.shape == (len(index.comparison.weighing.weights), 1)
-    assert near[0] < min(each[0] for each in far), arithmetic
-
-
 def test_a_motion_too_short_for_a_window_stays(people: MotionLibrary) -> None:
     """It is in the library, and no window is its; a library without any window cannot be opened."""
     short = replace(people.motions[0].moved_to(people.motions[0].positions[:6]), class_name="blink")

@@ -90,15 +90,6 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
     assert hysteresis.current is None
 
 
-def test_what_is_kept_goes_on() -> None:
-    """A name that is kept keeps its lead; one that is gone begins again."""
-    for kept, taken in (({"a"}, True), ({"b"}, False)):
-        hysteresis = Hysteresis(1.0)
-        hysteresis.push("a", 0.9, HOP)
-        hysteresis.keep(kept)
-        assert hysteresis.push("a", 0.2, HOP) is taken
-
-
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(0.01, 0.5)), min_size=1, max_size=40), st.floats(-2, 2))
 def test_a_guess_is_known_by_averaged_evidence(course: list[tuple[float, float]], threshold: float) -> None:
     """The average over 0.3 seconds, whatever the hops, is against a threshold that is lower for what is known."""
@@ -224,20 +215,6 @@ def test_alternating_guesses_start_nothing_new(period: int) -> None:
     assert ended is not None
     assert (ended.kind, ended.label, ended.time, ended.score) == (END, "wave", 30.0, going_on.score)
     assert (decision.end(31.0), decision.going_on) == (None, None)
-    # Another recogniser goes on with the motion: no second start, and one end.
-    other = Decision(NEEDED, going_on)
-    assert _told(_pushed(other, _course((1.0, NAMED, 2), (1.0, STILL, 0)))) == [(END, "wave")]
-
-
-@pytest.mark.parametrize("rate", [15, 60, 120, 240])
-def test_the_hop_rate_does_not_matter(rate: int) -> None:
-    """At 15 to 240 hops a second the same course has the same events, within a hop or two."""
-    stretches = [(1.0, NAMED, 0), (1.0, UNKNOWN, 0), (1.0, NAMED, 2), (1.0, NAMED, 1)]
-    expected, events = (_pushed(Decision(NEEDED), _course(*stretches, hop=hop)) for hop in (HOP, 1 / rate))
-    assert _told(events) == _told(expected)
-    assert len(events) == 5
-    for event, other in zip(events, expected, strict=True):
-        assert event.time == pytest.approx(other.time, abs=HOP + 1 / rate + 1e-9)
 
 
 def test_a_gap_adds_no_lead() -> None:

@@ -121,14 +121,6 @@ def test_speed_and_amplitude_follow_the_motion() -> None:
     assert small / whole == pytest.approx(0.6, abs=0.15)
 
 
-def test_rounds_are_counted() -> None:
-    """An arm circle that is played three times counts two rounds that end, at least one."""
-    assert table_without("tr").classes[ARMS].cyclic
-    assert not table_without("tr").classes[DOWN].cyclic
-    assert followed(clip_of(ARMS, "tr"), rounds=3)[-1].cycles in (1, 2, 3)
-    assert followed(clip_of(DOWN, "mm"))[-1].cycles == 0
-
-
 def test_nothing_named_has_no_progress() -> None:
     """Without a class, or with one that the table lacks, there is no progress; after a minute there is one step."""
     follower, points = ProgressFollower(table_without("bk")), points_of(clip_of(SQUAT, "bk").positions[:60:2])
@@ -178,18 +170,6 @@ def test_a_motion_that_was_just_taught_is_followed() -> None:
     assert phases[5] < 0.3
     assert phases[-1] > 0.8
     assert phases == pytest.approx(sorted(phases), abs=0.15)
-
-
-def test_any_hop_follows_alike() -> None:
-    """Hops of a frame, of a step and of three steps end at about the same phase."""
-    clip, ends = clip_of(SQUAT, "mm"), []
-    points = points_of(clip.positions)
-    for every in (1, 2, 6):
-        follower = ProgressFollower(table_without("mm"))
-        told = [follower.push(i / clip.frame_rate, points[i], SQUAT) for i in range(0, 80, every)]
-        assert told[-1]
-        ends.append(told[-1].phase)
-    assert max(ends) - min(ends) < 0.15
 
 
 def test_the_recogniser_tells_progress_when_asked() -> None:

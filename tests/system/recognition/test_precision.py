@@ -100,27 +100,6 @@ def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
         assert error.hops == motion.frames // 4
 
 
-def test_all_motions_as_one_performance(builtin: MotionLibrary) -> None:
-    """A quarter of the motions, played without a break, stay exact to the last hop, and little is computed afresh."""
-    positions = np.concatenate([motion.positions for motion in builtin.motions[::4]])
-    rows = distance_rows(positions, SKELETON)[:, ::EVERY]
-    error = _streamed(rows, hop=8, rate=60.0)
-    assert error.worst <= MOVING
-    assert error.hops == len(rows) // 8
-    assert 2 <= error.refreshes <= len(rows) / 60
-
-
-@pytest.mark.parametrize("distance", [1e4])
-def test_far_from_the_origin(some_clips: tuple[Clip, ...], distance: float) -> None:
-    """Kilometres from the origin the covariance is the same as near it."""
-    offset = distance * np.array([1.0, -2.0, 0.5])
-    for clip in some_clips[::2]:
-        at_home, away = (
-            distance_rows(positions, SKELETON)[:, ::EVERY] for positions in (clip.positions, clip.positions + offset)
-        )
-        assert _streamed(away, hop=4, truth=at_home).worst <= MOVING
-
-
 # --- two hundred thousand frames -----------------------------------------------------------------------------------
 
 LONG = 200_000
@@ -198,23 +177,6 @@ def test_a_still_body_is_never_named(
         assert {recognition.outcome for recognition in still} == {Outcome.STILL}
         assert {recognition.class_name for recognition in still} == {None}
         assert all(0.0 <= recognition.movement < 0.01 for recognition in still)
-
-
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_a_frozen_feed_is_never_a_class(sticks: MotionLibrary, signature: LiveSignature) -> None:
-    """After any motion, a tracker that repeats its last frame digit for digit is answered still."""
-    for seed in range(4):
-        generator = np.random.default_rng(seed)
-        pose = generator.normal(size=(6, 3))
-        recognizer = Recognizer(sticks, Settings(signature=signature, hop=0.0, plausibility=False))
-        for index in range(200):
-            if index < 60:
-                positions = pose + 10.0 ** -generator.integers(0, 4) * generator.normal(size=(6, 3))
-            recognition = recognizer.push(Frame("p", index / 120, positions))
-            # A second of distances, and a tenth that smoothing reaches back.
-            if index >= 60 + 120 + 13:
-                assert recognition is not None
-                assert recognition.outcome is Outcome.STILL
 
 
 # --- refreshes ---------------------------------------------------------------------------------------------------

@@ -177,15 +177,6 @@ def test_on_a_clock_that_counts_from_1970(clips: list[Clip], twin: Twin) -> None
     assert _count(_compare(twin, _frames(clips[0], start=1.7e9))) > 15
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5])
-def test_with_dropped_frames(clips: list[Clip], twin: Twin, share: float) -> None:
-    """With frames lost by chance every hop is answered as the twin answers."""
-    generator = np.random.default_rng(12)
-    for clip in clips[:1]:
-        kept = np.flatnonzero(generator.random(clip.frames) >= share)
-        assert _count(_compare(twin, _frames(clip, kept.tolist()))) > 10
-
-
 def test_with_everything_that_goes_wrong(clips: list[Clip], twin: Twin) -> None:
     """With jitter, losses, swaps, repeats, gaps and restarted clocks the twin refuses, restarts and answers alike."""
     generator = np.random.default_rng(13)

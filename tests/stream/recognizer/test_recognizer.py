@@ -113,15 +113,6 @@ def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(library: MotionLibr
         assert (end.label, end.time, recognizer.end()) == ("jump", start + 359 / 120, None)
 
 
-def test_counts_add_up() -> None:
-    """Other counts are added, or taken off."""
-    counts = RecognizerCounts(1, 2, 3, 4)
-    counts.add(RecognizerCounts(10, 20, 30, 40))
-    assert counts == RecognizerCounts(11, 22, 33, 44)
-    counts.add(RecognizerCounts(1, 2, 3, 4), -1)
-    assert counts == RecognizerCounts(10, 20, 30, 40)
-
-
 # --- one performer, one thread -----------------------------------------------------------------------------------
 
 

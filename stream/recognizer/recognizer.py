@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 _SAME_HOP = 0.01
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
+#: Frames in a row that may be older than the newest before the sender is taken to have started anew. A frame older than
+#: the longest window means so at once.
+_PATIENCE = 10
 #: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
@@ -393,7 +396,7 @@ class Recognizer:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self._windows.longest and self._late_in_a_row <= self.settings.patience:
+            if behind <= self._windows.longest and self._late_in_a_row <= _PATIENCE:
                 self.counts.out_of_order += 1
                 return False
             self._restart()

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
-from kinespace.stream.recognizer.limits import Limits
+from kinespace.stream.recognizer.limits import Limits, index_for
+from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ NAMED, STILL, UNKNOWN = Outcome.NAMED, Outcome.STILL, Outcome.UNKNOWN
 HOP = 1 / 30
 #: The lead after which a class starts.
 NEEDED = 3.0
-ANYTHING = Limits(-math.inf, 0.0, 0.0)
+ANYTHING = Limits(-math.inf, 0.0)
 MOVING = Leading(0.1, 0.5, 0.5)
 
 
@@ -144,10 +145,10 @@ def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -
     ("limits", "seen", "outcome"),
     [
         (ANYTHING, MOVING, NAMED),
-        (Limits(math.inf, 0.0, 0.0), MOVING, UNKNOWN),
-        (Limits(-math.inf, 0.2, 0.0), MOVING, STILL),
-        (Limits(math.inf, 0.1, 0.0), MOVING, UNKNOWN),
-        (Limits(-math.inf, 0.0, 0.9), MOVING, NAMED),
+        (Limits(math.inf, 0.0), MOVING, UNKNOWN),
+        (Limits(-math.inf, 0.2), MOVING, STILL),
+        (Limits(math.inf, 0.1), MOVING, UNKNOWN),
+        (ANYTHING, MOVING._replace(gap=0.0), NAMED),
     ],
 )
 def test_reasons_for_naming_no_class(index: WindowIndex, limits: Limits, seen: Leading, outcome: Outcome) -> None:
@@ -156,6 +157,14 @@ def test_reasons_for_naming_no_class(index: WindowIndex, limits: Limits, seen: L
     assert decided.outcome is outcome
     assert decided.evidence is not None
     assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))
+
+
+@pytest.mark.parametrize(("gap", "outcome"), [(0.019, Outcome.AMBIGUOUS), (0.021, NAMED)])
+def test_the_papers_eigenvector_may_be_arbitrary(index: WindowIndex, gap: float, outcome: Outcome) -> None:
+    """Then its movement is ambiguous, and it has no evidence."""
+    paper = index_for(index, Settings(LiveSignature.PAPER))
+    decided = Decision(NEEDED).push(_windows(paper, 0.1, 1.0, 1.0), MOVING._replace(gap=gap), ANYTHING, 0.0, 0.0)
+    assert (decided.outcome, decided.evidence) == (outcome, None)
 
 
 # --- events ------------------------------------------------------------------------------------------------------

@@ -66,7 +66,6 @@ STEPS = st.sampled_from(
     steps=st.lists(st.one_of(st.just(1 / 120), STEPS), min_size=5, max_size=120),
     hop=st.sampled_from([0.0, 1 / 30, 0.05, 0.11]),
     longest_gap=st.sampled_from([0.2, 0.5, 60.0]),
-    patience=st.sampled_from([0, 3, 10]),
     start=st.sampled_from([0.0, 1.7e9]),
     window=st.sampled_from([None, 0.3]),
 )
@@ -76,15 +75,14 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
     steps: list[float],
     hop: float,
     longest_gap: float,
-    patience: int,
     start: float,
     window: float | None,
 ) -> None:
     """Frames late, repeated, after gaps, of a clock that began again: the slow twin answers at the same frames."""
     others = {} if window is None else {"signature": LiveSignature.PAPER, "window": window}
-    given = Settings(hop=hop, longest_gap=longest_gap, patience=patience, plausibility=False, **others)  # type: ignore[arg-type]
+    given = Settings(hop=hop, longest_gap=longest_gap, plausibility=False, **others)  # type: ignore[arg-type]
     recognizer, generator, time = Recognizer(library, given), np.random.default_rng(1), start
-    feed = NaiveFeed([0], hop, longest_gap, patience, window or 2.0)
+    feed = NaiveFeed([0], hop, longest_gap, window or 2.0)
     for step in steps:
         time += step
         positions = stick_clip("bow", frames=1).positions[0] + 0.01 * generator.normal(size=(6, 3))

@@ -80,20 +80,19 @@ def test_only_the_default_signature_has_evidence(small_library: MotionLibrary, f
 
 
 #: Settings that are refused, by name, with the expectation.
-_BY_PAPER = {"window", "smallest_gap"}
+_BY_PAPER = {"window"}
 WRONG: list[tuple[str, object, str]] = [
     *(("window", value, "a positive number of seconds") for value in (0.0, -1.0, np.inf, np.nan)),
     *(("longest_gap", value, "a positive number of seconds") for value in (0.0, -1.0, np.inf, np.nan)),
     *(
-        (name, value, "a (number not below 0|whole number)")
-        for name in ("sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience")
+        (name, value, "a number not below 0")
+        for name in ("sensitivity", "lead", "hop", "stillness")
         for value in (-1, -1e-9, np.inf, np.nan)
     ),
     ("sensitivity", 2, "a share from 0 to 1"),
     ("signature", "papier", "windows or paper"),
     ("progress", "no", "True or False"),
     ("plausibility", 0, "True or False"),
-    ("patience", 1.5, "a whole number"),
     ("hop", 1e9, "at most 60 seconds"),
     ("hop", "1", "a number"),
     ("lead", True, "a number"),
@@ -110,7 +109,7 @@ def test_a_wrong_setting_is_refused_by_name(name: str, value: object, expected: 
         Settings(**{"signature": signature} | {name: value})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("name", "value"), [("window", 1.0), ("smallest_gap", 0.0), ("sensitivity", 0.0), ("hop", 0)])
+@pytest.mark.parametrize(("name", "value"), [("window", 1.0), ("sensitivity", 0.0), ("hop", 0)])
 def test_a_setting_has_its_signature(name: str, value: float) -> None:
     """A setting of the other signature is refused by name, with any value; its own takes it, 0 too."""
     own, other = (LiveSignature.PAPER, "windows") if name in _BY_PAPER else (LiveSignature.WINDOWS, "paper")
@@ -148,13 +147,6 @@ def test_stillness_is_a_setting(
     assert len(answers) > 40
     assert {answer.outcome is Outcome.STILL for answer in answers} == {still}
     assert {answer.movement < stillness for answer in answers} == {still}
-
-
-@pytest.mark.parametrize(("smallest_gap", "outcome"), [(0.01, Outcome.NAMED), (1.01, Outcome.AMBIGUOUS)])
-def test_the_smallest_gap_is_a_setting(sticks: MotionLibrary, smallest_gap: float, outcome: Outcome) -> None:
-    """With the paper's signature a gap between the eigenvalues below the given one is ambiguous, above it is named."""
-    settings = Settings(signature=LiveSignature.PAPER, smallest_gap=smallest_gap)
-    assert {answer.outcome for answer in _answers(Recognizer(sticks, settings), _stick_frames("bow"))} == {outcome}
 
 
 def test_the_papers_window_is_a_setting(sticks: MotionLibrary) -> None:

@@ -103,7 +103,7 @@ def _compare(twin: Twin, frames: Sequence[Frame], settings: Settings | None = No
     settings = replace(settings or Settings(), sensitivity=SENSITIVITY, plausibility=False)
     recognizer = Recognizer(twin.index, settings)
     pairs = [(int(first), int(second)) for first, second in twin.index.library.skeleton.pairs]
-    feed = NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap, patience=settings.patience)
+    feed = NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap)
     courses = [Course()]
     for frame in frames:
         answer = recognizer.push(frame)
@@ -181,7 +181,7 @@ def test_with_everything_that_goes_wrong(clips: list[Clip], twin: Twin) -> None:
         frames = [Frame("p", frame.time + generator.uniform(0, 0.02), frame.positions) for frame in frames]
         feed += [frame for frame in frames for _ in range(1 + int(generator.random() < 0.05))]
         begin = feed[-1].time + step
-    settings = Settings(hop=0.04, longest_gap=0.4, patience=4)
+    settings = Settings(hop=0.04, longest_gap=0.4)
     courses = _compare(twin, feed, settings)
     assert len(courses) > 2
     assert _count(courses) > 60

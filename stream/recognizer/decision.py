@@ -169,12 +169,14 @@ class Decision:
     ----------
     lead
         Lead that a class needs before a start event. More is later and surer.
+    going_on
+        The start of a motion that goes on already.
     """
 
-    def __init__(self, lead: float) -> None:
+    def __init__(self, lead: float, going_on: Event | None = None) -> None:
         self._guess, self._judgement, self._event = Hysteresis(LEAD), Judgement(), Hysteresis(lead)
-        #: The start of the motion that goes on.
-        self._active: Event | None = None
+        self._active = going_on
+        self._event.current = going_on.label if going_on else None
         self._decided_at = self._event_at = math.nan
 
     @property

@@ -224,6 +224,9 @@ def test_alternating_guesses_start_nothing_new(period: int) -> None:
     assert ended is not None
     assert (ended.kind, ended.label, ended.time, ended.score) == (END, "wave", 30.0, going_on.score)
     assert (decision.end(31.0), decision.going_on) == (None, None)
+    # Another recogniser goes on with the motion: no second start, and one end.
+    other = Decision(NEEDED, going_on)
+    assert _told(_pushed(other, _course((1.0, NAMED, 2), (1.0, STILL, 0)))) == [(END, "wave")]
 
 
 def test_a_gap_adds_no_lead() -> None:

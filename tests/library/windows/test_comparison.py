@@ -9,7 +9,7 @@ import pytest
 from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, flattened
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing, by_paper
 from kinespace.library.windows.cutting import CutWindows
-from kinespace.library.windows.index import measured_clips
+from kinespace.library.windows.index import Measured
 from kinespace.library.windows.metric import Lessons
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def test_the_papers_weighing_names_by_products() -> None:
 
 def test_windows_are_placed_by_metrics(small_index: WindowIndex) -> None:
     """An eigen part alone stays eigenvectors; another part has its own metric, and several parts one more."""
-    clips, ends, motions = measured_clips(small_index.library, 0.4)
+    clips, ends, motions = Measured.of(small_index.library, 0.4)
     numbers = CutWindows(clips, ends, small_index.body, small_index.basis).numbers()
     classes, people = (
         np.unique([getattr(clip, name) for clip in clips], return_inverse=True)[1] for name in ("class_name", "actor")

@@ -15,7 +15,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.signature.parts import EIGENVECTORS, Kind
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import CutWindows, window_ends
-from kinespace.library.windows.index import WindowIndex, measured_clips, opened, teacher_of
+from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
 from kinespace.library.windows.rejection import learned_rejection
 from kinespace.tools.feeding.joint_sets import joints_of
 
@@ -313,7 +313,7 @@ def test_phases_of_classes_that_stay_are_not_computed_again(people_index: Window
 
 def test_windows_lie_closer_in_a_library_of_one_person(people: MotionLibrary) -> None:
     """A window is kept every 0.4 seconds, and every tenth of a second where one person's motions are all there are."""
-    for library, step in ((people, 12), (people.without(actors=("aa", "bb")), 3)):
-        _, ends, motions = measured_clips(library)
-        assert {*np.diff(ends[0])} == {step}
-        assert len(motions) == sum(map(len, ends))
+    for library, every in ((people, 0.4), (people.without(actors=("aa", "bb")), 0.1)):
+        windows = Measured.of(library, every)
+        assert WindowIndex.of(library, people).motions.tolist() == windows.motions.tolist()
+        assert len(windows.motions) == sum(map(len, windows.ends))

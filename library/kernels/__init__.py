@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 #: Raised when a kernel's arguments change.
-VERSION = 2
+VERSION = 3
 
 
 class Call(Protocol):
@@ -66,8 +66,7 @@ def bind(name: str, *arguments: NDArray[np.generic] | float) -> Call:
     lengths = kernel.lengths(cast("tuple[NDArray[np.generic], ...]", arrays))
     if compiled is None or not _has_room(compiled, lengths.by_letter):
         return cast("Call", getattr(plain, name)(*arguments))
-    bound = compiled.Bound(name, arrays, lengths.in_order, constants, kernel.most(lengths))
-    return cast("Call", bound.run)
+    return cast("Call", compiled.bind(name, arrays, lengths.in_order, constants, kernel.most(lengths)))
 
 
 def _has_room(module: ModuleType, lengths: dict[str, int]) -> bool:

@@ -21,7 +21,7 @@
 #endif
 
 /* As in `kernels/__init__.py`. */
-#define VERSION 2
+#define VERSION 3
 /* Frames measured side by side. */
 #define TOGETHER 4
 /* Sizes for which the stack has room; larger ones are left to numpy. */
@@ -101,7 +101,7 @@ typedef uint16_t Half;
 typedef double Kernel(void *const *array, const Py_ssize_t *n, const double *x);
 #define KERNELS(X)                                                                                                      \
     X(distances) X(follow) X(follow_products) X(read_parts) X(read_eigen) X(eigenpairs) X(place) X(flatten) X(compare)  \
-    X(scores) X(follow_phase) X(moving) X(steps) X(extremes)
+    X(scores) X(follow_phase) X(moving) X(steps)
 #if defined(WIDE_REGISTERS)
 #define OF_EACH_KIND(name) {#name, {name##_any, name##_avx2, name##_avx512}},
 #else
@@ -144,93 +144,75 @@ static int can(const char *kind) {
 /* ---- a kernel with its arguments ----------------------------------------------------------------------------------*/
 
 typedef struct {
-    PyObject_HEAD
-    int kernel, arrays, numbers, given; /* the numbers given at each call are the last ones */
-    Py_buffer held[MAX_ARRAYS];
+    int kernel, known, given; /* the numbers given when it is bound, and at each call */
     void *array[MAX_ARRAYS];
     Py_ssize_t length[MAX_LENGTHS];
     double number[MAX_NUMBERS], most[MAX_NUMBERS];
 } Bound;
 
-static void bound_dealloc(PyObject *self) {
-    PyTypeObject *type = Py_TYPE(self);
-    for (int i = 0; i < ((Bound *)self)->arrays; i++) {
-        PyBuffer_Release(&((Bound *)self)->held[i]);
-    }
-    ((freefunc)PyType_GetSlot(type, Py_tp_free))(self);
-    Py_DECREF(type);
-}
-
-static Py_ssize_t size_of(PyObject *tuple, Py_ssize_t most) {
-    const Py_ssize_t size = PyTuple_Size(tuple);
-    if (size > most) {
-        PyErr_Format(PyExc_ValueError, "expected at most %zd arguments, got %zd", most, size);
-        return -1;
-    }
-    return size;
-}
-
-/* Bound(name, arrays, lengths, constants, most): `most` is the largest value of each number that is given at each call */
-static PyObject *bound_new(PyTypeObject *type, PyObject *arguments, PyObject *named) {
-    const char *name;
-    PyObject *arrays, *lengths, *constants, *most;
-    if (named != NULL || !PyArg_ParseTuple(arguments, "sO!O!O!O!", &name, &PyTuple_Type, &arrays, &PyTuple_Type, &lengths,
-                                           &PyTuple_Type, &constants, &PyTuple_Type, &most)) {
-        return NULL;
-    }
-    const Py_ssize_t held = size_of(arrays, MAX_ARRAYS), measured = size_of(lengths, MAX_LENGTHS);
-    const Py_ssize_t known = size_of(constants, MAX_NUMBERS), given = known < 0 ? -1 : size_of(most, MAX_NUMBERS - known);
-    Bound *bound = held < 0 || measured < 0 || given < 0 ? NULL : (Bound *)((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
-    if (bound == NULL) {
-        return NULL;
-    }
-    bound->kernel = -1;
-    for (int k = 0; k < COUNT(kernels); k++) {
-        bound->kernel = strcmp(name, kernels[k].name) == 0 ? k : bound->kernel;
-    }
-    if (bound->kernel < 0) {
-        PyErr_Format(PyExc_ValueError, "name: expected a kernel, got %s", name);
-    }
-    for (; bound->arrays < held && !PyErr_Occurred(); bound->arrays++) {
-        Py_buffer *buffer = &bound->held[bound->arrays];
-        if (PyObject_GetBuffer(PyTuple_GetItem(arrays, bound->arrays), buffer, PyBUF_STRIDES) < 0) {
-            break;
-        }
-        bound->array[bound->arrays] = buffer->buf;
-    }
-    for (Py_ssize_t i = 0; i < measured && !PyErr_Occurred(); i++) {
-        bound->length[i] = PyLong_AsSsize_t(PyTuple_GetItem(lengths, i));
-    }
-    for (Py_ssize_t i = 0; i < known + given && !PyErr_Occurred(); i++) {
-        bound->number[i] = i < known ? PyFloat_AsDouble(PyTuple_GetItem(constants, i)) : 0.0;
-        bound->most[i] = i < known ? 0.0 : PyFloat_AsDouble(PyTuple_GetItem(most, i - known));
-    }
-    bound->numbers = (int)(known + given);
-    bound->given = (int)given;
-    if (PyErr_Occurred()) {
-        Py_CLEAR(bound);
-    }
-    return (PyObject *)bound;
-}
-
-/* run(...): the kernel's numbers of this call */
-static PyObject *bound_run(PyObject *self, PyObject *const *arguments, Py_ssize_t given) {
-    Bound *bound = (Bound *)self;
+/* run(...): the kernel's numbers of this call; `held` is a Bound in bytes, and the arrays whose memory it uses */
+static PyObject *run(PyObject *held, PyObject *const *arguments, Py_ssize_t given) {
+    const Bound *bound = (const Bound *)PyBytes_AsString(PyTuple_GetItem(held, 0));
+    double number[MAX_NUMBERS];
     if (given != bound->given) {
         return PyErr_Format(PyExc_TypeError, "expected %d numbers, got %zd", bound->given, given);
     }
+    memcpy(number, bound->number, sizeof number);
     for (int i = 0; i < bound->given; i++) {
-        const int place = bound->numbers - bound->given + i;
-        const double number = PyFloat_AsDouble(arguments[i]);
-        if (number == -1.0 && PyErr_Occurred()) {
+        number[bound->known + i] = PyFloat_AsDouble(arguments[i]);
+        if (number[bound->known + i] == -1.0 && PyErr_Occurred()) {
             return NULL;
         }
-        if (!(number >= 0.0 && number <= bound->most[place])) {
-            return PyErr_Format(PyExc_ValueError, "number %d: expected 0 to %zd", i, (Py_ssize_t)bound->most[place]);
+        if (!(number[bound->known + i] >= 0.0 && number[bound->known + i] <= bound->most[i])) {
+            return PyErr_Format(PyExc_ValueError, "number %d: expected 0 to %zd", i, (Py_ssize_t)bound->most[i]);
         }
-        bound->number[place] = number;
     }
-    return PyFloat_FromDouble(kernels[bound->kernel].of[in_use](bound->array, bound->length, bound->number));
+    return PyFloat_FromDouble(kernels[bound->kernel].of[in_use](bound->array, bound->length, number));
+}
+
+static PyMethodDef run_method = {"run", (PyCFunction)(void (*)(void))run, METH_FASTCALL, NULL};
+
+/* bind(name, arrays, lengths, constants, most): `most` is the largest value of each number that is given at each call */
+static PyObject *bind(PyObject *module, PyObject *arguments) {
+    (void)module;
+    const char *name;
+    PyObject *arrays, *lengths, *constants, *most;
+    if (!PyArg_ParseTuple(arguments, "sO!O!O!O!", &name, &PyTuple_Type, &arrays, &PyTuple_Type, &lengths, &PyTuple_Type,
+                          &constants, &PyTuple_Type, &most)) {
+        return NULL;
+    }
+    Bound bound = {.kernel = -1, .known = (int)PyTuple_Size(constants), .given = (int)PyTuple_Size(most)};
+    const Py_ssize_t count = PyTuple_Size(arrays), measured = PyTuple_Size(lengths);
+    if (count > MAX_ARRAYS || measured > MAX_LENGTHS || bound.known + bound.given > MAX_NUMBERS) {
+        return PyErr_Format(PyExc_ValueError, "%s: expected fewer arguments", name);
+    }
+    for (int k = 0; k < COUNT(kernels); k++) {
+        bound.kernel = strcmp(name, kernels[k].name) == 0 ? k : bound.kernel;
+    }
+    if (bound.kernel < 0) {
+        return PyErr_Format(PyExc_ValueError, "name: expected a kernel, got %s", name);
+    }
+    for (Py_ssize_t i = 0; i < count; i++) {
+        Py_buffer buffer;
+        if (PyObject_GetBuffer(PyTuple_GetItem(arrays, i), &buffer, PyBUF_STRIDES) < 0) {
+            return NULL;
+        }
+        bound.array[i] = buffer.buf;
+        PyBuffer_Release(&buffer);
+    }
+    for (Py_ssize_t i = 0; i < measured; i++) {
+        bound.length[i] = PyLong_AsSsize_t(PyTuple_GetItem(lengths, i));
+    }
+    for (int i = 0; i < bound.known; i++) {
+        bound.number[i] = PyFloat_AsDouble(PyTuple_GetItem(constants, i));
+    }
+    for (int i = 0; i < bound.given; i++) {
+        bound.most[i] = PyFloat_AsDouble(PyTuple_GetItem(most, i));
+    }
+    PyObject *held = PyErr_Occurred() ? NULL : Py_BuildValue("y#O", (const char *)&bound, (Py_ssize_t)sizeof bound, arrays);
+    PyObject *bound_run = held == NULL ? NULL : PyCFunction_New(&run_method, held);
+    Py_XDECREF(held);
+    return bound_run;
 }
 
 /* ---- the module ---------------------------------------------------------------------------------------------------*/
@@ -254,26 +236,8 @@ static PyObject *use(PyObject *module, PyObject *name) {
     return text == NULL ? NULL : PyErr_Format(PyExc_ValueError, "kind: expected any, avx2 or avx512, as far as this processor has it, got %s", text);
 }
 
-static PyMethodDef bound_methods[] = {
-    {"run", (PyCFunction)(void (*)(void))bound_run, METH_FASTCALL, NULL},
-    {NULL, NULL, 0, NULL},
-};
-
-static PyType_Slot bound_slots[] = {
-    {Py_tp_new, bound_new},
-    {Py_tp_dealloc, bound_dealloc},
-    {Py_tp_methods, bound_methods},
-    {0, NULL},
-};
-
-static PyType_Spec bound_type = {
-    .name = "kinespace.library.kernels._compiled.Bound",
-    .basicsize = sizeof(Bound),
-    .flags = Py_TPFLAGS_DEFAULT,
-    .slots = bound_slots,
-};
-
 static PyMethodDef methods[] = {
+    {"bind", bind, METH_VARARGS, NULL},
     {"kind", kind, METH_NOARGS, NULL},
     {"use", use, METH_O, NULL},
     {NULL, NULL, 0, NULL},
@@ -283,13 +247,10 @@ static int prepare(PyObject *module) {
     for (int k = 0; k < COUNT(kinds); k++) {
         in_use = can(kinds[k]) ? k : in_use;
     }
-    PyObject *bound = PyType_FromModuleAndSpec(module, &bound_type, NULL);
-    const int added = bound != NULL && PyModule_AddType(module, (PyTypeObject *)bound) == 0 &&
-                      PyModule_AddIntMacro(module, VERSION) == 0 && PyModule_AddIntMacro(module, MAX_JOINTS) == 0 && PyModule_AddIntMacro(module, MAX_DIRECTIONS) == 0 &&
-                      PyModule_AddIntMacro(module, MAX_PARTS) == 0 && PyModule_AddIntMacro(module, MAX_VIEWS) == 0 &&
-                      PyModule_AddIntMacro(module, MAX_AXES) == 0;
-    Py_XDECREF(bound);
-    return added ? 0 : -1;
+    const int failed = PyModule_AddIntMacro(module, VERSION) | PyModule_AddIntMacro(module, MAX_JOINTS) |
+                       PyModule_AddIntMacro(module, MAX_DIRECTIONS) | PyModule_AddIntMacro(module, MAX_PARTS) |
+                       PyModule_AddIntMacro(module, MAX_VIEWS);
+    return failed ? -1 : 0;
 }
 
 static PyModuleDef_Slot slots[] = {

@@ -286,8 +286,6 @@ KERNEL(follow_products) {
 
 /* ---- parts of a signature (library.signature.parts) -------------------------------------------------------------- */
 
-HELPER double KIND(positive)(double number) { return number > 0.0 ? number : 0.0; }
-
 /* Spread, posture and trend of a window, and its movement, which is returned. sums (4, width) and clock (3) as in `follow`,
  * places (2); of the body sizing (width), segments (segments), above (segments, joints), ends (3, width); spread (width),
  * posture and trend (width, or 0 where they are not wanted); n: width, segments, joints, lengths of posture and of trend;
@@ -307,7 +305,7 @@ KERNEL(read_parts) {
 #pragma omp simd reduction(+ : size, means, variances)
     for (Py_ssize_t i = 0; i < width; i++) {
         const double offset = sum[i] * per_row, mean = reference[i] + offset;
-        const double variance = KIND(positive)(squares[i] * per_row - offset * offset);
+        const double left = squares[i] * per_row - offset * offset, variance = left > 0.0 ? left : 0.0;
         size += mean * sizing[i];
         means += mean * mean;
         variances += variance;
@@ -1242,42 +1240,6 @@ KERNEL(steps) {
         largest = about_mean > largest || about_mean != about_mean ? about_mean : largest;
     }
     return largest;
-}
-
-/* How segments and joints change in some frames: the mean of each segment's least and greatest length, and their
- * difference; and how far each joint moves along an axis at most. NaN counts only where there is nothing else. positions
- * (frames, joints, 3), ends (segments, 2), lengths (2, segments), moved (joints); n: frames, joints, segments; x: frames. */
-KERNEL(extremes) {
-    const double *restrict positions = array[0];
-    const Py_ssize_t *restrict ends = array[1], frames = (Py_ssize_t)x[0], joints = n[1], segments = n[2];
-    double *restrict lengths = array[2], *restrict moved = array[3];
-    for (Py_ssize_t s = 0; s < segments; s++) {
-        double least = (double)NAN, greatest = (double)NAN;
-        for (Py_ssize_t f = 0; f < frames; f++) {
-            const double *one = positions + 3 * (f * joints + ends[2 * s]);
-            const double *other = positions + 3 * (f * joints + ends[2 * s + 1]);
-            const double x = one[0] - other[0], y = one[1] - other[1], z = one[2] - other[2];
-            const double length = sqrt(x * x + y * y + z * z);
-            least = length < least || least != least ? length : least;
-            greatest = length > greatest || greatest != greatest ? length : greatest;
-        }
-        lengths[s] = (least + greatest) / 2;
-        lengths[segments + s] = greatest - least;
-    }
-    for (Py_ssize_t j = 0; j < joints; j++) {
-        double most = 0.0;
-        for (int axis = 0; axis < 3; axis++) {
-            double near = (double)NAN, far = (double)NAN;
-            for (Py_ssize_t f = 0; f < frames; f++) {
-                const double place = positions[3 * (f * joints + j) + axis];
-                near = place < near || near != near ? place : near;
-                far = place > far || far != far ? place : far;
-            }
-            most = far - near > most || far != far ? far - near : most;
-        }
-        moved[j] = most;
-    }
-    return 0.0;
 }
 
 #undef HELPER

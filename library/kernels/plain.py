@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: Rounding of a number, relative to it.
 EPSILON = float(np.finfo(np.float64).eps)
 #: Frames whose distances are measured at once: more would not fit into the processor's cache.
-_FRAMES = 16
+_FRAMES = 8
 
 
 # --- distances ---------------------------------------------------------------------------------------------------
@@ -38,34 +38,15 @@ _FRAMES = 16
 
 def distances(positions: Numbers, pairs: Indices, rows: Numbers) -> Call:
     """Write the distances of the first frames (frames, joints, 3) between pairs (pairs, 2) to rows (frames, pairs)."""
-    joints, count = positions.shape[1], len(pairs)
-    room = np.empty(3 * _FRAMES * (joints + 2 * count))
-    first, second = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
-
-    def measure(frames: NDArray[np.float64], measured: Numbers) -> None:
-        # Two or four frames lie side by side, number by number, so that picking out a pair's joints copies 16 or 32
-        # bytes at once, for which numpy has a fast path. One frame gives the same numbers alone and among many.
-        together = math.gcd(len(frames), 4)
-        shape, begin = (3, len(frames) // together, -1, together), 3 * len(frames) * joints
-        end = begin + 3 * len(frames) * count
-        coordinates, difference = room[:begin].reshape(shape), room[begin:end].reshape(shape)
-        other = room[end : 2 * end - begin].reshape(shape)
-        coordinates[...] = frames.reshape(len(frames) // together, together, joints, 3).transpose(3, 0, 2, 1)
-        # No index is out of range; numpy writes straight into `out` only when the mode says so.
-        coordinates.take(first, axis=2, out=difference, mode="clip")
-        coordinates.take(second, axis=2, out=other, mode="clip")
-        difference -= other
-        difference *= difference
-        squared = difference[0]
-        squared += difference[1]
-        squared += difference[2]
-        np.sqrt(squared, out=squared)
-        measured.reshape(len(frames) // together, together, count)[...] = squared.transpose(0, 2, 1)
+    first, second = pairs.T.copy()
 
     def call(frames: float) -> float:
         for begin in range(0, int(frames), _FRAMES):
             some = slice(begin, min(begin + _FRAMES, int(frames)))
-            measure(positions[some], rows[some])
+            # Joint by joint, because whole axes are copied at once: (3, joints, frames).
+            axes = np.ascontiguousarray(positions[some].transpose(2, 1, 0))
+            x, y, z = np.square(axes.take(first, axis=1) - axes.take(second, axis=1))
+            rows[some] = np.sqrt(x + y + z).T
         return 0.0
 
     return call
@@ -114,7 +95,7 @@ def follow(  # noqa: PLR0913, PLR0917 - a kernel's arguments
         squares, total = sums.item(3, place), sums.item(1, place)
         return squares, max(squares - total * total / count, count * drift.item(1))
 
-    return _following(_Span(times, places, seconds, most), drift, tolerance, begin, add, bounds)
+    return _following(times, places, drift, (seconds, most, tolerance), begin, add, bounds)
 
 
 def follow_products(  # noqa: PLR0913, PLR0917 - a kernel's arguments
@@ -148,34 +129,21 @@ def follow_products(  # noqa: PLR0913, PLR0917 - a kernel's arguments
         trace = float(products.trace())
         return trace, max(trace - float(total @ total) / count, count * drift.item(1))
 
-    return _following(_Span(times, places, seconds, most), drift, tolerance, begin, add, bounds)
-
-
-class _Span:
-    """The last seconds of a window: `places` say where they begin and end, as if no row had moved back."""
-
-    def __init__(self, times: Numbers, places: Indices, seconds: float, most: float) -> None:
-        self._times, self._places, self._seconds, self._most = times, places, seconds, most
-
-    def move_on(self, end: int, moved: int) -> tuple[slice, slice, slice]:
-        """Give the rows that entered and those that left since the last call, and those that are in it now."""
-        last = end - 1
-        left, entered = (max(place - moved, 0) for place in self._places.tolist())
-        start, too_old = left, self._times.item(last) - self._seconds
-        while start < last and (self._times.item(start) <= too_old or last - start >= self._most):
-            start += 1
-        self._places[:] = start + moved, end + moved
-        return slice(max(entered, start), end), slice(left, max(min(start, entered), left)), slice(start, end)
+    return _following(times, places, drift, (seconds, most, tolerance), begin, add, bounds)
 
 
 def _following(  # noqa: PLR0913, PLR0917 - the pieces of one call
-    span: _Span,
+    times: Numbers,
+    places: Indices,
     drift: Numbers,
-    tolerance: float,
+    limits: tuple[float, float, float],
     begin: Callable[[slice], None],
     add: Callable[[slice, slice], None],
     bounds: Callable[[int], tuple[float, float]],
 ) -> Call:
+    """Follow the last seconds of a window: `places` say where they begin and end, as if no row had moved back."""
+    seconds, most, tolerance = limits
+
     def afresh(rows: slice) -> float:
         begin(rows)
         add(rows, slice(0, 0))
@@ -183,20 +151,26 @@ def _following(  # noqa: PLR0913, PLR0917 - the pieces of one call
         drift[0] = EPSILON * count * bounds(count)[0]
         return 1.0
 
-    def call(end: float, moved: float) -> float:
+    def call(now: float, moved_back: float) -> float:
+        end, moved = int(now), int(moved_back)
         if not end:
             return 0.0
-        entered, left, rows = span.move_on(int(end), int(moved))
-        new, count = entered.stop - entered.start, rows.stop - rows.start
+        left, entered = (max(place - moved, 0) for place in places.tolist())
+        start, too_old = left, times.item(end - 1) - seconds
+        while start < end - 1 and (times.item(start) <= too_old or end - 1 - start >= most):
+            start += 1
+        places[:] = start + moved, end + moved
+        gone, entered = max(min(start, entered), left), max(entered, start)
+        new, count = end - entered, end - start
         if not new:
             return 0.0
         if new == count:
             drift[0] = 0.0
-            return afresh(rows)
-        add(entered, left)
+            return afresh(slice(start, end))
+        add(slice(entered, end), slice(left, gone))
         largest, scatter = bounds(count)
-        drift[0] += EPSILON * (new + left.stop - left.start) * largest
-        return afresh(rows) if drift[0] > tolerance * scatter else 0.0
+        drift[0] += EPSILON * (new + gone - left) * largest
+        return afresh(slice(start, end)) if drift[0] > tolerance * scatter else 0.0
 
     return call
 
@@ -539,20 +513,5 @@ def steps(positions: Numbers, last: Numbers, found: Numbers) -> Call:
         np.subtract(positions[1:count], positions[: count - 1], out=some[1:])
         own = some - some.mean(axis=1, keepdims=True)
         return float(np.einsum("fjc,fjc->f", own, own).max())
-
-    return call
-
-
-def extremes(positions: Numbers, ends: Indices, lengths: Numbers, moved: Numbers) -> Call:
-    """Find how segments and joints change in some frames; NaN counts only where there is nothing else."""
-
-    def call(frames: float) -> float:
-        looks = positions[: int(frames)]
-        along = looks[:, ends[:, 0]] - looks[:, ends[:, 1]]
-        measured = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
-        least, greatest = np.fmin.reduce(measured), np.fmax.reduce(measured)
-        lengths[0], lengths[1] = (least + greatest) / 2, greatest - least
-        moved[...] = (np.fmax.reduce(looks) - np.fmin.reduce(looks)).max(axis=1)
-        return 0.0
 
     return call

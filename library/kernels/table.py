@@ -149,5 +149,4 @@ KERNELS = {
     ),
     "moving": Kernel.of("points:pd_ whitening:wa live:a.f! found:2!", "factor", "begin<p end<p back"),
     "steps": Kernel.of("positions:fj3 last:j3 steps:fj3!", numbers="frames<f"),
-    "extremes": Kernel.of("positions:fj3 ends:s2.i<j lengths:2s! moved:j!", numbers="frames<f"),
 }

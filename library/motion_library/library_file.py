@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import errno
 import io
-import json
 import math
 import os
 import struct
@@ -18,10 +17,10 @@ import tokenize
 import zipfile
 import zlib
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NamedTuple
 
+import msgspec
 import numpy as np
 
 from kinespace.library.clip import Clip
@@ -57,8 +56,6 @@ _BYTES_READ = 16
 _MILLIMETRES = 1000.0
 _SMALL, _LARGE = np.dtype("<i2"), np.dtype("<i4")
 _LEARNED = "learned_"
-_TEXTS = ("class_name", "actor", "take", "name")
-_ORIGIN = ("source", "licence", "attribution")
 #: The errors of zipfile, zlib and numpy for a file that is cut short, overwritten in the middle, or of another kind.
 _DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
@@ -76,6 +73,39 @@ class Contents(NamedTuple):
     skeleton: Skeleton
     motions: tuple[Clip, ...]
     learned: Learned | None
+
+
+class _Motions(msgspec.Struct):
+    """The header's columns: a value for each motion."""
+
+    class_name: list[str]
+    actor: list[str]
+    take: list[str]
+    name: list[str]
+    frame_rate: list[float]
+    frames: list[Annotated[int, msgspec.Meta(ge=2, le=MAX_COORDINATES)]]
+    #: The index of the motion's source, licence and attribution in the header's `origins`.
+    origin: list[Annotated[int, msgspec.Meta(ge=0)]]
+
+
+class _Header(msgspec.Struct):
+    """The header of a file."""
+
+    format: str
+    version: int
+    joints: Annotated[list[str], msgspec.Meta(max_length=MAX_JOINTS)]
+    parents: list[int]
+    motions: _Motions
+    origins: list[tuple[str, str, str]]
+    #: The shapes of the learned arrays, by name.
+    learned: dict[str, tuple[Annotated[int, msgspec.Meta(ge=0, le=MAX_LEARNED_BYTES)], ...]]
+
+
+class _Kind(msgspec.Struct):
+    """The part of a header that says whether the rest can be read."""
+
+    format: object = None
+    version: object = None
 
 
 def rounded(positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -105,7 +135,7 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     OSError
         The folder cannot be written; nothing is left behind.
     """
-    header = json.dumps(_described(contents), separators=(",", ":")).encode()
+    header = msgspec.json.encode(_described(contents))
     _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
     frames = [motion.frames for motion in contents.motions]
     _require_sizes(len(contents.skeleton.joints), frames)
@@ -116,29 +146,23 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
         (np.savez_compressed if compressed else np.savez)(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
 
 
-def _described(contents: Contents) -> dict[str, object]:
+def _described(contents: Contents) -> _Header:
     motions = contents.motions
-    origins = list(dict.fromkeys(_origin(motion) for motion in motions))
-    places = {origin: place for place, origin in enumerate(origins)}
+    origins = [(motion.source, motion.licence, motion.attribution) for motion in motions]
+    places = {origin: place for place, origin in enumerate(dict.fromkeys(origins))}
     learned = contents.learned.arrays() if contents.learned else {}
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "joints": contents.skeleton.joints,
-        "parents": contents.skeleton.parents,
-        "motions": {
-            **{name: [getattr(motion, name) for motion in motions] for name in _TEXTS},
-            "frame_rate": [motion.frame_rate for motion in motions],
-            "frames": [motion.frames for motion in motions],
-            "origin": [places[_origin(motion)] for motion in motions],
-        },
-        "origins": origins,
-        "learned": {name: array.shape for name, array in learned.items()},
-    }
-
-
-def _origin(motion: Clip) -> tuple[str, ...]:
-    return motion.source, motion.licence, motion.attribution
+    columns = _Motions(
+        class_name=[motion.class_name for motion in motions],
+        actor=[motion.actor for motion in motions],
+        take=[motion.take for motion in motions],
+        name=[motion.name for motion in motions],
+        frame_rate=[float(motion.frame_rate) for motion in motions],
+        frames=[motion.frames for motion in motions],
+        origin=[places[origin] for origin in origins],
+    )
+    shapes = {name: array.shape for name, array in learned.items()}
+    joints, parents = contents.skeleton.joints, contents.skeleton.parents
+    return _Header(FORMAT, VERSION, list(joints), list(parents), columns, list(places), shapes)
 
 
 def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
@@ -195,9 +219,7 @@ def read(path: Path) -> Contents:
         with path.open("rb") as file:
             _require_small_directory(file)
             with zipfile.ZipFile(file) as archive:
-                described = _read_header(archive)
-                _require_version(path, described)
-                return _restored(archive, _Header.of(described))
+                return _restored(archive, _read_header(path, archive))
     except LibraryFileError:
         raise
     except OSError as error:
@@ -263,99 +285,51 @@ def _numbers(
     return np.frombuffer(content, kind, math.prod(shape), file.tell()).reshape(shape)
 
 
-def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
-    header = json.loads(bytes(_numbers(_content(archive, "header", MAX_HEADER_BYTES), "header", [np.uint8])))
-    if not isinstance(header, dict):
-        raise zipfile.BadZipFile
-    return header
-
-
-def _require_version(path: Path, header: dict[str, Any]) -> None:
-    if header.get("format") != FORMAT:
+def _read_header(path: Path, archive: zipfile.ZipFile) -> _Header:
+    text = bytes(_numbers(_content(archive, "header", MAX_HEADER_BYTES), "header", [np.uint8]))
+    kind = msgspec.json.decode(text, type=_Kind)
+    if kind.format != FORMAT:
         raise LibraryFileError(f"{path}: not a motion library")
-    version = header.get("version")
-    if version in (1, 2):
+    if kind.version in (1, 2):
         raise LibraryFileError(
-            f"{path}: of format version {version}, which keeps no motions; build it anew from its recordings: "
+            f"{path}: of format version {kind.version}, which keeps no motions; build it anew from its recordings: "
             f"kinespace build FOLDER -o {path}"
         )
-    if version != VERSION:
-        raise LibraryFileError(f"{path}: format version {str(version)[:20]}, this kinespace reads {VERSION}")
-
-
-@dataclass(frozen=True, slots=True)
-class _Header:
-    """The header, every field of the right kind and size."""
-
-    skeleton: Skeleton
-    #: The text fields of a clip, for each motion.
-    texts: tuple[dict[str, Any], ...]
-    frame_rates: tuple[float, ...]
-    frames: tuple[int, ...]
-    #: Shapes by name.
-    learned: dict[str, tuple[int, ...]]
-
-    @classmethod
-    def of(cls, described: dict[str, Any]) -> _Header:
-        motions = described["motions"]
-        frames = _listed(motions["frames"], "frames", int, None)
-        count, most = len(frames), MAX_COORDINATES
-        _require(all(2 <= number <= most for number in frames), f"frames: expected 2 to {most} of each motion")
-        joints = _listed(described["joints"], "joints", str, None)
-        _require_sizes(len(joints), frames)
-        memory.require(sum(frames) * len(joints) * 3 * _BYTES_READ, "frames")
-        origins = [_listed(each, "origins", str, len(_ORIGIN)) for each in described["origins"]]
-        places = _listed(motions["origin"], "origin", int, count)
-        _require(all(0 <= place < len(origins) for place in places), f"origin: expected 0 to {len(origins) - 1}")
-        columns = [_listed(motions[name], name, str, count) for name in _TEXTS]
-        texts = zip(*columns, (origins[place] for place in places), strict=True)
-        return cls(
-            skeleton=Skeleton(tuple(joints), tuple(_listed(described["parents"], "parents", int, None))),
-            texts=tuple(dict(zip((*_TEXTS, *_ORIGIN), (*own, *origin), strict=True)) for *own, origin in texts),
-            frame_rates=tuple(map(float, _listed(motions["frame_rate"], "frame_rate", (int, float), count))),
-            frames=tuple(frames),
-            learned=_shapes(described["learned"]),
-        )
-
-
-def _listed(found: object, name: str, kind: type | tuple[type, ...], count: int | None) -> list[Any]:
-    right = isinstance(found, list) and all(isinstance(each, kind) and not isinstance(each, bool) for each in found)
-    if not isinstance(found, list) or not right or (count is not None and len(found) != count):
-        raise ValueError(f"{name}: expected a list{'' if count is None else f' of {count}'}, each of the right kind")
-    return found
-
-
-def _shapes(described: object) -> dict[str, tuple[int, ...]]:
-    if not isinstance(described, dict):
-        raise TypeError
-    shapes = {name: tuple(_listed(shape, "learned", int, None)) for name, shape in described.items()}
-    counts = [math.prod(shape) for shape in shapes.values()]
-    small = all(0 <= each <= MAX_LEARNED_BYTES for shape in shapes.values() for each in shape)
-    _require(small and 4 * sum(counts) <= MAX_LEARNED_BYTES, f"learned: expected at most {MAX_LEARNED_BYTES} bytes")
-    return shapes
+    if kind.version != VERSION:
+        raise LibraryFileError(f"{path}: format version {str(kind.version)[:20]}, this kinespace reads {VERSION}")
+    return msgspec.json.decode(text, type=_Header)
 
 
 def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
-    named = {f"{_LEARNED}{name}": shape for name, shape in header.learned.items()}
-    expected = sorted(f"{name}.npy" for name in ("header", "positions", "starts", *named))
+    motions, skeleton = header.motions, Skeleton(tuple(header.joints), tuple(header.parents))
+    joints, count, total = len(skeleton.joints), len(motions.frames), sum(motions.frames)
+    _require_sizes(joints, motions.frames)
+    memory.require(total * joints * 3 * _BYTES_READ, "frames")
+    for name, column in msgspec.structs.asdict(motions).items():
+        _require(len(column) == count, f"{name}: expected {count}, one for each motion, got {len(column)}")
+    known = len(header.origins)
+    _require(all(place < known for place in motions.origin), f"origin: expected 0 to {known - 1}")
+    bytes_of = {name: 4 * math.prod(shape) for name, shape in header.learned.items()}
+    _require(sum(bytes_of.values()) <= MAX_LEARNED_BYTES, f"learned: expected at most {MAX_LEARNED_BYTES} bytes")
+    expected = sorted(
+        f"{name}.npy" for name in ("header", "positions", "starts", *(f"{_LEARNED}{each}" for each in bytes_of))
+    )
     _require(sorted(archive.namelist()) == expected, "arrays: expected exactly the arrays that the header lists")
-    joints, count, total = len(header.skeleton.joints), len(header.frames), sum(header.frames)
     content = _content(archive, "positions", joints * 3 * total * _LARGE.itemsize)
     steps = _numbers(content, "positions", [_SMALL, _LARGE], (joints, 3, total))
     content = _content(archive, "starts", count * 3 * _LARGE.itemsize)
     starts = _numbers(content, "starts", [_LARGE], (count, 3))
     learned = {}
-    for name, shape in named.items():
-        array = _numbers(_content(archive, name, 4 * math.prod(shape)), name, [np.dtype("<f4")], shape)
+    for own, shape in header.learned.items():
+        name = f"{_LEARNED}{own}"
+        learned[own] = array = _numbers(_content(archive, name, bytes_of[own]), name, [np.dtype("<f4")], shape)
         _require(bool(np.isfinite(array).all()), f"{name}: expected finite numbers, got NaN or infinity")
-        learned[name.removeprefix(_LEARNED)] = array
-    motions = tuple(
-        Clip(skeleton=header.skeleton, positions=positions, frame_rate=rate, **texts)
-        for positions, rate, texts in zip(
-            _decoded(steps, starts, header.frames), header.frame_rates, header.texts, strict=True
-        )
-    )
-    return Contents(header.skeleton, motions, Learned.of_arrays(learned) if learned else None)
+    positions = _decoded(steps, starts, motions.frames)
+    texts = zip(motions.name, motions.class_name, motions.actor, motions.take, strict=True)
+    origins = [header.origins[place] for place in motions.origin]
+    each = zip(positions, motions.frame_rate, texts, origins, strict=True)
+    clips = tuple(Clip(skeleton, metres, rate, *own, *origin) for metres, rate, own, origin in each)
+    return Contents(skeleton, clips, Learned.of_arrays(learned) if learned else None)
 
 
 def _decoded(

@@ -18,7 +18,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping
 
     from kinespace.library.motion_library.learned import Learned
     from kinespace.library.naming import Naming
@@ -320,11 +320,8 @@ def _in_canonical_order(skeleton: Skeleton) -> Skeleton:
     return _reordered(skeleton, usual if set(skeleton.joints) == set(usual) else skeleton.joints)
 
 
-def _reordered(skeleton: Skeleton, joints: Sequence[str]) -> Skeleton:
-    places = {name: place for place, name in enumerate(joints)}
-    parents = dict(zip(skeleton.joints, skeleton.parents, strict=False))
-    above = (parents[name] for name in joints) if parents else ()
-    return Skeleton(tuple(joints), tuple(-1 if each < 0 else places[skeleton.joints[each]] for each in above))
+def _reordered(skeleton: Skeleton, joints: tuple[str, ...]) -> Skeleton:
+    return skeleton.linked(joints) if skeleton.parents else Skeleton(joints)
 
 
 def _as_motion(clip: Clip, skeleton: Skeleton) -> Clip:

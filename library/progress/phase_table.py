@@ -33,7 +33,7 @@ _COMPARED_AT = np.linspace(0.0, 1.0, 10)
 #: Axes that are kept of posture and velocity: along the others moments differ no more than actors do.
 _AXES = 24
 #: Bins of phases that count as the same.
-_BINS = 40
+BINS = 40
 #: Seconds over which the swing of the body is measured.
 SWING_SECONDS = 1.0
 #: A class is cyclic when its recordings end this near to their beginning, relative to the farthest point between, and
@@ -218,7 +218,7 @@ def _moments(courses: _Courses, whitening: NDArray[np.float64]) -> Moments:
 
 def _usual(phases: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
     """Give at each moment the mean over all moments at the same phase."""
-    bins = np.minimum((phases * _BINS).astype(np.intp), _BINS - 1)
+    bins = np.minimum((phases * BINS).astype(np.intp), BINS - 1)
     means: NDArray[np.float64] = np.bincount(bins, weights=numbers) / np.bincount(bins).clip(1)
     return means[bins]
 

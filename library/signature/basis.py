@@ -33,21 +33,13 @@ class Basis:
     weights
         The factor of each pair that makes all pairs vary alike, 0 for rigid pairs, shape (pairs,): directions divided
         by weights are orthonormal.
-    unweighted
-        Maps a point in the basis back to distance rows, shape (directions, pairs), metres.
     share
         Share of the weighted variance that the directions hold, 0 to 1.
     """
 
     directions: NDArray[np.float64] = field(repr=False)
     weights: NDArray[np.float64] = field(repr=False)
-    unweighted: NDArray[np.float64] = field(repr=False)
     share: float
-
-    @property
-    def moving(self) -> int:
-        """The number of pairs that are not rigid."""
-        return int(np.count_nonzero(self.weights))
 
     @classmethod
     def learned(
@@ -82,9 +74,7 @@ class Basis:
     @classmethod
     def of(cls, directions: NDArray[np.floating], weights: NDArray[np.floating], share: float) -> Basis:
         """Make a basis of numbers that were learned before, in single precision; the arguments are the attributes."""
-        exact, factors = directions.astype(np.float64), weights.astype(np.float64)
-        inverse = np.divide(1.0, factors, out=np.zeros_like(factors), where=factors > 0)
-        return cls(exact, factors, (exact * np.square(inverse)[:, None]).T.copy(), share)
+        return cls(directions.astype(np.float64), weights.astype(np.float64), share)
 
 
 def _single(numbers: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -105,11 +105,11 @@ class WindowIndex:
         body, kept = Body.of(teacher.skeleton), kept_of(teacher, weighing)
         if kept:
             comparison = kept.comparison.of_taught_classes() if library is teacher else kept.comparison
-            measured = _Measured.of(library, _every(library), weighing.first)
+            measured = Measured.of(library, _every(library), weighing.first)
             placed = measured.placed(comparison, body, kept.basis)
             return cls(library, body, kept.basis, comparison, placed.vectors, placed.eigenvectors, measured.motions)
         basis = learned_basis(teacher, weighted=weighing.is_weighted)
-        taught = _Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
+        taught = Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
         lessons = taught.thinned(_MAX_LESSONS)
         cut = CutWindows(lessons.clips, lessons.ends, body, basis, weighing.parts, weighing.eigenvectors)
         numbers = cut.numbers()
@@ -119,7 +119,7 @@ class WindowIndex:
         if again and lessons is taught:
             placed = Placed.of(comparison, cut, numbers)
         else:
-            taught = taught if again else _Measured.of(library, _every(library), weighing.first)
+            taught = taught if again else Measured.of(library, _every(library), weighing.first)
             placed = taught.placed(comparison, body, basis)
         return cls(library, body, basis, comparison, placed.vectors, placed.eigenvectors, taught.motions)
 
@@ -244,7 +244,7 @@ class WindowIndex:
         is_new = np.array([id(motion) not in known for motion in library.motions])
         before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
-        measured = _Measured.of(taught, every or _every(library), self.comparison.weighing.first)
+        measured = Measured.of(taught, every or _every(library), self.comparison.weighing.first)
         placed = measured.placed(self.comparison, self.body, self.basis)
         motions = np.concatenate([before[self.motions], added[measured.motions]])
         order = np.argsort(motions, kind="stable")
@@ -424,38 +424,6 @@ def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
     return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
 
 
-def measured_clips(
-    library: MotionLibrary, every: float | None = None, first: float = FIRST_WINDOW
-) -> tuple[list[Clip], list[NDArray[np.intp]], NDArray[np.intp]]:
-    """Cut a library's motions into windows.
-
-    Parameters
-    ----------
-    library
-        The motions.
-    every, first
-        Seconds between two windows, and from a motion's start to the end of its first window. By default windows lie
-        closer in a library of one person.
-
-    Returns
-    -------
-    The motions at the frame rate of the computation, for each motion the frames before which its windows end, and for
-    each window the index of its motion.
-
-    Raises
-    ------
-    ValueError
-        No motion is long enough for a window.
-    """
-    every = every or _every(library)
-    clips = [_thinned(clip, _MEASURED_AT) for clip in library.motions]
-    ends = [window_ends(clip, every, first) for clip in clips]
-    motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
-    if not len(motions):
-        raise ValueError("library: expected a motion long enough for a window, got none")
-    return clips, ends, motions
-
-
 def _every(library: MotionLibrary) -> float:
     """Give the seconds between two windows that are kept of a motion."""
     return _EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
@@ -475,25 +443,54 @@ class Placed(NamedTuple):
         return cls(vectors, cut.eigenpairs[longest].vectors[:, 0].astype(np.float32))
 
 
-class _Measured(NamedTuple):
-    """The motions of a library and the ends of their windows, as `measured_clips` gives them."""
+class Measured(NamedTuple):
+    """The motions of a library, cut into windows.
+
+    Attributes
+    ----------
+    clips
+        The motions at the frame rate of the computation.
+    ends
+        For each motion the frames before which its windows end.
+    motions
+        The index of each window's motion.
+    """
 
     clips: list[Clip]
     ends: list[NDArray[np.intp]]
     motions: NDArray[np.intp]
 
     @classmethod
-    def of(cls, library: MotionLibrary, every: float, first: float) -> _Measured:
-        return cls(*measured_clips(library, every, first))
+    def of(cls, library: MotionLibrary, every: float, first: float = FIRST_WINDOW) -> Measured:
+        """Cut a library's motions into windows.
 
-    def thinned(self, most: int) -> _Measured:
+        Parameters
+        ----------
+        library
+            The motions.
+        every, first
+            Seconds between two windows, and from a motion's start to the end of its first window.
+
+        Raises
+        ------
+        ValueError
+            No motion is long enough for a window.
+        """
+        clips = [_thinned(clip, _MEASURED_AT) for clip in library.motions]
+        ends = [window_ends(clip, every, first) for clip in clips]
+        motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
+        if not len(motions):
+            raise ValueError("library: expected a motion long enough for a window, got none")
+        return cls(clips, ends, motions)
+
+    def thinned(self, most: int) -> Measured:
         """Keep at most so many windows, evenly spread."""
         step = -(-len(self.motions) // most)
         if step == 1:
             return self
         begins = np.cumsum([0, *map(len, self.ends)])
         ends = [each[-int(begin) % step :: step] for begin, each in zip(begins, self.ends, strict=False)]
-        return _Measured(self.clips, ends, self.motions[::step])
+        return Measured(self.clips, ends, self.motions[::step])
 
     def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
         """Compute the windows' vectors, some motions at a time, because their numbers take much more memory."""

@@ -51,6 +51,8 @@ _KNOWN_OVER = 0.3
 _HELD = 1.5
 #: Seconds of stillness, and of unknown, ambiguous or implausible movement, after which a motion has ended.
 _ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4, Outcome.IMPLAUSIBLE: 0.8}
+#: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
+_SMALLEST_GAP = 0.02
 #: The name that stands for "no class".
 _NONE = ""
 
@@ -236,7 +238,7 @@ class Decision:
             self._judgement.threshold = limits.threshold
             known = self._judgement.push(index.rejection.logit(evidence, guess), elapsed)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
-        if not weighing.judges and seen.gap < limits.smallest_gap:
+        if not weighing.judges and seen.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
         if seen.movement < limits.stillness:
             outcome = Outcome.STILL

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 #: Seconds of the paper's window.
 _PAPER_WINDOW = 0.5
-#: The gap of two eigenvalues below which the paper's eigenvector is arbitrary.
-_SMALLEST_GAP = 0.02
 #: The share of the sensitivity that is left when joints are done without. Strangers' takes with a frozen arm are then
 #: named no more often than without a fault (`kinespace evaluate faults`, 726 s of 9 persons).
 _FEWER = 0.6
@@ -78,13 +76,12 @@ class Limits(NamedTuple):
     ----------
     threshold
         Evidence, as a logit, from which a guess is known; of no effect where the comparison does not judge.
-    stillness, smallest_gap
+    stillness
         As in `stream.recognizer.settings.Settings`.
     """
 
     threshold: float
     stillness: float
-    smallest_gap: float
 
 
 def limits_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = False) -> Limits:
@@ -94,5 +91,4 @@ def limits_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = False
         given = settings.sensitivity
         sensitivity = usual_sensitivity(index.library) if given is None else given
         threshold = index.rejection.threshold_at(sensitivity * (_FEWER if of_fewer else 1.0))
-    gap = _SMALLEST_GAP if settings.smallest_gap is None else settings.smallest_gap
-    return Limits(threshold, settings.stillness, gap)
+    return Limits(threshold, settings.stillness)

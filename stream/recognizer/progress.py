@@ -16,6 +16,7 @@ import numpy as np
 from kinespace.library.kernels import bind
 from kinespace.library.kernels.table import REGISTER
 from kinespace.library.progress.phase_table import (
+    BINS,
     MOMENTS_PER_SECOND,
     SWING_SECONDS,
     VELOCITY,
@@ -42,8 +43,6 @@ _AT_START, _FIRST_PHASES, _FALLING = 0.9, 0.12, 4
 _SHARPNESS = 1 / 16
 #: Probability that a step beyond the end of a recording begins the next round: of a cyclic motion, and of another.
 _NEXT_ROUND, _ONCE_MORE = 0.5, 0.02
-#: Bins of phases that count as the same.
-_BINS = 40
 #: Phases this near count as the same for `sure`.
 _NEAR = 0.1
 #: A scrubbed phase goes back when the phase is this much behind it.
@@ -169,9 +168,9 @@ class _Course(NamedTuple):
         first = phases < _FIRST_PHASES
         later = np.where(first, 0.0, (1 - phases) ** _FALLING)
         beginning = _AT_START * first / first.sum() + (1 - _AT_START) * later / max(later.sum(), 1e-9)
-        rounds = np.where(phases < 1 / _BINS, 1.0, 0.0)
-        bins = np.minimum((phases * _BINS).astype(np.intp), _BINS - 1)
-        alike = 1 / np.bincount(bins, minlength=_BINS).clip(1)[bins]
+        rounds = np.where(phases < 1 / BINS, 1.0, 0.0)
+        bins = np.minimum((phases * BINS).astype(np.intp), BINS - 1)
+        alike = 1 / np.bincount(bins, minlength=BINS).clip(1)[bins]
         again = _NEXT_ROUND if moments.cyclic else _ONCE_MORE
         return cls(
             np.array([phases, beginning / beginning.sum(), rounds / max(rounds.sum(), 1.0), alike]),

@@ -9,9 +9,9 @@ windows show and how near the library's are (`windows`), what that means (`decis
 from __future__ import annotations
 
 import math
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from functools import wraps
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
     #: nothing can be compared by these joints.
     Views = Callable[[WindowIndex, tuple[str, ...]], WindowIndex | None]
 
-_Given = ParamSpec("_Given")
-_Answer = TypeVar("_Answer")
-
 #: Share of a hop within which two moments are the same.
 _SAME_HOP = 0.01
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
+#: Frames in a row that may be older than the newest before the sender is taken to have started anew. A frame older than
+#: the longest window means so at once.
+_PATIENCE = 10
 #: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
@@ -76,24 +76,6 @@ class RecognizerCounts:
         """Add other counts, or take them off with -1 times."""
         for each in fields(self):
             setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
-
-
-def _one_at_a_time(
-    method: Callable[Concatenate[Recognizer, _Given], _Answer],
-) -> Callable[Concatenate[Recognizer, _Given], _Answer]:
-    """Refuse a call that comes, from another thread, during a call."""
-
-    @wraps(method)
-    def guarded(self: Recognizer, /, *given: _Given.args, **named: _Given.kwargs) -> _Answer:
-        if self._busy:
-            raise RuntimeError(_SECOND_THREAD)
-        self._busy = True
-        try:
-            return method(self, *given, **named)
-        finally:
-            self._busy = False
-
-    return guarded
 
 
 class Recognizer:
@@ -176,6 +158,17 @@ class Recognizer:
         #: The performer who is followed; None before the first frame.
         self._performer: str | None = None
 
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Refuse a call that comes, from another thread, during a call."""
+        if self._busy:
+            raise RuntimeError(_SECOND_THREAD)
+        self._busy = True
+        try:
+            yield
+        finally:
+            self._busy = False
+
     @property
     def library(self) -> MotionLibrary:
         """The motions that are compared."""
@@ -199,7 +192,6 @@ class Recognizer:
         self._asked_for: tuple[int, ...] = ()
         self._asked = -math.inf
 
-    @_one_at_a_time
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> Event | None:
         """Compare with another library from the next hop on; no window and no answer is lost.
 
@@ -230,13 +222,14 @@ class Recognizer:
         index = index_for(library, self.settings)
         self.library.skeleton.require_same(index.library.skeleton)
         require_order(order, index.library)
-        self._windows.exchange(index)
-        self._limits = limits_for(index, self.settings)
-        self._answer_with(index, order)
-        self._fewer, self._asked_for = None, ()
-        if self._progress:
-            self._progress.exchange(index.phases)
-        return self._decision.exchange(index, self.classes, needed_lead(index.library, self.settings), self._last)
+        with self._alone():
+            self._windows.exchange(index)
+            self._limits = limits_for(index, self.settings)
+            self._answer_with(index, order)
+            self._fewer, self._asked_for = None, ()
+            if self._progress:
+                self._progress.exchange(index.phases)
+            return self._decision.exchange(index, self.classes, needed_lead(index.library, self.settings), self._last)
 
     @property
     def doubt(self) -> str:
@@ -262,27 +255,27 @@ class Recognizer:
         hops = math.floor((self._newest - answered) / hop + _SAME_HOP) + 1 if self._newest >= answered else 0
         self._due = answered + hops * hop
 
-    @_one_at_a_time
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
         if self.settings.signature is LiveSignature.WINDOWS:
-            self.settings = replace(self.settings, sensitivity=share)
-            self._limits = limits_for(self._windows.index, self.settings)
-            if self._fewer:
-                self._fewer_limits = limits_for(self._fewer.index, self.settings, of_fewer=True)
+            with self._alone():
+                self.settings = replace(self.settings, sensitivity=share)
+                self._limits = limits_for(self._windows.index, self.settings)
+                if self._fewer:
+                    self._fewer_limits = limits_for(self._fewer.index, self.settings, of_fewer=True)
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
         return self._windows.contributions() if self._windows.has_read else None
 
-    @_one_at_a_time
     def reset(self) -> None:
         """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay.
 
         Another performer may follow. `end` gives the end of the motion that goes on.
         """
-        self._clear()
-        self._performer = None
+        with self._alone():
+            self._clear()
+            self._performer = None
 
     def _clear(self) -> None:
         self._begin_again()
@@ -316,7 +309,7 @@ class Recognizer:
         positions, time = frame.positions, frame.time
         if positions.shape != self._shape:
             raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
-        # As `_one_at_a_time`, whose call costs as much as all the rest of a frame between hops.
+        # As `_alone`, which costs as much as all the rest of a frame between hops.
         if self._busy:
             raise RuntimeError(_SECOND_THREAD)
         self._busy = True
@@ -403,7 +396,7 @@ class Recognizer:
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self._windows.longest and self._late_in_a_row <= self.settings.patience:
+            if behind <= self._windows.longest and self._late_in_a_row <= _PATIENCE:
                 self.counts.out_of_order += 1
                 return False
             self._restart()
@@ -461,7 +454,6 @@ class Recognizer:
             progress = self._progress.push(frame.time, self._windows.place(), motion)
         return replace(recognition, events=events, progress=progress) if events or progress else recognition
 
-    @_one_at_a_time
     def end(self) -> Event | None:
         """End the motion that goes on, because no frame will come, or none came for `MAX_PAUSE` seconds.
 
@@ -469,7 +461,8 @@ class Recognizer:
         -------
         The end, at the time of the newest frame; None when no motion goes on.
         """
-        return self._end()
+        with self._alone():
+            return self._end()
 
     def _end(self) -> Event | None:
         ended, self._ended = self._ended, None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from numbers import Integral, Real
+from numbers import Real
 
 #: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, where its own
 #: classes did, and where these are of one person.
@@ -53,16 +53,11 @@ class Settings:
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
         adult: a tenth of the quietest motion of the built-in library, twenty times a marker's noise.
-    smallest_gap
-        (λ₁ − λ₂) / λ₁ below which the leading eigenvector is too arbitrary to be compared; None is 0.02. PAPER only.
     progress
         Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
     plausibility
         Whether joints that cannot be believed are left out, and windows begin anew after a jump of the body
         (`stream.recognizer.joints.doubts`). Without it every joint of every frame is believed.
-    patience
-        How many frames in a row may be older than the newest before the sender is taken to have started anew. A frame
-        older than the longest window means so at once.
 
     Raises
     ------
@@ -78,25 +73,21 @@ class Settings:
     hop: float = 1 / 30
     longest_gap: float = 0.5
     stillness: float = 0.01
-    smallest_gap: float | None = None
-    patience: int = 10
     progress: bool = False
     plausibility: bool = True
 
     def __post_init__(self) -> None:
         self._check_types()
-        others = ("window", "smallest_gap") if self.signature is LiveSignature.WINDOWS else ("sensitivity",)
-        for name in others:
-            value = getattr(self, name)
-            if value is not None:
-                raise ValueError(f"{name}: expected none with the signature {self.signature}, got {value}")
+        name = "window" if self.signature is LiveSignature.WINDOWS else "sensitivity"
+        if (value := getattr(self, name)) is not None:
+            raise ValueError(f"{name}: expected none with the signature {self.signature}, got {value}")
         if self.progress and self.signature is not LiveSignature.WINDOWS:
             raise ValueError(f"progress: expected False with the signature {self.signature}, got True")
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: expected a positive number of seconds, got {value}")
-        for name in ("sensitivity", "lead", "hop", "stillness", "smallest_gap", "patience"):
+        for name in ("sensitivity", "lead", "hop", "stillness"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")
@@ -111,7 +102,7 @@ class Settings:
         object.__setattr__(self, "signature", LiveSignature(self.signature))
         for each in fields(self)[1:]:
             value, kind = getattr(self, each.name), type(each.default)
-            number = isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
+            number = isinstance(value, Real) and not isinstance(value, bool)
             if not (isinstance(value, bool) if kind is bool else number or (value is None and each.default is None)):
-                expected = {bool: "True or False", int: "a whole number"}.get(kind, "a number")
+                expected = "True or False" if kind is bool else "a number"
                 raise ValueError(f"{each.name}: expected {expected}, got {value!r}")

@@ -33,23 +33,6 @@ def squares_about_mean(steps: Posture) -> float:
     return sum(length(step, mean) ** 2 for step in steps)
 
 
-def extremes(
-    postures: Sequence[Posture], ends: Sequence[Sequence[int]]
-) -> tuple[list[tuple[float, float]], list[float]]:
-    """Give the middle and the change of the distance between two joints, and how far each joint moves; no NaN."""
-    lengths = ([length(posture[one], posture[other]) for posture in postures] for one, other in ends)
-    ranges = [_range(each) for each in lengths]
-    places = list(zip(*postures, strict=True))
-    on_axes = [[_range([place[axis] for place in joint]) for axis in range(3)] for joint in places]
-    moved = [max(high - low for low, high in axes) for axes in on_axes]
-    return [((low + high) / 2, high - low) for low, high in ranges], moved
-
-
-def _range(numbers: Sequence[float]) -> tuple[float, float]:
-    known = [number for number in numbers if not math.isnan(number)]
-    return (min(known), max(known)) if known else (math.nan, math.nan)
-
-
 def stretched(posture: Posture, parents: Sequence[int]) -> float:
     """Compare the mean length of the segments with the root mean square of the distances between all joints."""
     lengths = segment_lengths(posture, parents)

@@ -130,7 +130,6 @@ class NaiveFeed:
     segments: Sequence[int]
     hop: float = 1 / 30
     longest_gap: float = 0.5
-    patience: int = 10
     longest: float = LONGEST
     rows: list[tuple[float, Matrix]] = field(default_factory=list)
     waiting: list[tuple[float, Matrix]] = field(default_factory=list)
@@ -171,7 +170,7 @@ class NaiveFeed:
                 self._begin_anew()
             return False
         self.late_in_a_row += 1
-        if behind > self.longest or self.late_in_a_row > self.patience:
+        if behind > self.longest or self.late_in_a_row > 10:
             self._begin_anew()
             return False
         return True

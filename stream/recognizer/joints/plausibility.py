@@ -111,10 +111,9 @@ class Plausibility:
         self._least_squares = self._jumping / (1 + math.sqrt(self._jumping / joints)) ** 2
         #: The frames looked at in the span before, and in this span.
         self._looks = np.empty((2 * _MAX_LOOKS, joints, 3))
-        # The mean of the least and greatest length of each of `body.ends`, and their difference; and how far each joint
-        # moved along an axis at most.
-        self._lengths, self._moved = np.empty((2, len(body.ends))), np.empty(joints)
-        self._find_extremes = bind("extremes", self._looks, body.ends, self._lengths, self._moved)
+        #: In them the lengths between each of `body.ends`.
+        self._lengths = np.empty((2 * _MAX_LOOKS, len(body.ends)))
+        self._measure_lengths = bind("distances", self._looks, body.ends, self._lengths)
         self._every_joint = frozenset(range(joints))
         self.clear()
 
@@ -204,8 +203,11 @@ class Plausibility:
         if time - self._since < SPAN or self._count < _MIN_LOOKS or not len(self._body.children):
             return False
         before, both = self._before, self._before + self._count
-        self._find_extremes(both)
-        self._judge(self._lengths[0], self._lengths[1], self._moved)
+        self._measure_lengths(both)
+        # NaN counts only where there is nothing else.
+        least, greatest = np.fmin.reduce(self._lengths[:both]), np.fmax.reduce(self._lengths[:both])
+        near, far = np.fmin.reduce(self._looks[:both]), np.fmax.reduce(self._looks[:both])
+        self._judge((least + greatest) / 2, greatest - least, (far - near).max(axis=1))
         self._looks[: self._count] = self._looks[before:both]
         self._before, self._count, self._since = self._count, 0, time
         return True

@@ -52,18 +52,9 @@ class SlidingWindow:
         The memory: rows (places, width), points (places, beside), and times (places,), seconds.
     end, moved
         Where the newest row ends in the memory, and by how many places rows have moved back in all.
-
-    Raises
-    ------
-    ValueError
-        Seconds, width or fastest is not positive, or seconds not finite.
     """
 
     def __init__(self, seconds: float, width: int, fastest: float = MAX_FEED_RATE, beside: int = 0) -> None:
-        if not (math.isfinite(seconds) and seconds > 0):
-            raise ValueError(f"seconds: expected a positive number, got {seconds}")
-        if width < 1 or fastest <= 0:
-            raise ValueError(f"width, fastest: expected positive numbers, got {width}, {fastest}")
         self.seconds, self._fastest = seconds, fastest
         self._most = self.most_in(seconds)
         # Twice the rows that may have to be kept, so that moving back never overlaps. The system commits only pages
@@ -84,7 +75,6 @@ class SlidingWindow:
         self.moved = 0
         # A plain number beside the array, because looking one up in an array is slow.
         self._oldest = math.nan
-        self._newest = -math.inf
 
     def push(
         self, times: Sequence[float], rows: NDArray[np.float64], points: NDArray[np.float64] | None = None
@@ -102,19 +92,10 @@ class SlidingWindow:
 
         Raises
         ------
-        ValueError
-            A time is not later than the one before, or rows and times differ in number. No row is taken in.
         RuntimeError
             More than `MAX_PENDING` rows would have entered since `pass_over` was last called. No row is taken in.
         """
         count = len(times)
-        if len(rows) != count:
-            raise ValueError(f"rows: expected {count}, as many as times, got {len(rows)}")
-        newest = self._newest
-        for time in times:
-            if time <= newest:
-                raise ValueError(f"time: expected later than {newest}, got {time}")
-            newest = time
         if self.end - self._fresh + count > MAX_PENDING:
             raise RuntimeError(f"pass_over() must be called at least once in {MAX_PENDING} rows")
         if not count:
@@ -128,10 +109,7 @@ class SlidingWindow:
         self.times_kept[begin : self.end] = times
         if points is not None:
             self.points_kept[begin : self.end] = points
-        self._newest = newest
-        self._let_go(newest - (self.seconds - TIE))
-
-    def _let_go(self, too_old: float) -> None:
+        too_old = times[-1] - (self.seconds - TIE)
         start, oldest, last = self._start, self._oldest, self.end - 1
         # Times in other units may be so large that even the newest time is not above `too_old`.
         while start < last and (oldest <= too_old or last - start >= self._most):

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.stream.recognizer.windows.sliding_window import TIE
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -24,9 +26,6 @@ _AVERAGED, _ESTIMATED = 0.1, 1.0
 _EVERY, _MAX_WAITING = 0.1, 30
 #: The variance of second differences of white noise, relative to the noise's variance.
 _SECOND_DIFFERENCE = 6.0
-#: Seconds within which two spans count as equal, because frame times are rounded
-#: (`stream.recognizer.windows.sliding_window`).
-_TIE = 1e-6
 #: Rows that are kept to average over.
 _MAX_ROWS = 64
 
@@ -69,14 +68,14 @@ class RowSmoother:
         self._times[begin : self._end] = times
         self._waiting += len(times)
         first = max(self._end - self._waiting, 0)
-        enough = self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - _TIE
+        enough = self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - TIE
         if enough or self._known < _ESTIMATED:
             self._estimate(max(first - 2, 0))
             self._waiting = 0
         if self.noise < NOISY:
             return
         first = max(self._end - _MAX_ROWS, 0)
-        too_old = np.asarray(times) - (_AVERAGED - _TIE)
+        too_old = np.asarray(times) - (_AVERAGED - TIE)
         starts = np.searchsorted(self._times[first : self._end], too_old, side="right") + first
         for index, start in enumerate(starts.tolist()):
             np.mean(self._rows[start : begin + index + 1], axis=0, out=rows[index])

@@ -12,7 +12,7 @@ from synthetic import STICK, stick_clip
 
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.progress.phase_table import PhaseTable, log_swing, moving_point, swing_of
+from kinespace.library.progress.phase_table import PhaseTable
 from kinespace.library.windows.index import WindowIndex
 
 #: Moments a second, and how many of them a velocity and a swing go back.
@@ -105,10 +105,3 @@ def test_classes_that_did_not_change_are_kept(index: WindowIndex) -> None:
     ]
     other = PhaseTable.of(motions, index.body, replace(index.basis), before)
     assert other.courses["bow"][1] is not before.courses["bow"][1]
-
-
-def test_points_and_swings() -> None:
-    """A point's movement counts three times; a swing is a logarithm that stays finite."""
-    assert moving_point(np.array([1.0, 2.0]), np.array([1.5, 2.0])).tolist() == [1.5, 2.0, 1.5, 0.0]
-    assert swing_of(np.array([[0.0, 1.0], [2.0, 1.0]])) == pytest.approx(0.0, abs=1e-6)
-    assert log_swing(0.0) == pytest.approx(math.log(1e-3))

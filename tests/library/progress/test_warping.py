@@ -27,13 +27,6 @@ def test_many_pairs_together_equal_each_pair_alone() -> None:
         np.testing.assert_allclose(phases, warped_phase(one, other), atol=1e-12)
 
 
-def test_a_recording_warped_onto_itself_keeps_its_time() -> None:
-    """Matched with itself, a recording's phase is its relative time."""
-    (drawn,) = curves(1, 2)
-    (phases,) = warped_phases([(drawn, drawn)])
-    np.testing.assert_allclose(phases, np.linspace(0, 1, len(drawn)), atol=1e-12)
-
-
 def test_a_pause_before_a_motion_does_not_count() -> None:
     """A recording that stands still at first has a phase near 0 until it moves; it never falls."""
     drawn = curves(6, 3)

@@ -43,8 +43,3 @@ def test_two_trees_are_no_body(parents: tuple[int, ...]) -> None:
     """Between joints of two trees there is no way."""
     with pytest.raises(ValueError, match="one tree"):
         Body.of(Skeleton(FORK.joints, parents))
-
-
-def test_equal_skeletons_share_a_body(builtin: MotionLibrary) -> None:
-    """A new performer costs no search for segments and paths: names without end must not take the time of others."""
-    assert Body.of(Skeleton(builtin.skeleton.joints, builtin.skeleton.parents)) is Body.of(builtin.skeleton)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import naive_windows
@@ -70,25 +69,6 @@ def test_parts_of_distances(kind: str, builtin: MotionLibrary, body: Body, rows:
     assert np.isfinite(numbers).all()
 
 
-def test_only_the_trend_tells_a_motion_from_its_reverse(body: Body, rows: NDArray[np.float64]) -> None:
-    """Backwards its sign turns, and spread and posture stay."""
-    forwards, backwards = _moments(rows), _moments(rows[::-1])
-    assert np.allclose(trend(backwards, body), -trend(forwards, body))
-    assert np.abs(trend(forwards, body)).max() > 0.5
-    assert np.allclose(spread(backwards, body), spread(forwards, body))
-    assert np.allclose(posture(backwards, body), posture(forwards, body))
-
-
-def test_a_trend_is_a_correlation(body: Body) -> None:
-    """A distance that grows steadily has nearly trend 1, one that shrinks nearly −1, one that stays 0."""
-    rows = np.ones((30, len(body.sizing)))
-    rows[:, 0] += np.linspace(-20.0, 20.0, 30)
-    rows[:, 1] -= np.linspace(-20.0, 20.0, 30)
-    # The body has the size that it would have without these two.
-    numbers = trend(_moments(rows), replace(body, sizing=np.eye(len(body.sizing))[2]))[0]
-    assert numbers[:3] == pytest.approx([1.0, -1.0, 0.0], abs=0.01)
-
-
 def test_products_of_scaled_eigenvectors(covariances: NDArray[np.float64]) -> None:
     """Their squares, and products of the flattened matrices, are the rank-k matrices' products, whatever the signs."""
     pairs = eigenpairs_of(covariances)
@@ -105,13 +85,6 @@ def test_products_of_scaled_eigenvectors(covariances: NDArray[np.float64]) -> No
     # Rounding makes the values of a window that hardly moves negative.
     below = eigen(Eigenpairs(np.array([[2.0, -1e-17]]), np.eye(2)[None]))
     assert below.tolist() == [[[1.0, 0.0], [0.0, 0.0]]]
-
-
-def test_one_eigenvector_makes_the_papers_measure() -> None:
-    """With k = 1 the product is the square of |⟨u, v⟩|, for any eigenvalues."""
-    vectors = np.array([[[0.6, 0.8]], [[1.0, 0.0]]])
-    first, second = eigen(Eigenpairs(np.array([[7.0], [0.2]]), vectors))
-    assert np.square(first @ second.T).sum() == pytest.approx(0.36)
 
 
 def test_movement(rows: NDArray[np.float64]) -> None:

@@ -105,15 +105,6 @@ def test_among_many_examples_one_more_does_not_make_the_unknown_learned_anew(mon
         assert much_later.rejection is not before.rejection
 
 
-def test_disabled_classes_have_no_windows() -> None:
-    """A class that is disabled is not compared with."""
-    windows = TaughtWindows(_base(), beside=True)
-    roster = _roster(("my squat", "squat1Reps", 0)).enabled("squat1Reps", on=False).enabled("my squat", on=False)
-    index = windows.index_of(roster)
-    assert index is not None
-    assert {"squat1Reps", "my squat"}.isdisjoint(index.classes)
-
-
 def test_an_index_has_the_motions_of_its_roster_alone() -> None:
     """What opens its library anew, for fewer joints, finds the same classes; after an undo, too."""
     windows = TaughtWindows(_base(), beside=False)

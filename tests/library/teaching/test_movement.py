@@ -37,13 +37,6 @@ def test_motions_between_stillnesses_are_found(noise: float) -> None:
         assert stretch.duration > 0.6 * motion.duration
 
 
-def test_a_still_body_is_never_found_moving() -> None:
-    """A body that stands still is never found moving."""
-    take, _ = _take(1.0)
-    standing = replace(take, positions=np.repeat(take.positions[:1], 300, axis=0))
-    assert stretches_of(standing) == []
-
-
 def test_stretches_end_at_gaps() -> None:
     """A gap in the middle of a motion divides it, because nobody knows the movement in the gap."""
     take, moving = _take(1.0)

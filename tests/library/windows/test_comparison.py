@@ -9,7 +9,7 @@ import pytest
 from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, flattened
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing, by_paper
 from kinespace.library.windows.cutting import CutWindows
-from kinespace.library.windows.index import measured_clips
+from kinespace.library.windows.index import Measured
 from kinespace.library.windows.metric import Lessons
 
 if TYPE_CHECKING:
@@ -40,18 +40,6 @@ def test_without_a_kind(weighing: Weighing, kind: Kind) -> None:
     assert 1 <= len(fewer.views) <= len(weighing.views)
 
 
-def test_weights_keep_their_proportions() -> None:
-    """Without postures a half and a quarter become two thirds and one; a group that loses a part keeps its weight."""
-    fewer = SMALL.without(Kind.POSTURE)
-    assert fewer.groups == SMALL.groups[:2]
-    assert np.allclose(fewer.views, [(2 / 3, 1 / 3)])
-    fewer = SMALL.without(Kind.SPREAD)
-    assert fewer.groups == ((EIGEN_LONG,), (EIGEN_SHORT,), (POSTURE,))
-    assert np.allclose(fewer.views, SMALL.views)
-    with pytest.raises(ValueError, match="beside posture"):
-        Weighing(groups=((POSTURE,),), views=((1.0,),), first=0.5).without(Kind.POSTURE)
-
-
 def test_below_the_views_each_group_is_compared_alone() -> None:
     """Two views of three groups make five rows of weights; the views name a class, and the rest is evidence."""
     assert np.array_equal(SMALL.weights, [*SMALL.views, (1, 0, 0), (0, 1, 0), (0, 0, 1)])
@@ -71,7 +59,7 @@ def test_the_papers_weighing_names_by_products() -> None:
 
 def test_windows_are_placed_by_metrics(small_index: WindowIndex) -> None:
     """An eigen part alone stays eigenvectors; another part has its own metric, and several parts one more."""
-    clips, ends, motions = measured_clips(small_index.library, 0.4)
+    clips, ends, motions = Measured.of(small_index.library, 0.4)
     numbers = CutWindows(clips, ends, small_index.body, small_index.basis).numbers()
     classes, people = (
         np.unique([getattr(clip, name) for clip in clips], return_inverse=True)[1] for name in ("class_name", "actor")

@@ -9,7 +9,7 @@ import pytest
 from naive_windows import body_of, window
 
 from kinespace.library.signature.parts import EIGENVECTORS, PARTS, Kind
-from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, eigenpairs_of, window_ends
+from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
 
 if TYPE_CHECKING:
     from kinespace.library import MotionLibrary
@@ -63,10 +63,3 @@ def test_numbers_by_definition(clip: Clip, builtin_index: WindowIndex, arithmeti
             place += 1
     assert {len(each) for each in numbers.values()} == {place}
     assert np.array_equal(cut.moments(1.0).mean.shape, (place, 465))
-
-
-def test_covariances_without_numbers_are_refused(arithmetic: str) -> None:
-    """A covariance with NaN has no eigenvectors."""
-    with pytest.raises(ValueError, match="covariances: expected finite numbers"):
-        eigenpairs_of(np.full((1, 4, 4), np.nan))
-    assert eigenpairs_of(np.eye(2)[None]).values.tolist() == [[1.0, 1.0]], arithmetic

@@ -15,7 +15,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.signature.parts import EIGENVECTORS, Kind
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import CutWindows, window_ends
-from kinespace.library.windows.index import WindowIndex, measured_clips, opened, teacher_of
+from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
 from kinespace.library.windows.rejection import learned_rejection
 from kinespace.tools.feeding.joint_sets import joints_of
 
@@ -153,36 +153,6 @@ def test_a_second_person_must_agree(small_index: WindowIndex) -> None:
 
 
 # --- kinds of libraries ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["as it is", "no parents", "nothing"])
-def test_motions_of_new_people_are_nearest_to_their_class(
-    kind: str, small_library: MotionLibrary, asking: tuple[Clip, ...]
-) -> None:
-    """By Kinect 1's twenty joints, also without segments, and where a class is `nothing`."""
-    joints, classes = joints_of("kinect20"), list(CLASSES)
-    library, clips = small_library.restricted_to(joints), tuple(clip.restricted_to(joints) for clip in asking)
-    if kind == "no parents":
-        skeleton = Skeleton(library.skeleton.joints)
-        library = MotionLibrary(skeleton, tuple(replace(clip, skeleton=skeleton) for clip in library.motions))
-        clips = tuple(replace(clip, skeleton=skeleton) for clip in clips)
-    if kind == "nothing":
-        library, classes[-1] = library.renamed({"squat1Reps": NOTHING}), NOTHING
-    index = WindowIndex.of(library)
-    assert _guessed(index, clips) == classes
-    assert index.classes == tuple(sorted(classes))
-    assert (kind == "nothing") == (len(index.library.classes) == 2)
-
-
-def test_one_class_is_nearest_to_itself(people: MotionLibrary, arithmetic: str) -> None:
-    """There is one distance for each view, and it says how near a motion is."""
-    index = WindowIndex.of(people.without(classes=STICK_CLASSES[1:]))
-    near, *far = (
-        index.log_distances(_numbers(index, stick_clip(name, seed=70, frames=240))[-1]) for name in STICK_CLASSES
-    )
-    assert near.shape == (len(index.comparison.weighing.weights), 1)
-    assert near[0] < min(each[0] for each in far), arithmetic
 
 
 def test_a_motion_too_short_for_a_window_stays(people: MotionLibrary) -> None:
@@ -343,7 +313,7 @@ def test_phases_of_classes_that_stay_are_not_computed_again(people_index: Window
 
 def test_windows_lie_closer_in_a_library_of_one_person(people: MotionLibrary) -> None:
     """A window is kept every 0.4 seconds, and every tenth of a second where one person's motions are all there are."""
-    for library, step in ((people, 12), (people.without(actors=("aa", "bb")), 3)):
-        _, ends, motions = measured_clips(library)
-        assert {*np.diff(ends[0])} == {step}
-        assert len(motions) == sum(map(len, ends))
+    for library, every in ((people, 0.4), (people.without(actors=("aa", "bb")), 0.1)):
+        windows = Measured.of(library, every)
+        assert WindowIndex.of(library, people).motions.tolist() == windows.motions.tolist()
+        assert len(windows.motions) == sum(map(len, windows.ends))

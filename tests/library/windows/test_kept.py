@@ -47,7 +47,7 @@ def test_kept_numbers_are_the_learned_ones(
     learned = WindowIndex.of(people, people, weighing)
     for library in (keeping, read):
         kept = WindowIndex.of(library, library, weighing)
-        for name in ("directions", "unweighted", "weights"):
+        for name in ("directions", "weights"):
             assert np.array_equal(getattr(kept.basis, name), getattr(learned.basis, name))
         assert kept.basis.share == pytest.approx(learned.basis.share, abs=1e-7)
         assert all(np.array_equal(*both) for both in zip(kept.vectors, learned.vectors, strict=True))

@@ -28,17 +28,6 @@ def test_the_same_motion_by_two_people_has_mean_squared_distance_1(shrinkage: fl
     assert np.mean([nearest[lessons.classes == each].mean() for each in range(4)]) == pytest.approx(1.0, rel=0.01)
 
 
-def test_the_less_shrinkage_the_less_people_count() -> None:
-    """The third number, in which people differ, loses weight step by step."""
-    numbers, lessons = _windows()
-    weights = []
-    for shrinkage in (1.0, 0.5, 0.05, 0.01):
-        axes = learned_metric(numbers, lessons, shrinkage=shrinkage, kept=6).axes
-        weights.append(np.square(axes[2]).sum() / np.square(axes[:2]).sum())
-    assert weights == sorted(weights, reverse=True)
-    assert weights[2] < 0.3 * weights[0]
-
-
 @pytest.mark.parametrize("few", [False, True])
 def test_one_person_teaches_nothing_but_principal_axes(*, few: bool) -> None:
     """All the axes have one length, and are the windows' principal axes, also of fewer windows than numbers."""

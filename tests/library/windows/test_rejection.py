@@ -128,18 +128,6 @@ def test_a_library_learns_from_its_own_motions(learning: WindowIndex) -> None:
     assert _shares_known(learning, with_class=False) == pytest.approx([0.05, 0.2, 0.4], abs=0.08)
 
 
-def test_thresholds_fall_with_the_rate(learning: WindowIndex) -> None:
-    """No lead speaks against a guess, and thresholds fall with the rate."""
-    rejection, groups = learned_rejection(learning), len(learning.comparison.weighing.groups)
-    assert rejection.weights.shape == (2 * groups + 1,)
-    assert (rejection.weights[groups:] >= 0).all()
-    assert rejection.weights[groups:-1].any()
-    assert rejection.weights[-1] == 0.0
-    assert (np.diff(rejection.thresholds) <= 0).all()
-    assert rejection.typical == pytest.approx(typical_evidence(learning))
-    assert (np.abs(rejection.typical[groups:]) <= MAX_LEAD).all()
-
-
 def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
     """A library of one motion, or of one class, is judged by numbers that stand in."""
     alone = WindowIndex.of(replace(sticks, motions=sticks.motions[:1]))

@@ -10,7 +10,6 @@ import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import SkeletonMismatchError
-from kinespace.library.naming import Naming
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
@@ -142,18 +141,6 @@ def test_frames_of_some_of_the_joints_are_compared_by_them(library: MotionLibrar
     assert whole.positions[kept].tolist() == frames[0].positions[kept].tolist()
     _assert_same(_pushed(performers, _frames("q", "wave")), _alone(library, _frames("q", "wave")))
     assert performers.refused == {}
-
-
-def test_names_of_another_convention_are_told(small_library: MotionLibrary) -> None:
-    """Joints by the names of another program are found, and the convention is told."""
-    performers, names = Performers(small_library), Naming().met(("Hips", "LeftUpLeg", "LeftLeg"), ()).joints
-    joints = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot", "Head")
-    performers.announce(Announcement("p", joints), 0.0)
-    assert performers.compared["p"].endswith(f"names: {len(joints)} of 31 joints") or len(names) == 3
-    skeleton = performers.skeleton_of("p")
-    assert skeleton is not None
-    assert len(skeleton.joints) == len(joints)
-    assert "lfemur" in skeleton.joints
 
 
 def test_only_so_many_sets_of_joints(library: MotionLibrary) -> None:

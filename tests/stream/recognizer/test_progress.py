@@ -102,16 +102,6 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
         assert (told.speed, told.amplitude) == pytest.approx((pace.speed, pace.amplitude), rel=1e-3)
 
 
-def test_a_strangers_squat_is_followed_from_0_to_1() -> None:
-    """Followed by other actors' squats, the phase begins low, ends high, and the scrubbed one never goes back."""
-    told = followed(clip_of(SQUAT, "mm"))
-    assert told[3].phase < 0.25
-    assert told[-1].phase > 0.8
-    assert (np.diff([each.scrub for each in told]) > -0.15).all()
-    assert all(each.phase - 0.15 <= each.scrub for each in told)
-    assert np.median([each.sure for each in told]) > 0.4
-
-
 def test_speed_and_amplitude_follow_the_motion() -> None:
     """Twice as fast has a higher speed, half as fast a lower one; deviations of 0.6 have about that amplitude."""
     slow, own, fast = (np.median([each.speed for each in followed(clip_of(ARMS, "tr"), speed=s)]) for s in (0.5, 1, 2))
@@ -119,14 +109,6 @@ def test_speed_and_amplitude_follow_the_motion() -> None:
     assert fast > 1.3 * own
     whole, small = (followed(clip_of(SQUAT, "mm"), size=size)[-1].amplitude for size in (1.0, 0.6))
     assert small / whole == pytest.approx(0.6, abs=0.15)
-
-
-def test_rounds_are_counted() -> None:
-    """An arm circle that is played three times counts two rounds that end, at least one."""
-    assert table_without("tr").classes[ARMS].cyclic
-    assert not table_without("tr").classes[DOWN].cyclic
-    assert followed(clip_of(ARMS, "tr"), rounds=3)[-1].cycles in (1, 2, 3)
-    assert followed(clip_of(DOWN, "mm"))[-1].cycles == 0
 
 
 def test_nothing_named_has_no_progress() -> None:
@@ -165,31 +147,6 @@ def test_a_class_named_late_is_followed_within_a_third_of_a_second() -> None:
     other = replace(table_without("mm"), basis=replace(table_without("mm").basis))
     exchanged.exchange(other)
     assert exchanged.progress is None
-
-
-def test_a_motion_that_was_just_taught_is_followed() -> None:
-    """One example of a class of its own is followed, by another motion of that kind, from its beginning to its end."""
-    index = opened_few().with_motions([replace(clip_of(SQUAT, "mm"), class_name="mine", actor="")])
-    follower = ProgressFollower(index.phases)
-    points = points_of(clip_of(SQUAT, "mm", 1).positions[::2])
-    told = [follower.push(place * STEP, point, "mine") for place, point in enumerate(points)]
-    phases = [each.phase for each in told if each]
-    assert len(phases) == len(points)
-    assert phases[5] < 0.3
-    assert phases[-1] > 0.8
-    assert phases == pytest.approx(sorted(phases), abs=0.15)
-
-
-def test_any_hop_follows_alike() -> None:
-    """Hops of a frame, of a step and of three steps end at about the same phase."""
-    clip, ends = clip_of(SQUAT, "mm"), []
-    points = points_of(clip.positions)
-    for every in (1, 2, 6):
-        follower = ProgressFollower(table_without("mm"))
-        told = [follower.push(i / clip.frame_rate, points[i], SQUAT) for i in range(0, 80, every)]
-        assert told[-1]
-        ends.append(told[-1].phase)
-    assert max(ends) - min(ends) < 0.15
 
 
 def test_the_recogniser_tells_progress_when_asked() -> None:

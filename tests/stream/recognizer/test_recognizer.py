@@ -66,7 +66,6 @@ STEPS = st.sampled_from(
     steps=st.lists(st.one_of(st.just(1 / 120), STEPS), min_size=5, max_size=120),
     hop=st.sampled_from([0.0, 1 / 30, 0.05, 0.11]),
     longest_gap=st.sampled_from([0.2, 0.5, 60.0]),
-    patience=st.sampled_from([0, 3, 10]),
     start=st.sampled_from([0.0, 1.7e9]),
     window=st.sampled_from([None, 0.3]),
 )
@@ -76,15 +75,14 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
     steps: list[float],
     hop: float,
     longest_gap: float,
-    patience: int,
     start: float,
     window: float | None,
 ) -> None:
     """Frames late, repeated, after gaps, of a clock that began again: the slow twin answers at the same frames."""
     others = {} if window is None else {"signature": LiveSignature.PAPER, "window": window}
-    given = Settings(hop=hop, longest_gap=longest_gap, patience=patience, plausibility=False, **others)  # type: ignore[arg-type]
+    given = Settings(hop=hop, longest_gap=longest_gap, plausibility=False, **others)  # type: ignore[arg-type]
     recognizer, generator, time = Recognizer(library, given), np.random.default_rng(1), start
-    feed = NaiveFeed([0], hop, longest_gap, patience, window or 2.0)
+    feed = NaiveFeed([0], hop, longest_gap, window or 2.0)
     for step in steps:
         time += step
         positions = stick_clip("bow", frames=1).positions[0] + 0.01 * generator.normal(size=(6, 3))
@@ -95,30 +93,6 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
     counts = recognizer.counts
     assert (counts.out_of_order, counts.restarts) == (feed.out_of_order, feed.restarts)
     assert counts.frames + counts.out_of_order == len(steps)
-
-
-@pytest.mark.parametrize("signature", LiveSignature)
-@pytest.mark.parametrize(("rate", "first"), [(30, 5), (60, 9), (240, 36)])
-def test_feeds_of_any_rate_are_recognised_alike(
-    library: MotionLibrary, signature: LiveSignature, rate: int, first: int
-) -> None:
-    """From the first frame 0.15 seconds after the first on there are 30 answers a second, all with the same class."""
-    for class_name in STICK_CLASSES:
-        answers = _pushed(Recognizer(library, Settings(signature)), _frames(class_name, rate=rate, start=7.0))
-        assert answers[0].time == 7.0 + first / rate
-        assert len(answers) == pytest.approx(30 * (3 - 0.15), abs=1)
-        assert {answer.label for answer in answers if signature is LiveSignature.WINDOWS} <= {class_name}
-
-
-@pytest.mark.parametrize("rate", [24, 119.88])
-@pytest.mark.parametrize("hop", [0.05, 1 / 30, 0.11])
-def test_hops_keep_their_mean_distance(library: MotionLibrary, rate: float, hop: float) -> None:
-    """When hops fall between frames each answer waits for the next frame, and none waits longer for its sake."""
-    answers = _pushed(Recognizer(library, Settings(hop=hop)), _frames("jump", seconds=6.0, rate=rate))
-    times = np.array([answer.time for answer in answers])
-    late = (times - times[0]) - max(hop, 1 / rate) * np.arange(len(times))
-    assert late.min() > -1e-3 * max(hop, 1 / rate)
-    assert late.max() < 1 / rate
 
 
 def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(library: MotionLibrary) -> None:
@@ -135,32 +109,6 @@ def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(library: MotionLibr
         end = recognizer.end()
         assert end is not None
         assert (end.label, end.time, recognizer.end()) == ("jump", start + 359 / 120, None)
-
-
-@pytest.mark.parametrize(("unit", "start"), [(1e3, 0.0), (1e6, 1.7e15), (1e9, 1.7e18)])
-def test_a_clock_in_other_units_starts_anew_with_every_frame(library: MotionLibrary, unit: float, start: float) -> None:
-    """A sender that counts milli-, micro- or nanoseconds is never answered, and its frames show as restarts."""
-    recognizer, frames = Recognizer(library), _frames("bow")
-    assert not _pushed(recognizer, [Frame("p", start + each.time * unit, each.positions) for each in frames])
-    assert recognizer.counts.restarts == len(frames) - 1
-
-
-def test_the_largest_jump_there_is(library: MotionLibrary) -> None:
-    """From the earliest to the latest number there is, and back, the window begins anew, and then goes on."""
-    recognizer, first = Recognizer(library), _frames("bow")[0]
-    for time in (-1.7e308, 1.7e308, -1.7e308):
-        assert recognizer.push(Frame("p", time, first.positions)) is None
-    assert recognizer.counts.restarts == 2
-    assert {answer.label for answer in _pushed(recognizer, _frames("wave"))} == {"wave"}
-
-
-def test_counts_add_up() -> None:
-    """Other counts are added, or taken off."""
-    counts = RecognizerCounts(1, 2, 3, 4)
-    counts.add(RecognizerCounts(10, 20, 30, 40))
-    assert counts == RecognizerCounts(11, 22, 33, 44)
-    counts.add(RecognizerCounts(1, 2, 3, 4), -1)
-    assert counts == RecognizerCounts(10, 20, 30, 40)
 
 
 # --- one performer, one thread -----------------------------------------------------------------------------------
@@ -319,29 +267,6 @@ def test_nothing_that_is_a_frame_stops_it(
             assert np.isfinite([*numbers, answer.movement, answer.margin]).all()
             assert min(*numbers, answer.movement) >= 0.0
             assert max(numbers) <= 1.0
-
-
-@pytest.mark.parametrize("signature", LiveSignature)
-@pytest.mark.parametrize("place", [0.0, 1.5])
-def test_all_joints_in_one_point_are_no_body(any_index: WindowIndex, place: float, signature: LiveSignature) -> None:
-    """All joints at the origin, as some trackers send without a body, are no motion; a body that comes is named."""
-    shape = (len(any_index.library.skeleton.joints), 3)
-    recognizer = Recognizer(any_index, Settings(signature=signature))
-    answers = _pushed(recognizer, [Frame("p", index / 30, np.full(shape, place)) for index in range(90)])
-    assert {answer.outcome for answer in answers} <= {Outcome.STILL, Outcome.IMPLAUSIBLE}
-    assert {answer.movement for answer in answers} == {0.0}
-    assert np.isfinite([answer.scores for answer in answers]).all()
-    bow = [Frame("p", each.time, each.positions[: shape[0]]) for each in _frames("bow", start=3.0)]
-    assert _pushed(recognizer, bow)[-1].outcome is not Outcome.STILL
-
-
-@pytest.mark.parametrize(("gap", "outcome"), [(0.0, Outcome.NAMED), (1.1, Outcome.AMBIGUOUS)])
-def test_an_eigenvector_that_may_be_any_names_no_class(library: MotionLibrary, gap: float, outcome: Outcome) -> None:
-    """With the paper's signature, nearly equal eigenvalues are ambiguous; the gap is that of the two largest."""
-    settings_ = Settings(LiveSignature.PAPER, window=0.3, smallest_gap=gap)
-    answers = _pushed(Recognizer(library, settings_), _frames("bow"))
-    assert {answer.outcome for answer in answers} == {outcome}
-    assert 0.0 < max(answer.gap for answer in answers) < 1.0
 
 
 def test_the_noise_of_a_feed_is_evidence(library: MotionLibrary) -> None:

@@ -25,7 +25,6 @@ PAPER = LiveSignature.PAPER
     [
         ({"signature": "best"}, "signature: expected windows or paper, got 'best'"),
         ({"window": 1.0}, "window: expected none with the signature windows"),
-        ({"smallest_gap": 0.1}, "smallest_gap: expected none with the signature windows"),
         ({"signature": "paper", "sensitivity": 0.1}, "sensitivity: expected none with the signature paper"),
         ({"signature": "paper", "progress": True}, "progress: expected False with the signature paper, got True"),
         *(({"signature": "paper", "window": each}, "window: expected a positive") for each in (0, -1.0, math.inf)),
@@ -35,11 +34,9 @@ PAPER = LiveSignature.PAPER
             for name in ("sensitivity", "lead", "hop", "stillness")
             for each in (-1e-9, math.inf, math.nan)
         ),
-        ({"patience": -1}, "patience: expected a number not below 0"),
         ({"sensitivity": 1.1}, "sensitivity: expected a share from 0 to 1, got 1.1"),
         ({"hop": 61.0}, "hop: expected at most 60 seconds, got 61"),
         *(({"hop": each}, "hop: expected a number, got") for each in ("1", None, True)),
-        *(({"patience": each}, "patience: expected a whole number, got") for each in (1.5, True)),
         *(({"progress": each}, "progress: expected True or False, got") for each in (1, None)),
         ({"lead": "3"}, "lead: expected a number, got '3'"),
     ],
@@ -52,8 +49,8 @@ def test_settings_that_make_no_sense_are_refused(given: dict[str, Any], said: st
 
 def test_settings_at_their_bounds() -> None:
     """Numbers of any kind do, and None where a library decides; a signature may be its text."""
-    Settings(sensitivity=1, lead=0, hop=60, stillness=np.float32(0.0), patience=np.int64(0))
-    assert Settings(signature="paper", window=0.1, smallest_gap=0).signature is PAPER  # type: ignore[arg-type]
+    Settings(sensitivity=1, lead=0, hop=60, stillness=np.float32(0.0))
+    assert Settings(signature="paper", window=0.1).signature is PAPER  # type: ignore[arg-type]
     assert Settings(sensitivity=None, lead=None) == Settings()
 
 
@@ -89,7 +86,7 @@ def test_what_a_movement_needs_to_be_named(sticks: MotionLibrary) -> None:
     for given in (None, 0.1):
         share = given or usual_sensitivity(sticks)
         settings = Settings(sensitivity=given, stillness=0.02)
-        assert limits_for(index, settings) == (index.rejection.threshold_at(share), 0.02, 0.02)
+        assert limits_for(index, settings) == (index.rejection.threshold_at(share), 0.02)
         assert limits_for(index, settings, of_fewer=True)[0] == index.rejection.threshold_at(0.6 * share)
-    paper = Settings(PAPER, smallest_gap=0.3)
-    assert limits_for(index_for(index, paper), paper) == (-math.inf, 0.01, 0.3)
+    paper = Settings(PAPER)
+    assert limits_for(index_for(index, paper), paper) == (-math.inf, 0.01)

@@ -190,21 +190,6 @@ def test_frames_are_neither_changed_nor_kept(small_library: MotionLibrary, feed:
     assert all(np.array_equal(answer.scores, before) for answer, before in zip(answers, scores, strict=True))
 
 
-@SIGNATURES
-def test_frames_that_are_only_followed_fill_the_windows(
-    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
-) -> None:
-    """Before the moment nothing is answered; afterwards the windows are those of all frames."""
-    settings, begin = _settings(signature, hop=0.0), feed[40].time
-    expected = [each for each in _answers(Recognizer(small_library, settings), feed) if each.time >= begin]
-    recognizer = Recognizer(small_library, settings)
-    recognizer.only_follow(begin)
-    found = _answers(recognizer, feed)
-    assert [each.time for each in found] == [each.time for each in expected]
-    for one, other in zip(found, expected, strict=True):
-        np.testing.assert_allclose(one.scores, other.scores, atol=1e-3)
-
-
 def test_another_recogniser_answers_the_same_frames(small_library: MotionLibrary, feed: Feed) -> None:
     """One that takes over keeps the time of the one before it, and sees the same in the same windows."""
     expected = _answers(Recognizer(small_library), feed)

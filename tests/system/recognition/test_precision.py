@@ -11,9 +11,6 @@ import pytest
 from kinespace.library.distances import distance_rows
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.skeleton import Skeleton
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow
 from kinespace.stream.recognizer.windows.sums import MomentSums, ProductSums
 
@@ -40,7 +37,6 @@ class Error(NamedTuple):
 
     worst: float
     hops: int
-    refreshes: int
 
 
 class Followed:
@@ -83,7 +79,7 @@ def _streamed(rows: np.ndarray, *, hop: int, rate: float = 120.0, truth: np.ndar
         followed.push(rows[end - hop : end])
         worst = max(worst, followed.error(truth[max(0, end - followed.length) : end]))
         hops += 1
-    return Error(worst, hops, followed.covariance.refreshes + followed.moments.refreshes)
+    return Error(worst, hops)
 
 
 # --- real motion -------------------------------------------------------------------------------------------------
@@ -98,27 +94,6 @@ def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
         error = _streamed(rows, hop=4, rate=60.0)
         assert error.worst <= MOVING, motion.name
         assert error.hops == motion.frames // 4
-
-
-def test_all_motions_as_one_performance(builtin: MotionLibrary) -> None:
-    """A quarter of the motions, played without a break, stay exact to the last hop, and little is computed afresh."""
-    positions = np.concatenate([motion.positions for motion in builtin.motions[::4]])
-    rows = distance_rows(positions, SKELETON)[:, ::EVERY]
-    error = _streamed(rows, hop=8, rate=60.0)
-    assert error.worst <= MOVING
-    assert error.hops == len(rows) // 8
-    assert 2 <= error.refreshes <= len(rows) / 60
-
-
-@pytest.mark.parametrize("distance", [1e4])
-def test_far_from_the_origin(some_clips: tuple[Clip, ...], distance: float) -> None:
-    """Kilometres from the origin the covariance is the same as near it."""
-    offset = distance * np.array([1.0, -2.0, 0.5])
-    for clip in some_clips[::2]:
-        at_home, away = (
-            distance_rows(positions, SKELETON)[:, ::EVERY] for positions in (clip.positions, clip.positions + offset)
-        )
-        assert _streamed(away, hop=4, truth=at_home).worst <= MOVING
 
 
 # --- two hundred thousand frames -----------------------------------------------------------------------------------
@@ -177,58 +152,3 @@ def test_still_right_after_moving(some_clips: tuple[Clip, ...], noise: float, un
     for clip in some_clips[::4]:
         rows = distance_rows(_stop(clip, noise), SKELETON)[:, ::EVERY] * unit
         assert _streamed(rows, hop=5).worst <= STILL
-
-
-@pytest.mark.parametrize("unit", [1.0, 1000.0], ids=["m", "mm"])
-@pytest.mark.parametrize("noise", [1e-3, 1e-6, 0.0])
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_a_still_body_is_never_named(
-    some_clips: tuple[Clip, ...], small_library: MotionLibrary, signature: LiveSignature, noise: float, unit: float
-) -> None:
-    """When all of a second is still it is answered still, either way, at any noise down to a frozen tracker's none."""
-    for clip in some_clips[1::6]:
-        recognizer = Recognizer(small_library, Settings(signature=signature, hop=0.1))
-        answers = {}
-        for index, positions in enumerate(_stop(clip, noise, frames=240) * unit):
-            recognition = recognizer.push(Frame("p", index / 120, positions))
-            if recognition is not None:
-                answers[index] = recognition
-        still = [recognition for index, recognition in answers.items() if index >= clip.frames + 120]
-        assert len(still) >= 9
-        assert {recognition.outcome for recognition in still} == {Outcome.STILL}
-        assert {recognition.class_name for recognition in still} == {None}
-        assert all(0.0 <= recognition.movement < 0.01 for recognition in still)
-
-
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_a_frozen_feed_is_never_a_class(sticks: MotionLibrary, signature: LiveSignature) -> None:
-    """After any motion, a tracker that repeats its last frame digit for digit is answered still."""
-    for seed in range(4):
-        generator = np.random.default_rng(seed)
-        pose = generator.normal(size=(6, 3))
-        recognizer = Recognizer(sticks, Settings(signature=signature, hop=0.0, plausibility=False))
-        for index in range(200):
-            if index < 60:
-                positions = pose + 10.0 ** -generator.integers(0, 4) * generator.normal(size=(6, 3))
-            recognition = recognizer.push(Frame("p", index / 120, positions))
-            # A second of distances, and a tenth that smoothing reaches back.
-            if index >= 60 + 120 + 13:
-                assert recognition is not None
-                assert recognition.outcome is Outcome.STILL
-
-
-# --- refreshes ---------------------------------------------------------------------------------------------------
-
-
-def test_refreshes_end_soon_after_a_stop(some_clips: tuple[Clip, ...]) -> None:
-    """A stop costs some refreshes while the motion leaves the window, and none once all is still."""
-    clip = some_clips[0]
-    rows = distance_rows(_stop(clip, 1e-5, frames=2000), SKELETON)[:, ::EVERY]
-    followed, counted = Followed(rows.shape[1]), dict[int, int]()
-    for end in range(1, len(rows) + 1):
-        followed.push(rows[end - 1 : end])
-        counted[end] = followed.covariance.refreshes
-    stopped, all_still = counted[clip.frames], counted[clip.frames + followed.length]
-    assert stopped <= 3
-    assert stopped < all_still <= stopped + 30
-    assert counted[len(rows)] <= all_still + 1

@@ -48,18 +48,6 @@ def _places(library: MotionLibrary, *names: str) -> list[int]:
     return [library.skeleton.joints.index(name) for name in names]
 
 
-def test_a_frozen_arm_is_done_without(small_library: MotionLibrary, squat: Clip, sound: list[Recognition]) -> None:
-    """From the first second on the squat is named without the arm, and no answer is lost."""
-    positions, arm = squat.positions.copy(), _places(small_library, *ARM)
-    positions[:, arm] = positions[0, arm]
-    recognizer = Recognizer(small_library)
-    answers = _played(recognizer, positions)
-    assert len(answers) == len(sound)
-    assert all(answer.doubted == ARM for answer in answers if answer.time > 2)
-    assert recognizer.doubt == f"joints: done without {', '.join(ARM)}"
-    assert answers[-1].class_name == squat.class_name
-
-
 def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     small_library: MotionLibrary, squat: Clip, sound: list[Recognition]
 ) -> None:
@@ -86,19 +74,6 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     answers = _played(Recognizer(small_library, views=none), positions)
     assert len(answers) == len(sound)
     assert answers[-1].outcome is Outcome.IMPLAUSIBLE
-
-
-@pytest.mark.parametrize("lost", [np.nan, 0.0])
-def test_a_joint_lost_for_a_moment_is_held(
-    small_library: MotionLibrary, squat: Clip, sound: list[Recognition], lost: float
-) -> None:
-    """A hand that is lost for less than a fifth of a second, NaN or at the origin, changes no label."""
-    positions = squat.positions.copy()
-    positions[40:44, _places(small_library, "lhand", "lfingers")] = lost
-    recognizer = Recognizer(small_library)
-    answers = _played(recognizer, positions)
-    assert [answer.label for answer in answers] == [answer.label for answer in sound]
-    assert not recognizer.doubt
 
 
 @pytest.mark.parametrize("fault", ["sides", "unit"])
@@ -138,15 +113,6 @@ def test_another_recogniser_goes_on_with_what_is_known(
     assert known._replace(tremble=0.0) == LongAgo(mirrored=True, factor=0.001)
     # The feed's own tremble, in the library's metres, is told as well.
     assert 0.0 < known.tremble < 0.004
-
-
-@pytest.mark.parametrize("frames", [1, 8])
-def test_of_a_body_that_jumps_nothing_is_named(small_library: MotionLibrary, squat: Clip, frames: int) -> None:
-    """A body that shows two postures by turns is answered, and never with a class."""
-    low = int(squat.positions[:, 0, 1].argmin())
-    answers = _played(Recognizer(small_library), squat.positions[np.where(np.arange(150) // frames % 2, low, 0)])
-    assert {answer.outcome for answer in answers if answer.time > 2} == {Outcome.IMPLAUSIBLE}
-    assert not any(answer.class_name for answer in answers)
 
 
 @pytest.mark.parametrize("every", [0.4, 1.1])

@@ -157,7 +157,7 @@ def test_a_body_of_many_joints_or_without_parents_has_postures(sticks: MotionLib
     for count, parents in ((260, tuple(range(-1, 259))), (6, ())):
         skeleton = Skeleton(tuple(f"joint{place}" for place in range(count)), parents)
         rows, pairs = distance_rows(np.arange(count)[None, :, None] * (1.0, 0.0, 0.0), skeleton), len(skeleton.pairs)
-        basis = Basis(np.zeros((pairs, 1)), *np.zeros((2, pairs)), 1.0)
+        basis = Basis(np.zeros((pairs, 1)), np.zeros(pairs), 1.0)
         index = WindowIndex.of(sticks)
         metric = next(iter(index.comparison.parts.values()))
         metrics = {

@@ -71,18 +71,6 @@ def test_the_window_equals_a_plain_list(
             _assert_alike(window, twin)
 
 
-@pytest.mark.parametrize("rate", [30, 60, 120, 240])
-@pytest.mark.parametrize("seconds", [0.5, 1.1])
-@pytest.mark.parametrize("start", [0.0, 0.1, 1.7e9])
-def test_every_rate_fills_the_same_seconds(rate: int, seconds: float, start: float) -> None:
-    """At any rate the window holds its seconds' frames, whatever frame it began with."""
-    window, frames = SlidingWindow(seconds, 2), round(seconds * rate)
-    for index in range(3 * frames):
-        window.push([start + index / rate], _rows(index))
-        window.pass_over()
-        assert window.rows[:, 0].tolist() == list(range(max(0, index - frames + 1), index + 1))
-
-
 def test_a_feed_too_fast_shortens_the_window() -> None:
     """Above the fastest feed foreseen it keeps the newest rows that there is room for, each beginning a cache line."""
     window = SlidingWindow(1.0, 2)
@@ -108,21 +96,6 @@ def test_changes_must_be_taken_in_time() -> None:
     assert window.rows[-1, 0] == 99
 
 
-@pytest.mark.parametrize("times", [[1.0], [-5.0], [1.1, 1.2, 1.2], [1.1, 1.3, 1.2], [1.0, 1.1], [0.9, 1.1]])
-def test_a_batch_is_taken_in_whole_or_not_at_all(times: list[float]) -> None:
-    """A time that stands still or runs back anywhere in a batch, or rows without times, leave the window unchanged."""
-    window = SlidingWindow(1.0, 2)
-    window.push([0.5, 1.0], _rows(0.5, 1.0))
-    with pytest.raises(ValueError, match="time: expected later than 1"):
-        window.push(times, _rows(*times))
-    for count in (0, 1, 3):
-        with pytest.raises(ValueError, match=f"rows: expected 2, as many as times, got {count}"):
-            window.push([1.1, 1.2], np.zeros((count, 2)))
-    assert window.times.tolist() == window.rows[:, 0].tolist() == [0.5, 1.0]
-    window.push([1.05], _rows(1.05))
-    assert window.times.tolist() == [0.5, 1.0, 1.05]
-
-
 @pytest.mark.parametrize("start", [1.7e18, -1.7e18, 1e300])
 def test_the_newest_row_always_stays(start: float) -> None:
     """With times so large that a window is lost in their rounding (a sender's nanoseconds) the newest row is held."""
@@ -133,22 +106,6 @@ def test_the_newest_row_always_stays(start: float) -> None:
         window.pass_over()
         assert window.times.tolist() == [time]
         assert window.rows[:, 0].tolist() == [index]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        *(((seconds, 1), "seconds") for seconds in (0.0, -1.0, np.inf, np.nan)),
-        ((1.0, 0), "width"),
-        ((1.0, 1, 0.0), "fastest"),
-    ],
-)
-def test_windows_that_make_no_sense_are_refused(arguments: tuple[float, int], named: str) -> None:
-    """Seconds, width and fastest are positive, seconds finite; and there must be memory."""
-    with pytest.raises(ValueError, match=named):
-        SlidingWindow(*arguments)
-    with pytest.raises(MemoryError, match=r"expected room for .* rows of 1000000 numbers"):
-        SlidingWindow(1e15, 1_000_000)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")

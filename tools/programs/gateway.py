@@ -31,7 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"on {LISTEN}."
     )
     add_bus(parser)
-    parser.add_argument("--zenoh-out", action="store_true", help="publish the answers in JSON on Zenoh, too")
 
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +69,6 @@ def run(options: argparse.Namespace) -> int:
             show=lambda line: console.print(line, soft_wrap=True),
         )
         where.sources.append(gateway.source)
-        where.sinks += [gateway.sink()] if options.zenoh_out else []
         console.print(
             f"gateway {gateway.name}; workers reach it by {', '.join([*listen, *options.connect]) or options.zenoh}",
             soft_wrap=True,

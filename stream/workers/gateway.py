@@ -16,7 +16,6 @@ from kinespace.stream.status import InputCounts
 from kinespace.stream.workers import terms as agreed
 from kinespace.stream.workers.bus import Inbox, unreached
 from kinespace.stream.workers.router import Router, together
-from kinespace.stream.workers.terms import Terms
 from kinespace.stream.workers.wire import GATEWAYS, WORKERS, FormatError, Orders, decode_answers, encode, key, last_of
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.workers.terms import Terms
     from kinespace.stream.workers.wire import SentFrame
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
@@ -91,10 +90,10 @@ class Gateway(Router):
     ----------
     session
         An open session of Zenoh; closed by `close`.
-    library, settings, most, silence, joints, classes
-        The same as for `Performers`.
-    naming
-        The naming of `joints`, written as in `--naming`.
+    library
+        Motions to compare with.
+    terms
+        For the recognisers.
     connect
         The endpoints to which the session connects.
     show
@@ -112,39 +111,24 @@ class Gateway(Router):
         The source of the answers; the service reads and closes it.
     """
 
-    def __init__(  # noqa: PLR0913 - all by keyword
+    def __init__(  # noqa: PLR0913 - three by position
         self,
         session: Any,  # noqa: ANN401 - Zenoh's
         library: MotionLibrary | WindowIndex,
-        settings: Settings,
+        terms: Terms,
         *,
-        most: int,
-        joints: SentJoints,
-        naming: str,
-        classes: Sequence[str] = (),
         connect: Sequence[str] = (),
         show: Callable[[str], None] = lambda _: None,
         pack: Callable[[MotionLibrary | WindowIndex], bytes] = agreed.file_of,
-        silence: float = 5.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__(library, settings, most=most, silence=silence, joints=joints, classes=classes)
+        self._packed = pack(library)
+        super().__init__(library, msgspec.structs.replace(terms, digest=agreed.digest_of(self._packed)))
         self.name = uuid.uuid4().hex[:12]
         self.inbox = Inbox()
         self.source = GatewaySource(self)
         self._session, self._connect, self._show, self._clock, self._pack = session, connect, show, clock, pack
         self._looked = clock()
-        self._packed = pack(library)
-        self._terms = Terms(
-            version=agreed.own_version(),
-            digest=agreed.digest_of(self._packed),
-            settings=settings,
-            assumed=joints.assumed,
-            naming=naming,
-            most=most,
-            silence=silence,
-            classes=tuple(classes),
-        )
         self._members: dict[str, _Member] = {}
         self._lost, self._last_lost = 0, ""
         self._declare()
@@ -192,20 +176,20 @@ class Gateway(Router):
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity from the next hop on."""
-        self.settings = replace(self.settings, sensitivity=share)
-        self._change(settings=self.settings)
+        self._change(settings=replace(self.settings, sensitivity=share))
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on; end the motions whose class it lacks."""
+        ended = super().exchange(library, order)
         self._packed = self._pack(library)
-        self._change(digest=agreed.digest_of(self._packed), classes=tuple(order))
-        return super().exchange(library, order)
+        self._change(digest=agreed.digest_of(self._packed))
+        return ended
 
     def _change(self, **changes: object) -> None:
-        """Let the workers know of changed terms."""
-        self._terms = msgspec.structs.replace(self._terms, **changes)
+        """Change the terms, and let the workers know."""
+        self.terms = msgspec.structs.replace(self.terms, **changes)
         for worker in self._members:
-            self._send(worker, Orders(terms=self._terms))
+            self._send(worker, Orders(terms=self.terms))
 
     def end(self) -> list[Event]:
         """Give the last events, and the ends of all motions going on, because no more frames will come."""
@@ -261,7 +245,7 @@ class Gateway(Router):
         if member is None or member.membership != back.member:
             self.outdated += len(back.answered)
             self._drop(worker, "began again")
-            self._put(worker, Orders(back.member, self._terms, begins=True))
+            self._put(worker, Orders(back.member, self.terms, begins=True))
             if back.report and not back.report.leaves:
                 self._welcome(worker, back.member)
             return

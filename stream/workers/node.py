@@ -9,8 +9,7 @@ import time
 import uuid
 from typing import TYPE_CHECKING, Any
 
-from kinespace.library.naming import Naming
-from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
+from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.service.background_opener import BackgroundViews
 from kinespace.stream.workers import terms as agreed
@@ -284,7 +283,7 @@ class Membership:
             most=terms.most,
             # The gateway drops a silent performer; a worker may forget it later.
             silence=2 * terms.silence,
-            joints=SentJoints(terms.assumed, Naming.asked(terms.naming)),
+            joints=terms.joints,
             views=BackgroundViews(),
             classes=terms.classes,
         )

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.recognizer import Settings
     from kinespace.stream.recognizer.joints.carried import Carried
+    from kinespace.stream.workers.terms import Terms
     from kinespace.stream.workers.wire import Answers, SentFrame
 
 #: Frames that a worker gets at once of a performer who moves to it while the former worker answers, at least: a few
@@ -42,11 +43,15 @@ class Router(Following[Track]):
 
     Parameters
     ----------
-    library, settings, most, silence, joints, classes
-        The same as for `Performers`.
+    library
+        Motions to compare with.
+    terms
+        For the recognisers.
 
     Attributes
     ----------
+    terms
+        The terms now.
     outdated
         Answers that were not passed on: from a former worker, a few after each move, or to a performer who has left.
     unread
@@ -55,21 +60,12 @@ class Router(Following[Track]):
         Frames that were dropped because there was no worker.
     """
 
-    def __init__(  # noqa: PLR0913 - all by keyword
-        self,
-        library: MotionLibrary | WindowIndex,
-        settings: Settings,
-        *,
-        most: int,
-        silence: float,
-        joints: SentJoints,
-        classes: Sequence[str] = (),
-    ) -> None:
-        super().__init__(most, silence)
-        self.settings = settings
+    def __init__(self, library: MotionLibrary | WindowIndex, terms: Terms) -> None:
+        super().__init__(terms.most, terms.silence)
+        self.terms = terms
         self.outdated = self.unread = self.unsent = 0
-        self._joints = joints
-        self._know(library, classes)
+        self._joints = terms.joints
+        self._know(library)
         #: The number of the last frame. None is used twice: who comes again is not taken for the former performer.
         self._number = 0
         self._questions = itertools.count(1)
@@ -81,16 +77,21 @@ class Router(Following[Track]):
         #: The counts of workers that have ended.
         self._past = Report(PerformerCounts())
 
-    def _know(self, library: MotionLibrary | WindowIndex, classes: Sequence[str]) -> None:
+    def _know(self, library: MotionLibrary | WindowIndex) -> None:
         motions = library.library if isinstance(library, WindowIndex) else library
         self._skeleton = motions.skeleton
         self._usual_sensitivity, self._lead = usual_sensitivity(motions), needed_lead(motions, self.settings)
-        self._classes = tuple(classes) or motions.classes
+        self._classes = self.terms.classes or motions.classes
 
     @property
     def classes(self) -> tuple[str, ...]:
         """The classes that are answered; an answer's index counts in this list."""
         return self._classes
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of all recognisers."""
+        return self.terms.settings
 
     @property
     def sensitivity(self) -> float:
@@ -99,7 +100,8 @@ class Router(Following[Track]):
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on; end the motions whose class it lacks."""
-        self._know(library, order)
+        self.terms = msgspec.structs.replace(self.terms, classes=tuple(order))
+        self._know(library)
         tracks = self._performers.values()
         return [event for each in tracks if (event := each.exchange(self.classes, self._lead))]
 

@@ -11,7 +11,9 @@ from typing import Annotated
 import msgspec
 
 from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.recognizer.joints.sent import SentJoints
 from kinespace.stream.recognizer.settings import Settings  # noqa: TC001 - msgspec reads annotations
 
 #: The version of the messages.
@@ -20,27 +22,41 @@ PROTOCOL = 7
 MAX_LIBRARY = 1 << 28
 
 
-class Terms(msgspec.Struct, frozen=True):
-    """The version, library and settings that a gateway demands of its workers.
+def own_version() -> str:
+    """Give the version of this kinespace and of its messages."""
+    try:
+        own = version("kinespace")
+    except PackageNotFoundError:
+        own = "unknown"
+    return f"{own}, protocol {PROTOCOL}"
+
+
+class Terms(msgspec.Struct, frozen=True, kw_only=True):
+    """The library, the settings and the version that a gateway demands of its workers.
 
     Attributes
     ----------
+    settings, most, assumed, naming, silence, classes
+        For the recognisers (`Performers`); the naming is written as in `--naming`.
     version
         The version of kinespace and of the messages: the worker must have the same.
     digest
         SHA-256 of the library as it travels, in hexadecimal.
-    settings, assumed, naming, most, silence, classes
-        For the recognisers (`Performers`); the naming is written as in `--naming`.
     """
 
-    version: str
-    digest: str
     settings: Settings
-    assumed: tuple[str, ...]
-    naming: str
     most: Annotated[int, msgspec.Meta(ge=1)]
-    silence: Annotated[float, msgspec.Meta(gt=0)]
+    assumed: tuple[str, ...] = ()
+    naming: str = "auto"
+    silence: Annotated[float, msgspec.Meta(gt=0)] = 5.0
     classes: tuple[str, ...] = ()
+    version: str = msgspec.field(default_factory=own_version)
+    digest: str = ""
+
+    @property
+    def joints(self) -> SentJoints:
+        """The joints that senders have."""
+        return SentJoints(self.assumed, Naming.asked(self.naming))
 
     def refusal(self, own_digest: str | None) -> str:
         """Say why this worker cannot work for the gateway; empty when it can.
@@ -55,15 +71,6 @@ class Terms(msgspec.Struct, frozen=True):
         if own_digest not in (None, self.digest):
             return f"the gateway has library {self.digest[:12]}, this worker {(own_digest or '')[:12]}"
         return ""
-
-
-def own_version() -> str:
-    """Give the version of this kinespace and of its messages."""
-    try:
-        own = version("kinespace")
-    except PackageNotFoundError:
-        own = "unknown"
-    return f"{own}, protocol {PROTOCOL}"
 
 
 def file_of(library: MotionLibrary | WindowIndex) -> bytes:

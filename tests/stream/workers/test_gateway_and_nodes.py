@@ -15,7 +15,7 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.recognition import EventKind, Recognition
-from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Settings
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.workers import bus
 from kinespace.stream.workers import gateway as gateway_module
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("zenoh")
 NAMES = ("ann", "bob", "cleo")
+TERMS = agreed.Terms(settings=Settings(), most=32)
 RATE = 60
 PATIENCE = 15.0
 
@@ -67,8 +68,7 @@ class Bus:
 
     def gateway(self, library: MotionLibrary | None = None) -> Gateway:
         """Add a gateway."""
-        known, joints = library or self.library, SentJoints()
-        made = Gateway(self.session(), known, Settings(), most=32, joints=joints, naming="auto", show=self.shown.append)
+        made = Gateway(self.session(), library or self.library, TERMS, show=self.shown.append)
         self.gateways.append(made)
         self._opened.callback(made.close)
         return made
@@ -452,7 +452,7 @@ def test_who_is_not_reached_is_said(on: Bus, monkeypatch: pytest.MonkeyPatch) ->
     alone.step(0.0)
     assert on.shown[0].startswith(f"no gateway is seen yet; not reached: {far}. Does one run")
     session = open_session([], [far], None)
-    gateway = Gateway(session, on.library, Settings(), most=32, joints=SentJoints(), naming="auto", connect=[far])
+    gateway = Gateway(session, on.library, TERMS, connect=[far])
     assert f"not reached: {far}" in gateway.notes
     router = open_session([far], [], None)
     on.until(lambda: f"not reached: {far}" not in gateway.notes)

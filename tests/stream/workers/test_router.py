@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognizer import SentJoints, Settings
+from kinespace.stream.recognizer import Settings
 from kinespace.stream.workers.router import Router
+from kinespace.stream.workers.terms import Terms
 from kinespace.stream.workers.wire import Answers
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ class Noted(Router):
     """Notes which frames reach each worker, and how many at once."""
 
     def __init__(self, library: MotionLibrary) -> None:
-        super().__init__(library, Settings(), most=len(NAMES), silence=5.0, joints=SentJoints())
+        super().__init__(library, Terms(settings=Settings(), most=len(NAMES)))
         self.joints = len(library.skeleton.joints)
         self.workers: list[str] = []
         self.leaving: list[str] = []

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Recognition
 
 POSITIONS = np.arange(18.0).reshape(6, 3) / 7
-TERMS = agreed.Terms(agreed.own_version(), "d" * 64, Settings(hop=0.05), (), "auto", 32, 5.0)
+TERMS = agreed.Terms(settings=Settings(hop=0.05), most=32, digest="d" * 64)
 
 
 @pytest.mark.parametrize("kind", ["f4", "f8"])

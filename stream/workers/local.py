@@ -176,7 +176,7 @@ def _work(name: str, place: str, folder: str, alive: Connection) -> None:
     leave_signals_to_parent(termination=True)
     threading.Thread(target=_end_with, args=(alive, folder), name="kinespace parent", daemon=True).start()
     read = ForkingPickler.loads if _IS_PRIVATE else library_in
-    with closing(Node(open_session([], [place], None), None, lambda _: None, name=name, read=read)) as node:
+    with closing(Node(open_session([], [place], None), lambda _: None, name=name, read=read)) as node:
         gc.freeze()
         node.run()
 

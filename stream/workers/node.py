@@ -55,8 +55,6 @@ class Node:
     ----------
     session
         An open session of Zenoh; closed by `close`.
-    library
-        The only library with which it works; with None it takes every gateway's library.
     show
         Prints a line for a person.
     connect
@@ -73,16 +71,13 @@ class Node:
     counts
         How often it refused to work for a gateway; messages that could not be read; messages from other senders than
         their gateway; messages of frames that were lost on the way, or had waited for too long.
-    digest
-        The digest of its only library.
     libraries
         The library that was opened last, by its digest.
     """
 
-    def __init__(  # noqa: PLR0913 - all but the first three by keyword
+    def __init__(  # noqa: PLR0913 - all but the first two by keyword
         self,
         session: Any,  # noqa: ANN401 - Zenoh's
-        library: MotionLibrary | None,
         show: Callable[[str], None],
         *,
         connect: Sequence[str] = (),
@@ -95,11 +90,7 @@ class Node:
         self.name = name or uuid.uuid4().hex[:12]
         self.counts = dict.fromkeys(("refused", "unread", "strangers", "dropped"), 0)
         self.session, self.inbox, self.show, self.read, self.clock = session, Inbox(), show, read, clock
-        self.digest: str | None = None
         self.libraries: dict[str, MotionLibrary | WindowIndex] = {}
-        if library:
-            self.digest = agreed.digest_of(agreed.file_of(library))
-            self.libraries[self.digest] = library
         self._memberships: dict[str, Membership] = {}
         self._connect, self._stopped = connect, False
         self._next_report = 0.0
@@ -263,7 +254,7 @@ class Membership:
         """Work on terms, or on changed terms, if this worker can; fetch and open their library first."""
         if self._is_refused:
             return
-        if why := terms.refusal(self._node.digest):
+        if why := terms.refusal:
             self._is_refused = True
             self._node.ignore("refused", f"not working for gateway {self._gateway}: {why}")
             return

@@ -58,19 +58,11 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True):
         """The joints that senders have."""
         return SentJoints(self.assumed, Naming.asked(self.naming))
 
-    def refusal(self, own_digest: str | None) -> str:
-        """Say why this worker cannot work for the gateway; empty when it can.
-
-        Parameters
-        ----------
-        own_digest
-            The digest of the library that the worker was given; None: it takes any.
-        """
-        if self.version != own_version():
-            return f"the gateway has version {self.version}, this worker {own_version()}"
-        if own_digest not in (None, self.digest):
-            return f"the gateway has library {self.digest[:12]}, this worker {(own_digest or '')[:12]}"
-        return ""
+    @property
+    def refusal(self) -> str:
+        """Why this worker cannot work for the gateway; empty when it can."""
+        own = own_version()
+        return "" if self.version == own else f"the gateway has version {self.version}, this worker {own}"
 
 
 def file_of(library: MotionLibrary | WindowIndex) -> bytes:

@@ -73,9 +73,9 @@ class Bus:
         self._opened.callback(made.close)
         return made
 
-    def node(self, library: MotionLibrary | None = None) -> Node:
+    def node(self) -> Node:
         """Add a worker."""
-        made = Node(self.session(), library, self.shown.append)
+        made = Node(self.session(), self.shown.append)
         self.nodes.append(made)
         self._opened.callback(made.close)
         return made
@@ -164,7 +164,7 @@ def test_a_busy_loop_deals_in_pieces_and_in_order() -> None:
 def test_answers_equal_one_processs(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
     """Two workers give the answers of one process, each once, bit by bit, also with a sensitivity that is changed."""
     performers, gateway = Performers(opened(on.library)), on.gateway()
-    first, second = on.node(), on.node(on.library)
+    first, second = on.node(), on.node()
     on.until(lambda: on.has_workers(gateway, 2))
     expected, carried = list[Recognition](), list[Carried | None]()
     for k, frames in enumerate(feed[:150]):
@@ -233,7 +233,7 @@ def test_workers_come_and_go_without_a_lost_event(
         gateway.push_all(frames, time.monotonic())
         on.turn()
         if k == len(feed) // 3:
-            on.node(on.library)
+            on.node()
             on.until(lambda: on.has_workers(gateway, 2))
         if k == 2 * len(feed) // 3:
             on.until(lambda k=k: len(on.heard[gateway.name]) >= sum(time <= 1 + k / RATE for _, time in due) - 9)
@@ -256,16 +256,15 @@ def test_workers_come_and_go_without_a_lost_event(
     assert "workers lost so far: 1; last: worker" in " ".join(gateway.notes)
 
 
-def test_another_version_or_library_is_refused(on: Bus, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers of another version or library say so in a line each, and are no members."""
+def test_another_version_is_refused(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker of another version says so in a line, once, and is no member."""
     gateway = on.gateway()
-    on.node(sticks.without(classes=[sticks.classes[0]]))
-    on.until(lambda: len(on.shown) == 1)
+    ours = agreed.own_version()
     monkeypatch.setattr(agreed, "own_version", lambda: "99.0")
-    other = on.node()
-    on.until(lambda: other.counts["refused"] == 1)
-    why = [line.removeprefix(f"not working for gateway {gateway.name}: the gateway has ") for line in on.shown]
-    assert [line.partition(" ")[0] for line in why] == ["library", "version"]
+    node = on.node()
+    on.until(lambda: node.counts["refused"] == 1)
+    why = f"not working for gateway {gateway.name}: the gateway has version {ours}, this worker 99.0"
+    assert on.shown == [why]
     assert on.has_workers(gateway, 0)
 
 
@@ -448,7 +447,7 @@ def test_who_is_not_reached_is_said(on: Bus, monkeypatch: pytest.MonkeyPatch) ->
     """A router that is not there is named as long as it is not, by gateway and worker; the gateway works without it."""
     monkeypatch.setattr(node_module, "_MAX_ALONE", 0.0)
     far = f"tcp/127.0.0.1:{free_port()}"
-    alone = Node(open_session([], [far], None), None, on.shown.append, connect=[far])
+    alone = Node(open_session([], [far], None), on.shown.append, connect=[far])
     alone.step(0.0)
     assert on.shown[0].startswith(f"no gateway is seen yet; not reached: {far}. Does one run")
     session = open_session([], [far], None)

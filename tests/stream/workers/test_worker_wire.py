@@ -99,22 +99,6 @@ def test_terms_come_back() -> None:
         wire.decode_orders(message.replace(hop, msgspec.msgpack.encode(-1.0)))
 
 
-@pytest.mark.parametrize(
-    ("changes", "own", "said"),
-    [
-        ({}, None, ""),
-        ({}, "d" * 64, ""),
-        ({"version": "99.0"}, None, "the gateway has version 99.0, this worker "),
-        ({}, "e" * 64, "the gateway has library dddddddddddd, this worker eeeeeeeeeeee"),
-    ],
-)
-def test_a_difference_is_reported_in_one_line(changes: dict[str, Any], own: str | None, said: str) -> None:
-    """Another version or library: one line names it and both values; nobody refuses their own."""
-    refusal = msgspec.structs.replace(TERMS, **changes).refusal(own)
-    assert refusal.startswith(said) if said else not refusal
-    assert "\n" not in refusal
-
-
 def test_a_library_is_known_by_its_motions(sticks: MotionLibrary) -> None:
     """The same motions give the same digest, other motions another."""
     digest = agreed.digest_of(agreed.file_of(sticks))

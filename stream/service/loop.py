@@ -274,7 +274,8 @@ class Service:
         for recognition, (started, waited) in zip(answers, begun, strict=True):
             if recognition is None:
                 continue
-            if self._held and self._held.pop(recognition.performer, None):
+            if recognition.performer in self._held:
+                del self._held[recognition.performer]
                 self._stale += 1
             if waited > MAX_AGE:
                 # It is sent if it is the performer's newest; events are sent at any age.

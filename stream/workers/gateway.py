@@ -100,8 +100,6 @@ class Gateway(Router):
         Prints a line for a person: a worker has come, leaves, or is gone.
     pack
         Writes a library for workers, which must read it alike.
-    clock
-        Seconds, the service's own.
 
     Attributes
     ----------
@@ -120,15 +118,14 @@ class Gateway(Router):
         connect: Sequence[str] = (),
         show: Callable[[str], None] = lambda _: None,
         pack: Callable[[MotionLibrary | WindowIndex], bytes] = agreed.file_of,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._packed = pack(library)
         super().__init__(library, msgspec.structs.replace(terms, digest=agreed.digest_of(self._packed)))
         self.name = uuid.uuid4().hex[:12]
         self.inbox = Inbox()
         self.source = GatewaySource(self)
-        self._session, self._connect, self._show, self._clock, self._pack = session, connect, show, clock, pack
-        self._looked = clock()
+        self._session, self._connect, self._show, self._pack = session, connect, show, pack
+        self._looked = time.monotonic()
         self._members: dict[str, _Member] = {}
         self._lost, self._last_lost = 0, ""
         self._declare()
@@ -194,8 +191,8 @@ class Gateway(Router):
     def end(self) -> list[Event]:
         """Give the last events, and the ends of all motions going on, because no more frames will come."""
         asked = {worker: self._ask(worker) for worker in self.ready}
-        until = self._clock() + _MAX_ENDING
-        while self._clock() < until and any(self._last.get(name, 0) < number for name, number in asked.items()):
+        until = time.monotonic() + _MAX_ENDING
+        while time.monotonic() < until and any(self._last.get(name, 0) < number for name, number in asked.items()):
             time.sleep(0.001)
             self.inbox.deal()
         last = [event for recognition, _ in self.source.answers for event in recognition.events]
@@ -204,12 +201,12 @@ class Gateway(Router):
 
     def _send_frames(self, worker: str, frames: list[SentFrame]) -> None:
         member = self._members[worker]
-        if member.take(frames, self._clock()):
+        if member.take(frames, time.monotonic()):
             self._flush(member)
 
     def _flush(self, member: _Member) -> None:
         """Send the frames that wait; Zenoh drops them if the way to the worker is full."""
-        frames, member.held, member.sent_at = member.held, [], self._clock()
+        frames, member.held, member.sent_at = member.held, [], time.monotonic()
         for each in together(frames):
             member.messages += 1
             member.sends.put(encode(Orders(member.membership, frames=each, number=member.messages)))
@@ -249,7 +246,7 @@ class Gateway(Router):
             if back.report and not back.report.leaves:
                 self._welcome(worker, back.member)
             return
-        member.newest = self._clock()
+        member.newest = time.monotonic()
         self.source.answers += self.accept(worker, back)
         if back.report and back.report.leaves:
             self._let_go(worker, member)
@@ -257,7 +254,7 @@ class Gateway(Router):
     def _welcome(self, worker: str, membership: str) -> None:
         congestion = self._zenoh.CongestionControl.DROP
         sends = self._session.declare_publisher(key(self.name, "to", worker), congestion_control=congestion)
-        self._members[worker] = _Member(membership, sends, self._clock())
+        self._members[worker] = _Member(membership, sends, time.monotonic())
         self._say(worker, "works")
         self._balance(self.ready, self._alive)
 
@@ -279,7 +276,7 @@ class Gateway(Router):
     def due_in(self) -> float:
         """Seconds until frames must be sent that wait for others, or the workers must be looked after."""
         sent = [member.sent_at for member in self._members.values() if member.held]
-        return max(min(sent) + _MIN_APART - self._clock(), 0.0) if sent else TENDING
+        return max(min(sent) + _MIN_APART - time.monotonic(), 0.0) if sent else TENDING
 
     def tend(self, now: float) -> None:
         """Send the frames that have waited long enough; drop the workers that do not report."""

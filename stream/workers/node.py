@@ -63,8 +63,6 @@ class Node:
         The worker's name; a random one when not given.
     read
         Reads a library as gateways write it; ValueError for other bytes.
-    clock
-        Seconds.
 
     Attributes
     ----------
@@ -75,7 +73,7 @@ class Node:
         The library that was opened last, by its digest.
     """
 
-    def __init__(  # noqa: PLR0913 - all but the first two by keyword
+    def __init__(
         self,
         session: Any,  # noqa: ANN401 - Zenoh's
         show: Callable[[str], None],
@@ -83,19 +81,18 @@ class Node:
         connect: Sequence[str] = (),
         name: str = "",
         read: Callable[[bytes], MotionLibrary | WindowIndex] = agreed.library_in,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         import zenoh  # noqa: PLC0415 - an extra
 
         self.name = name or uuid.uuid4().hex[:12]
         self.counts = dict.fromkeys(("refused", "unread", "strangers", "dropped"), 0)
-        self.session, self.inbox, self.show, self.read, self.clock = session, Inbox(), show, read, clock
+        self.session, self.inbox, self.show, self.read = session, Inbox(), show, read
         self.libraries: dict[str, MotionLibrary | WindowIndex] = {}
         self._memberships: dict[str, Membership] = {}
         self._connect, self._stopped = connect, False
         self._next_report = 0.0
         #: When to say that no gateway was seen.
-        self._lonely = clock() + _MAX_ALONE
+        self._lonely = time.monotonic() + _MAX_ALONE
         self._said: set[str] = set()
         self._declared = [
             session.liveliness().declare_token(f"{WORKERS}/{self.name}"),
@@ -120,11 +117,11 @@ class Node:
     def run(self) -> None:
         """Work until stopped, and then until other workers have the performers."""
         while not self._stopped:
-            self.step(max(self._next_report - self.clock(), 0.0))
+            self.step(max(self._next_report - time.monotonic(), 0.0))
         self.leave()
-        until = self.clock() + _MAX_LEAVING
-        while not self.has_left and self.clock() < until:
-            self.step(max(min(self._next_report, until) - self.clock(), 0.0))
+        until = time.monotonic() + _MAX_LEAVING
+        while not self.has_left and time.monotonic() < until:
+            self.step(max(min(self._next_report, until) - time.monotonic(), 0.0))
 
     def leave(self) -> None:
         """Ask the gateways to give the performers to other workers."""
@@ -142,7 +139,7 @@ class Node:
             select.select([self.inbox], [], [], longest)
         # A worker that warms up is busy, but must go on reporting: a silent worker counts as gone.
         self.inbox.deal(REPORT_EVERY / 4)
-        now = self.clock()
+        now = time.monotonic()
         is_due = now >= self._next_report
         for membership in self._memberships.values():
             if is_due:
@@ -212,7 +209,7 @@ class Membership:
         self._back = node.session.declare_publisher(place, congestion_control=zenoh.CongestionControl.BLOCK)
         self._subscriber = node.session.declare_subscriber(
             key(gateway, "to", node.name),
-            lambda sample: node.inbox.put(self._obey, bytes(sample.payload), node.clock()),
+            lambda sample: node.inbox.put(self._obey, bytes(sample.payload), time.monotonic()),
         )
         self.report()
 
@@ -288,7 +285,7 @@ class Membership:
 
     def _open(self, terms: Terms) -> None:
         """Fetch the library, unless it is known, and open it."""
-        now, node = self._node.clock(), self._node
+        now, node = time.monotonic(), self._node
         if terms.digest == self._wanted and now < self._fetch_at:
             return
         self._wanted, self._fetch_at = terms.digest, now + _FETCH_AGAIN
@@ -339,7 +336,7 @@ class Membership:
 
     def _recognise(self, worker: Worker, orders: Orders, came: float) -> None:
         """Recognise frames, unless they have waited too long."""
-        now, dropped = self._node.clock(), 0
+        now, dropped = time.monotonic(), 0
         if orders.number:
             dropped = max(orders.number - self._number - 1, 0)
             self._number = orders.number
@@ -354,7 +351,7 @@ class Membership:
         if answered := worker.push(orders.frames, now):
             self._answered_at = self._answered_at if self._answers else now
             self._answers += answered
-        if self._node.clock() - self._answered_at > _MAX_TOGETHER:
+        if time.monotonic() - self._answered_at > _MAX_TOGETHER:
             self.send_answers()
 
     def send_answers(self) -> None:
@@ -369,7 +366,7 @@ class Membership:
         if self._terms and self._terms.digest != self._digest:
             self._open(self._terms)
         if self._worker:
-            report = self._worker.report(self._node.clock(), dropped=self._dropped, leaves=self._leaves)
+            report = self._worker.report(time.monotonic(), dropped=self._dropped, leaves=self._leaves)
             self._back.put(encode(Answers(self._name, [], report, question)))
         elif not (self._terms or self._is_refused):
             self._back.put(encode(Answers(self._name)))

@@ -36,6 +36,8 @@ class Noted(Router):
         #: Workers that have not been told to answer a performer whom they took over.
         self.warming = set[tuple[str, str]]()
         self.answered = dict.fromkeys(NAMES, 0)
+        #: The performers to whose frames a worker has not sent its answers yet.
+        self.owed: dict[str, set[str]] = {}
         self.most_at_once = 0
         self.now = 1.0
 
@@ -55,9 +57,11 @@ class Noted(Router):
                 assert self.newest[worker, name] == self.sent[name][place - 1]
             if each.go_on:
                 self.warming.remove((worker, name))
+                assert not any(name in owed for other, owed in self.owed.items() if other != worker)
             self.newest[worker, name] = each.seq
             if (worker, name) not in self.warming:
                 self.answered[name] = max(self.answered[name], each.seq)
+                self.owed.setdefault(worker, set()).add(name)
 
     def _send(self, worker: str, orders: Orders) -> None:
         self.most_at_once = max(self.most_at_once, len(orders.frames))
@@ -85,10 +89,12 @@ class Noted(Router):
         """Let a worker go without a word, perhaps one that has asked for leave."""
         (self.workers if worker in self.workers else self.leaving).remove(worker)
         self.asked.pop(worker, None)
+        self.owed.pop(worker, None)
         self._remove(worker, self.workers, self.alive)
 
     def deal(self, worker: str) -> None:
         """Let a worker answer the questions so far."""
+        self.owed.pop(worker, None)
         if asked := self.asked.pop(worker, []):
             self.accept(worker, Answers("", question=max(asked)))
 

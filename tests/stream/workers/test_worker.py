@@ -94,6 +94,7 @@ def test_a_takeover_changes_no_answer(
     assert pushed(new, done) == []
     due[0] = msgspec.structs.replace(due[0], go_on=track.past)
     found = pushed(new, due)
+    assert new.report(due[-1].at).counts.recognizers.frames == len(due)
     expected = pushed(former, frames[BEFORE:])
     assert [each.seq for each in found] == [each.seq for each in expected]
     assert [_guess(each) for each in found] == [_guess(each) for each in expected]

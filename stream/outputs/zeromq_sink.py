@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.teaching.wire import as_json
@@ -14,9 +14,10 @@ from kinespace.stream.zeromq.bodies import encode_body
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.recognising import Recognising
+    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
     from kinespace.stream.zeromq.sockets import ZmqSender
@@ -84,6 +85,16 @@ class ZmqSink(Sink):
         self.sender.close()
 
 
+class Followed(Protocol):
+    """The performers whose bodies are sent; `kinespace.stream.recognizer.Performers` is one."""
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the skeleton of a performer's frames."""
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carry the decision on a performer."""
+
+
 @dataclass(slots=True)
 class _Sent:
     time: float
@@ -101,7 +112,7 @@ class BodySink(Sink):
         The performers.
     """
 
-    def __init__(self, sender: ZmqSender, performers: Recognising) -> None:
+    def __init__(self, sender: ZmqSender, performers: Followed) -> None:
         self._sender, self._performers = sender, performers
         self._sent: dict[str, _Sent] = {}
 

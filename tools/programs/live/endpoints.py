@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs import Admission
+    from kinespace.stream.outputs.zeromq_sink import Followed
     from kinespace.stream.packet import Networks
-    from kinespace.stream.service.recognising import Recognising
     from kinespace.stream.zeromq import Keyring
 
 #: The port on which Wekinator listens.
@@ -184,7 +184,7 @@ class PageEnds(NamedTuple):
 
 
 def open_page(
-    options: argparse.Namespace, keyring: Keyring | None, performers: Recognising, *, commands: bool
+    options: argparse.Namespace, keyring: Keyring | None, performers: Followed, *, commands: bool
 ) -> PageEnds:
     """Start the page that is asked for, and open a publisher for it and, if it may give commands, a socket for them.
 

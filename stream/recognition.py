@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray  # noqa: TC002 - msgspec reads annotations
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.windows.rejection import Evidence
+from kinespace.library.windows.rejection import Evidence  # noqa: TC001 - as above
 
 #: The label of a performer who has left.
 GONE = "gone"

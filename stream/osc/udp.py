@@ -142,12 +142,12 @@ class OscReceiver:
 
     def receive(self) -> bytes | None:
         """Take the next datagram; None when there is none now."""
+        ancillary: list[tuple[int, int, bytes]] = []
         try:
-            if not _COUNTS_DROPS:
+            if _COUNTS_DROPS:
+                datagram, ancillary, _, sender = self.socket.recvmsg(65535, 128)
+            else:
                 datagram, sender = self.socket.recvfrom(65535)
-                self.sender = sender[:2]
-                return datagram if not self._networks or self._let_in(sender[0]) else self._stranger()
-            datagram, ancillary, _, sender = self.socket.recvmsg(65535, 128)
         except (BlockingIOError, InterruptedError):
             return None
         except ConnectionError:
@@ -160,15 +160,14 @@ class OscReceiver:
                 waited = time.time() - seconds - nanoseconds * 1e-9
                 self.waited = waited if 0.0 <= waited < _MAX_WAITED else 0.0
         self.sender = sender[:2]
-        return datagram if not self._networks or self._let_in(sender[0]) else self._stranger()
+        if self._networks and not self._let_in(sender[0]):
+            self.strangers += 1
+            return b""
+        return datagram
 
     def _is_let_in(self, host: str) -> bool:
         address = ipaddress.ip_address(host.partition("%")[0])
         return any(address in network for network in self._networks)
-
-    def _stranger(self) -> bytes:
-        self.strangers += 1
-        return b""
 
     def send_to(self, datagram: bytes, target: tuple[Any, ...]) -> bool:
         """Send from the port listened on to a numeric address; False when the system does not send it."""

@@ -30,11 +30,6 @@ CLASSES_EVERY = 5.0
 #: no newer answer follows. A stopped process finds seconds of feed waiting, and listeners would take it for the
 #: present.
 MAX_AGE = 1.0
-#: Seconds within which ZeroMQ, which keeps reading in threads of its own, hands over the messages that came while the
-#: process was stopped.
-CATCH_UP = 1.0
-#: Maximum number of performers whose clocks are followed.
-_MAX_LAGS = 4096
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
 #: A packet that comes alone is answered before the loop looks for another.
@@ -106,11 +101,10 @@ class Commanded(Protocol):
 
 
 class _Begun(NamedTuple):
-    """A packet's times, seconds: first looked at, waited before that, until when newer ones may come."""
+    """A packet's times, seconds: first looked at, and waited before that, as far as its transport tells."""
 
     started: float
     waited: float
-    until: float = 0.0
 
 
 class Service:
@@ -153,15 +147,10 @@ class Service:
         self._stopped = False
         #: When the last step ends; 0 before it was stopped.
         self._over = 0.0
-        #: The newest answer of each performer that is too old to be sent before it is known to be the newest, with the
-        #: moment until which newer answers may still come.
-        self._held: dict[str, tuple[Recognition, float]] = {}
-        #: When the loop last looked at its sources, and until when packets come that waited while the process was
-        #: stopped.
+        #: The newest answer of each performer that is too old to be sent before it is known to be the newest.
+        self._held: dict[str, Recognition] = {}
+        #: When the loop last looked at its sources.
         self._looked = clock()
-        self._caught_up = -math.inf
-        #: The difference between the arrival and the time of each performer's last frame, seconds.
-        self._lags: dict[str, float] = {}
         self._stale = 0
         self._together = 1
         self._poller = zmq.Poller()
@@ -200,7 +189,7 @@ class Service:
                 if not self._is_over():
                     self.step(0.0)
         finally:
-            self._publish_held(at_once=True)
+            self._publish_held()
             self._publish_ended(self.performers.end())
             self._tell_gone(self.performers.names)
 
@@ -220,7 +209,6 @@ class Service:
             sleep = min(sleep, self._tended_within)
         aside = any(source.has_put_aside for source in self.sources)
         self._poller.poll(0 if aside else math.ceil(sleep * 1000))
-        self._notice_a_stop()
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.
         for source in self.sources:
@@ -246,7 +234,7 @@ class Service:
             for event in events:
                 if not isinstance(event, Asked):
                     taken.append(event)
-                    begun.append(self._begun(started, source, event, now))
+                    begun.append(_Begun(started, source.waited))
                 elif self._control:
                     self._control.carry_out(event)
             if len(taken) >= _MAX_TOGETHER:
@@ -255,28 +243,6 @@ class Service:
             self._together = min(2 * self._together, _MAX_TOGETHER)
         self._deal_with(taken, begun)
         return wanted
-
-    def _notice_a_stop(self) -> None:
-        """Notice that the process was stopped, as by SIGSTOP: waiting packets come within the next second."""
-        now = self._clock()
-        if now - self._looked > MAX_AGE:
-            self._caught_up = now + CATCH_UP
-        self._looked = now
-
-    def _begun(self, started: float, source: Source, event: Admitted, now: float) -> _Begun:
-        """Say how long a frame waited, by its transport or, where that does not tell, by its sender's clock.
-
-        A sender's clock is used only after the process was stopped, because a sender that pauses may stop its clock,
-        too.
-        """
-        if source.waited or not isinstance(event, Frame):
-            return _Begun(started, source.waited)
-        lag = now - event.time
-        usual = self._lags.get(event.performer)
-        if usual is not None and now < self._caught_up:
-            return _Begun(started, max(lag - usual, 0.0), self._caught_up)
-        self._lags[event.performer] = lag
-        return _Begun(started, 0.0)
 
     def _tend(self) -> None:
         for source in self._tended:
@@ -305,13 +271,16 @@ class Service:
         return self._control is None or self._control.answers
 
     def _publish_all(self, answers: Sequence[Recognition | None], begun: Sequence[_Begun]) -> None:
-        for recognition, (started, waited, until) in zip(answers, begun, strict=True):
+        for recognition, (started, waited) in zip(answers, begun, strict=True):
             if recognition is None:
                 continue
+            if recognition.performer in self._held:
+                del self._held[recognition.performer]
+                self._stale += 1
             if waited > MAX_AGE:
-                self._hold(recognition, until)
+                # It is sent if it is the performer's newest; events are sent at any age.
+                self._held[recognition.performer] = recognition
             else:
-                self._superseded(recognition.performer)
                 self._publish(recognition)
             for happened in recognition.events:
                 for sink in self.sinks:
@@ -328,24 +297,11 @@ class Service:
         for sink in self.sinks:
             sink.publish(recognition)
 
-    def _hold(self, recognition: Recognition, until: float) -> None:
-        """Keep an answer that is too old in case it is the performer's newest; events are sent at any age."""
-        self._superseded(recognition.performer)
-        self._held[recognition.performer] = recognition, until
-
-    def _superseded(self, performer: str) -> None:
-        if self._held and self._held.pop(performer, None) is not None:
-            self._stale += 1
-
-    def _publish_held(self, *, at_once: bool = False) -> None:
+    def _publish_held(self) -> None:
         """Send the old answers after which no newer one waits, as far as is known now."""
-        if not self._held:
-            return
-        now = self._clock()
-        for performer, (recognition, until) in [*self._held.items()]:
-            if at_once or now >= until:
-                del self._held[performer]
-                self._publish(recognition)
+        held, self._held = self._held, {}
+        for recognition in held.values():
+            self._publish(recognition)
 
     def _tell_gone(self, performers: Sequence[str]) -> None:
         for performer in performers:
@@ -366,8 +322,6 @@ class Service:
             self._publish_ended([*paused, *self.performers.drop_silent(now)])
             self._tell_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now, self.performers.names)
-            if len(self._lags) > _MAX_LAGS:
-                self._lags.clear()  # only a sender that makes up names gets here
             status = self.status()
             for sink in self.sinks:
                 sink.publish_status(status)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import json
 import math
 import socket
@@ -80,27 +79,9 @@ def open_session(listen: Sequence[str], connect: Sequence[str], file: Path | Non
         raise ConnectionError(f"Zenoh: {places}: {_reason(error)}") from error
 
 
-def unreached(session: Any, connect: Sequence[str]) -> list[str]:  # noqa: ANN401 - Zenoh's
-    """Give the endpoints to whose host there is no link now; any link may be to a host that is given by its name."""
-    linked = {_host(str(link.dst)) for link in session.info.links()}
-
-    def is_linked(host: str) -> bool:
-        return host in linked if _is_number(host) else bool(linked)
-
-    return [place for place in connect if not is_linked(_host(place))]
-
-
-def _host(place: str) -> str:
-    """Give the host of an endpoint like `tcp/10.0.0.1:7447` or `tls/[::1]:7447#iface=eth0`."""
-    return place.partition("/")[2].partition("#")[0].partition("?")[0].rpartition(":")[0].strip("[]")
-
-
-def _is_number(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host.partition("%")[0])
-    except ValueError:
-        return False
-    return True
+def unreached(session: Any, connect: Sequence[str]) -> Sequence[str]:  # noqa: ANN401 - Zenoh's
+    """Give the endpoints to connect to as long as there is no link to anybody."""
+    return () if session.info.links() else connect
 
 
 def _reason(error: Exception) -> str:

@@ -27,12 +27,11 @@ from kinespace.stream.workers.node import Node
 from kinespace.stream.workers.terms import file_of, library_in
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from multiprocessing.connection import Connection
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer import SentJoints, Settings
+    from kinespace.stream.workers.terms import Terms
 
 #: Whether the socket is this user's own.
 _IS_PRIVATE = sys.platform != "win32"
@@ -70,7 +69,7 @@ class LocalGateway(Gateway):
     ----------
     count
         How many workers.
-    library, settings, most, joints, classes, naming, silence
+    library, terms
         The same as for `Gateway`.
 
     Raises
@@ -83,18 +82,7 @@ class LocalGateway(Gateway):
         A worker was not ready within a minute.
     """
 
-    def __init__(  # noqa: PLR0913 - all by keyword
-        self,
-        count: int,
-        library: MotionLibrary | WindowIndex,
-        settings: Settings,
-        *,
-        most: int,
-        joints: SentJoints,
-        naming: str = "auto",
-        classes: Sequence[str] = (),
-        silence: float = 5.0,
-    ) -> None:
+    def __init__(self, count: int, library: MotionLibrary | WindowIndex, terms: Terms) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="kinespace-")
         self._workers: dict[str, _Worker] = {}
         self._next_look = 0.0
@@ -104,17 +92,7 @@ class LocalGateway(Gateway):
         except BaseException:
             self._folder.cleanup()
             raise
-        super().__init__(
-            session,
-            library,
-            settings,
-            most=most,
-            joints=joints,
-            naming=naming,
-            classes=classes,
-            silence=silence,
-            pack=_packed if _IS_PRIVATE else file_of,
-        )
+        super().__init__(session, library, terms, pack=_packed if _IS_PRIVATE else file_of)
         try:
             for number in range(count):
                 self._start(f"{number + 1}", time.monotonic())
@@ -198,7 +176,7 @@ def _work(name: str, place: str, folder: str, alive: Connection) -> None:
     leave_signals_to_parent(termination=True)
     threading.Thread(target=_end_with, args=(alive, folder), name="kinespace parent", daemon=True).start()
     read = ForkingPickler.loads if _IS_PRIVATE else library_in
-    with closing(Node(open_session([], [place], None), None, lambda _: None, name=name, read=read)) as node:
+    with closing(Node(open_session([], [place], None), lambda _: None, name=name, read=read)) as node:
         gc.freeze()
         node.run()
 

@@ -1,13 +1,4 @@
-"""The terms on which a gateway and its workers must agree, and the keys of their messages.
-
-| key | content | from |
-|---|---|---|
-| `kin/gateway/<gateway>`, `kin/worker/<worker>` | liveliness tokens | both |
-| `kin/<gateway>/terms`, `kin/<gateway>/library` | queries: the terms; the library | gateway |
-| `kin/<gateway>/to/<worker>` | frames, the performers that a worker takes over, changed terms | gateway |
-| `kin/<gateway>/back/<worker>` | answers and reports | worker |
-| `kin/<gateway>/answer/<performer>/class`, `.../event` | answers in JSON, for every listener | gateway |
-"""
+"""The terms on which a gateway and its workers must agree, and the library as it travels."""
 
 from __future__ import annotations
 
@@ -16,80 +7,62 @@ import tempfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated
-from urllib.parse import quote
 
 import msgspec
 
 from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.recognizer.joints.sent import SentJoints
 from kinespace.stream.recognizer.settings import Settings  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.workers.partition import PARTITIONS
-from kinespace.stream.workers.wire import decoder
 
-#: The version of these messages.
-PROTOCOL = 6
+#: The version of the messages.
+PROTOCOL = 7
 #: Bytes of a library's file, at most.
 MAX_LIBRARY = 1 << 28
-GATEWAYS, WORKERS = "kin/gateway", "kin/worker"
-
-
-class Terms(msgspec.Struct, frozen=True):
-    """The versions, library and settings that a gateway demands of its workers.
-
-    Attributes
-    ----------
-    version, protocol, partitions
-        The version of kinespace, the version of the messages, the number of partitions: the worker must have the same.
-    session
-        The name that Zenoh gave the gateway's session: workers ignore frames of other sessions.
-    digest
-        SHA-256 of the library as it travels, in hexadecimal.
-    settings, assumed, naming, most, silence, classes
-        For the recognisers (`Performers`); the naming is written as in `--naming`.
-    number
-        Raised when the terms change; answers name it.
-    """
-
-    version: str
-    protocol: int
-    partitions: int
-    session: str
-    digest: str
-    settings: Settings
-    assumed: tuple[str, ...]
-    naming: str
-    most: Annotated[int, msgspec.Meta(ge=1)]
-    silence: Annotated[float, msgspec.Meta(gt=0)]
-    classes: tuple[str, ...] = ()
-    number: int = 0
-
-    def refusal(self, own_digest: str | None) -> str:
-        """Say why this worker cannot work for the gateway; empty when it can.
-
-        Parameters
-        ----------
-        own_digest
-            The digest of the library that the worker was given; None: it takes any.
-        """
-        ours = {"version": own_version(), "protocol": PROTOCOL, "partitions": PARTITIONS}
-        for name, own in ours.items():
-            if getattr(self, name) != own:
-                return f"the gateway has {name} {getattr(self, name)}, this worker {own}"
-        if own_digest not in (None, self.digest):
-            return f"the gateway has library {self.digest[:12]}, this worker {(own_digest or '')[:12]}"
-        return ""
-
-
-encode_terms = msgspec.json.Encoder().encode
-decode_terms = decoder(msgspec.json.Decoder(Terms).decode)
 
 
 def own_version() -> str:
-    """Give the version of this kinespace."""
+    """Give the version of this kinespace and of its messages."""
     try:
-        return version("kinespace")
+        own = version("kinespace")
     except PackageNotFoundError:
-        return "unknown"
+        own = "unknown"
+    return f"{own}, protocol {PROTOCOL}"
+
+
+class Terms(msgspec.Struct, frozen=True, kw_only=True):
+    """The library, the settings and the version that a gateway demands of its workers.
+
+    Attributes
+    ----------
+    settings, most, assumed, naming, silence, classes
+        For the recognisers (`Performers`); the naming is written as in `--naming`.
+    version
+        The version of kinespace and of the messages: the worker must have the same.
+    digest
+        SHA-256 of the library as it travels, in hexadecimal.
+    """
+
+    settings: Settings
+    most: Annotated[int, msgspec.Meta(ge=1)]
+    assumed: tuple[str, ...] = ()
+    naming: str = "auto"
+    silence: Annotated[float, msgspec.Meta(gt=0)] = 5.0
+    classes: tuple[str, ...] = ()
+    version: str = msgspec.field(default_factory=own_version)
+    digest: str = ""
+
+    @property
+    def joints(self) -> SentJoints:
+        """The joints that senders have."""
+        return SentJoints(self.assumed, Naming.asked(self.naming))
+
+    @property
+    def refusal(self) -> str:
+        """Why this worker cannot work for the gateway; empty when it can."""
+        own = own_version()
+        return "" if self.version == own else f"the gateway has version {self.version}, this worker {own}"
 
 
 def file_of(library: MotionLibrary | WindowIndex) -> bytes:
@@ -114,8 +87,3 @@ def library_in(file: bytes) -> MotionLibrary:
 def digest_of(file: bytes) -> str:
     """Give the digest of a library's file."""
     return hashlib.sha256(file).hexdigest()
-
-
-def key(*parts: object) -> str:
-    """Give a key; a part may be any text."""
-    return "/".join(["kin", *(quote(str(part), safe="", errors="surrogatepass") for part in parts)])

@@ -6,20 +6,56 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from kinespace.stream.recognition import Event, EventKind
-from kinespace.stream.workers.wire import Entry, SentFrame, sent_frame
-from kinespace.stream.workers.worker import HISTORY, KEPT
+import msgspec
+
+from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE
+from kinespace.stream.workers.wire import Past, SentFrame
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Sequence
 
     from kinespace.stream.frame import Frame
+    from kinespace.stream.recognition import Event
     from kinespace.stream.recognizer.joints.carried import Carried
-    from kinespace.stream.recognizer.joints.mending import LongAgo
     from kinespace.stream.workers.wire import Answered
 
+#: Seconds of frames with which a performer is taken over. The longest window is two seconds; then the averages must
+#: forget the first, short windows (`kinespace bench scale` counts the events that differ).
+HISTORY = 2.5
+#: Seconds of frames that are kept: a worker may have hung unnoticed for a while since its last answer.
+KEPT = HISTORY + 1.5
 #: Seconds after which the joints are sent again, so that they are among the frames of the last seconds.
 _JOINTS_EVERY = 1.0
+
+
+@dataclass(slots=True)
+class Move:
+    """A performer's way to a new worker, while the former one answers.
+
+    The new one gets the last seconds first, piece by piece. Then new frames wait until the former one has answered
+    those before, and the new one goes on with them.
+
+    Attributes
+    ----------
+    to
+        The new worker.
+    waiting
+        The frames that it has not been sent; None before it knows of the performer.
+    came
+        How many of them came since the last piece.
+    asked, question
+        Who must have dealt with what was sent before the next step, and the number of the question; 0 for nobody.
+    is_last
+        Whether the new worker has all frames that the former one must answer.
+    """
+
+    to: str
+    waiting: deque[SentFrame] | None = None
+    came: int = 0
+    asked: str = ""
+    question: int = 0
+    is_last: bool = False
 
 
 @dataclass(slots=True)
@@ -30,8 +66,14 @@ class Track:
     ----------
     begun, newest
         When the first and the newest frame came.
-    partition
-        The performer's partition.
+    number
+        The number of the last frame answered, or before the first answer a number below all frames.
+    decision
+        Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
+    worker
+        The worker that answers; empty for none.
+    move
+        The way to another worker.
     carried
         The joints that carried the last answer that was asked about.
     asks
@@ -40,24 +82,19 @@ class Track:
 
     begun: float
     newest: float
-    partition: int
+    number: int
+    decision: Decision
+    worker: str = ""
+    move: Move | None = None
     carried: Carried | None = None
     asks: bool = False
-    #: Time of the last frame on the sender's clock, seconds.
+    #: The last answer.
+    _answer: Answered | None = None
+    #: The time of the last frame on the sender's clock, and how many frames were sent.
     _time: float = 0.0
-    #: The numbers of the first and the last frame sent, and of the last frame answered.
-    _first: int = 0
-    _sent: int = 0
-    _answered: int = 0
-    #: How many frames were sent.
     _frames: int = 0
-    #: The arrival of the last answered frame, and its time on the sender's clock.
-    _answered_at: float = 0.0
-    _answered_time: float = 0.0
-    #: The start of the motion that listeners believe to go on.
-    _going_on: Event | None = None
-    #: The worker's knowledge of the feed at its last answer.
-    _long_ago: LongAgo | None = None
+    #: The first frame after a pause that ends motions, and the time of the last frame before it.
+    _pause: tuple[int, float] | None = None
     #: The joints that were sent last, and when.
     _joints: tuple[str, ...] | None = None
     _joints_at: float = 0.0
@@ -66,82 +103,72 @@ class Track:
 
     @property
     def frames_and_answers(self) -> tuple[int, int]:
-        """How many frames were sent, and the number of the last one answered: 0 before the first answer."""
-        return self._frames, self._answered
+        """How many frames were sent, and 0 before the first answer."""
+        return self._frames, int(self._answer is not None)
 
-    def send(self, frame: Frame, number: int, now: float, joints: tuple[str, ...] | None) -> SentFrame:
+    def send(self, frame: Frame, seq: int, now: float, joints: tuple[str, ...] | None) -> SentFrame:
         """Make the message of a frame that came now; it has the joints from time to time."""
-        if joints == self._joints and 0 <= now - self._joints_at < _JOINTS_EVERY:
-            joints = None
-        elif joints is not None:
-            self._joints, self._joints_at = joints, now
-        sent = sent_frame(frame, number, now, joints, begins=not self._frames)
+        sent = SentFrame.of(frame, seq, now)
+        if joints is not None and not (joints == self._joints and 0 <= now - self._joints_at < _JOINTS_EVERY):
+            sent.joints = self._joints = joints
+            self._joints_at = now
         sent.asks, self.asks = self.asks, False
-        self._time, self._sent, self._first = frame.time, number, self._first or number
+        sent.begins = not self._frames
+        if self._frames and frame.time - self._time > MAX_PAUSE:
+            self._pause = seq, self._time
+        self._time = frame.time
         self._frames += 1
         self._recent.append(sent)
         while self._recent[0].at < now - KEPT:
             self._recent.popleft()
         return sent
 
-    def accept(self, answer: Answered, classes: Collection[str]) -> tuple[Event, ...] | None:
-        """Take in an answer; give its events so that each motion starts and ends once.
+    def accept(self, answer: Answered, classes: Sequence[str]) -> tuple[Event, ...] | None:
+        """Take in an answer; give its events.
 
         Parameters
         ----------
         answer
             The answer.
         classes
-            No other motions start: the worker may not know yet that the library was exchanged.
+            The classes now; an answer by others, after an exchange, has no events.
 
         Returns
         -------
         None for an answer that is no news: its frame was answered before, or was another performer's of this name.
         """
-        if not max(self._answered, self._first - 1) < answer.seq <= self._sent:
+        if not (self._recent and self.number < answer.seq <= self._recent[-1].seq):
             return None
-        self._answered, self._answered_at = answer.seq, answer.at
-        self._answered_time, self._long_ago = answer.time, answer.long_ago
+        self.number, self._answer = answer.seq, answer
         self.carried = answer.carried or self.carried
-        return tuple(each for event in answer.events for each in self._follow(event, classes))
-
-    def _follow(self, event: Event, classes: Collection[str]) -> list[Event]:
-        """Take in a worker's event; give the events that listeners must get."""
-        before, same = self._going_on, self._going_on is not None and self._going_on.label == event.label
-        if event.kind is EventKind.END:
-            self._going_on = None if same else before
-            return [event] if same else []
-        if same or event.label not in classes:
-            return []
-        ended = self._ended(event.time)
-        self._going_on = event
-        return [ended, event] if ended else [event]
-
-    def _ended(self, time: float) -> Event | None:
-        return self._going_on and replace(self._going_on, kind=EventKind.END, time=time)
+        ended = None
+        if self._pause and answer.seq >= self._pause[0]:
+            ended, self._pause = self.decision.end(self._pause[1]), None
+        events = self.decision.events(answer.recognition) if answer.recognition.classes == classes else ()
+        return (ended, *events) if ended else events
 
     def end(self) -> Event | None:
-        """End the motion that goes on; `accept` does not give its end again."""
-        ended, self._going_on = self._ended(self._time), None
+        """End the motion that goes on."""
+        return self.decision.end(self._time)
+
+    def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
+        """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
+        begun = self.decision.going_on
+        ended = self.end() if begun and begun.label not in classes else None
+        begun = self.decision.going_on
+        self.decision = Decision(lead, begun and replace(begun, index=classes.index(begun.label)))
         return ended
 
-    def end_unless(self, classes: Collection[str]) -> Event | None:
-        """End the motion that goes on, unless it is of one of these classes."""
-        return self.end() if self._going_on and self._going_on.label not in classes else None
+    @property
+    def past(self) -> Past:
+        """What the last seconds need not show."""
+        return Past(self._answer.recognition.time, self._answer.long_ago) if self._answer else Past()
 
-    def entry(self, name: str, joints: tuple[str, ...] | None) -> Entry:
-        """Give what the worker that takes the performer over must know, beside the `recent` frames."""
-        return Entry(
-            performer=name,
-            answered=self._answered > 0,
-            going_on=self._going_on,
-            joints=joints,
-            time=self._answered_time,
-            long_ago=self._long_ago,
-        )
-
-    def recent(self) -> tuple[list[SentFrame], list[SentFrame]]:
-        """Give the last frames that need no answer any more, and the frames that need one, in order."""
-        recent = [frame for frame in self._recent if frame.at >= self._answered_at - HISTORY]
-        done = sum((frame.seq or 0) <= self._answered for frame in recent)
+    def recent(self, joints: tuple[str, ...] | None) -> tuple[list[SentFrame], list[SentFrame]]:
+        """Give the last frames that need no answer any more, and those that need one, for a worker that takes over."""
+        since = self._answer.at - HISTORY if self._answer else 0.0
+        recent = [frame for frame in self._recent if frame.at >= since]
+        if recent:
+            recent[0] = msgspec.structs.replace(recent[0], begins=True, joints=joints, take_over=self.past)
+        done = sum(frame.seq <= self.number for frame in recent)
         return recent[:done], recent[done:]

@@ -1,137 +1,169 @@
 """The messages between a gateway and its workers, in msgpack: bytes in, checked values out, and back.
 
-A frame is our ZeroMQ message of one part (`kinespace.stream.zeromq.single_part`) with two further fields, and several
-frames travel together as a list. Times named `at` are seconds on the gateway's clock.
+| key | content | from |
+|---|---|---|
+| `kin/gateway/<gateway>`, `kin/worker/<worker>` | liveliness tokens | both |
+| `kin/<gateway>/library` | a query: the library | gateway |
+| `kin/<gateway>/to/<worker>` | `Orders`: terms, frames, questions | gateway |
+| `kin/<gateway>/back/<worker>` | `Answers`: answers, reports | worker |
+
+Times named `at` are seconds on the gateway's clock.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
+from urllib.parse import quote, unquote
 
 import msgspec
 import numpy as np
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
-from kinespace.stream.recognition import Event, Outcome, Progress, Recognition
-from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.recognizer.joints.mending import LongAgo  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.zeromq.frames import MAX_SEQ, VERSION, FormatError, NumberedFrame, positions_of
-from kinespace.stream.zeromq.single_part import Packed
+from kinespace.stream.recognition import Recognition  # noqa: TC001 - msgspec reads annotations
+from kinespace.stream.recognizer.joints.carried import Carried  # noqa: TC001 - as above
+from kinespace.stream.recognizer.joints.mending import LongAgo  # noqa: TC001 - as above
+from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - as above
+from kinespace.stream.workers.terms import Terms  # noqa: TC001 - as above
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-#: The first byte of a message to a worker: frames; performers whom it takes over, whose last frames follow; the same
-#: performers, whose next frames it answers; a question, to be answered by its number; the gateway's terms, which have
-#: changed; the worker's membership, and the end of it.
-FRAMES, TAKE_OVER, GO_ON, ASK, TERMS, WELCOME, REJOIN = b"F", b"T", b"G", b"A", b"C", b"W", b"J"
+GATEWAYS, WORKERS = "kin/gateway", "kin/worker"
 #: Frames in a message, at most.
 MAX_TOGETHER = 256
 #: Seconds of a sender's clock, at most: more are a mistake.
 MAX_SECONDS = 1e300
-_Seq = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)]
-_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_PERFORMER_LENGTH)]
-_Index = Annotated[int, msgspec.Meta(ge=-1)]
+_FLOATS: np.dtype[np.floating] = np.dtype("<f4")
+_DOUBLES: np.dtype[np.floating] = np.dtype("<f8")
+_Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 
 
-class SentFrame(Packed, kw_only=True, omit_defaults=True, gc=False):
+class FormatError(ValueError):
+    """A message is not one of ours; the text says why."""
+
+
+class Past(msgspec.Struct, array_like=True, frozen=True):
+    """What the last seconds of a performer's frames need not show.
+
+    Attributes
+    ----------
+    time
+        The time of the last answered frame, on the sender's clock; None before the first answer.
+    long_ago
+        The last worker's knowledge of the feed; None if there is none.
+    """
+
+    time: float | None = None
+    long_ago: LongAgo | None = None
+
+
+class SentFrame(msgspec.Struct, array_like=True, gc=False):
     """A frame on its way to a worker.
 
     Attributes
     ----------
+    performer, time
+        As in `Frame`.
+    seq
+        Its number among all frames of the gateway.
     at
         When its packet came.
-    begins
-        Whether the performer begins: the worker forgets an earlier performer of this name.
+    positions, doubles
+        Numbers of three for each joint, little-endian, and whether they are doubles.
+    joints
+        Their names; None where they are as before.
     asks
         Whether the next answer must say which joints carry it.
+    begins
+        Whether the performer begins: the worker forgets an earlier performer of this name.
+    take_over
+        With the first of the last seconds of a performer of another worker: no frame is answered until one has `go_on`.
+    go_on
+        With the first frame that the worker answers in another worker's place.
     """
 
-    performer: _Name
-    t: Annotated[float, msgspec.Meta(ge=-MAX_SECONDS, le=MAX_SECONDS)] = 0.0
-    at: float = 0.0
-    begins: bool = False
+    performer: Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_PERFORMER_LENGTH)]
+    time: Annotated[float, msgspec.Meta(ge=-MAX_SECONDS, le=MAX_SECONDS)]
+    seq: _Count
+    at: float
+    positions: bytes
+    doubles: bool = False
+    joints: tuple[str, ...] | None = None
     asks: bool = False
+    begins: bool = False
+    take_over: Past | None = None
+    go_on: Past | None = None
+
+    @classmethod
+    def of(cls, frame: Frame, seq: int, at: float) -> SentFrame:
+        """Make the message of a frame; positions keep their precision."""
+        doubles = frame.positions.dtype.itemsize == _DOUBLES.itemsize
+        positions = frame.positions.astype(_DOUBLES if doubles else _FLOATS, copy=False)
+        return cls(frame.performer, frame.time, seq, at, positions.tobytes(), doubles)
+
+    def frame(self) -> Frame:
+        """Give the frame, which the gateway has checked; FormatError if its positions are not three for each joint."""
+        try:
+            positions = np.frombuffer(self.positions, _DOUBLES if self.doubles else _FLOATS).reshape(-1, 3)
+        except ValueError as error:
+            raise FormatError(f"positions: {error}") from error
+        return Frame.unchecked(self.performer, self.time, positions)
+
+    def announcement(self) -> Announcement | None:
+        """Give the joints' names, if the frame has them; FormatError if they are none."""
+        try:
+            return None if self.joints is None else Announcement(self.performer, self.joints)
+        except ValueError as error:
+            raise FormatError(str(error)) from error
 
 
-class Entry(msgspec.Struct, array_like=True, frozen=True):
-    """A performer whom a worker takes over.
+class Orders(msgspec.Struct, omit_defaults=True):
+    """A message to a worker. Its fields have names, so that a worker of another version can read the terms.
 
     Attributes
     ----------
-    performer
-        The performer's name.
-    answered
-        Whether a frame was answered.
-    going_on
-        The start of the motion that listeners believe to go on.
-    joints
-        The joints that the sender announced.
-    time
-        The time of the last answered frame, on the sender's clock.
-    long_ago
-        Knowledge of the feed that these frames need not show; None if there is none.
+    member
+        The membership, as the worker named it: orders to another one are somebody else's.
+    terms
+        The gateway's terms, when the worker begins and when they have changed.
+    begins
+        Whether the worker forgets all performers: the gateway had given them to others.
+    frames
+        Frames, in order.
+    number
+        The number of a message that may be lost on the way, counted from 1; 0 for a message that must arrive.
+    question
+        A number that a report must give back once all before it is dealt with; 0 for none.
+    let_go
+        Whether the worker, which wanted to end, may end.
     """
 
-    performer: _Name
-    answered: bool
-    going_on: Event | None
-    joints: tuple[str, ...] | None
-    time: float = 0.0
-    long_ago: LongAgo | None = None
+    member: str = ""
+    terms: Terms | None = None
+    begins: bool = False
+    frames: Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)] = []
+    number: _Count = 0
+    question: _Count = 0
+    let_go: bool = False
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
-    """A recognition, with the number and the arrival of its frame, and the number of the terms (`terms.Terms.number`).
+    """An answer of a worker.
 
-    An answer to a frame that asks has the joints that carry it.
+    Attributes
+    ----------
+    seq, at
+        The number and the arrival of the frame that is answered.
+    recognition
+        The answer. Its events do not count: the gateway knows which motions go on.
+    long_ago
+        Knowledge of the feed.
+    carried
+        The joints that carry the answer, if the frame, or one before, asked.
     """
 
-    performer: _Name
-    seq: _Seq
+    seq: _Count
     at: float
-    terms: int
-    time: float
-    outcome: Outcome
-    scores: bytes
-    movement: float
-    lead: float
-    eigenvector_class: str | None
-    eigenvector_score: float
-    share: float
-    gap: float
-    guess: _Index | None
-    progress: Progress | None
-    events: tuple[Event, ...]
-    doubted: tuple[str, ...]
+    recognition: Recognition
     long_ago: LongAgo | None = None
     carried: Carried | None = None
-
-    def recognition(self, classes: tuple[str, ...]) -> Recognition:
-        """Give the recognition; FormatError if it does not fit the classes."""
-        scores = np.frombuffer(self.scores, "<f8") if len(self.scores) == 8 * len(classes) else np.zeros(0)
-        indices = [self.guess or 0, *(event.index for event in self.events)]
-        if not len(scores) or not all(0 <= index < len(classes) for index in indices):
-            raise FormatError(f"answer: expected scores of {len(classes)} classes, got {len(self.scores)} bytes")
-        return Recognition(
-            self.performer,
-            self.time,
-            self.outcome,
-            classes,
-            scores,
-            self.movement,
-            self.lead,
-            self.eigenvector_class,
-            self.eigenvector_score,
-            self.share,
-            self.gap,
-            self.guess,
-            None,
-            self.progress,
-            self.events,
-            self.doubted,
-        )
 
 
 class Report(msgspec.Struct, array_like=True, frozen=True):
@@ -150,9 +182,9 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     """
 
     counts: PerformerCounts
-    refused: dict[str, str]
-    doubted: dict[str, str]
-    compared: dict[str, str]
+    refused: dict[str, str] = {}
+    doubted: dict[str, str] = {}
+    compared: dict[str, str] = {}
     dropped: int = 0
     leaves: bool = False
 
@@ -163,95 +195,63 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
     Attributes
     ----------
     member
-        The number of the worker's membership; a worker without one sends 0 and asks for it.
-    answered, report
-        As they are.
-    last
+        The membership, a name that the worker made up.
+    answered
+        Answers, in order.
+    report
+        None where the worker has no library yet, and asks for terms.
+    question
         The number of a question before which it has dealt with everything; 0 where there was no question.
     """
 
-    member: int
-    answered: list[Answered]
+    member: str
+    answered: list[Answered] = []
     report: Report | None = None
-    last: int = 0
+    question: int = 0
 
 
-_Read = TypeVar("_Read")
-encode = msgspec.msgpack.Encoder().encode
+_Read = TypeVar("_Read", Orders, Answers)
 
 
-def decoder(decode: Callable[[bytes], _Read]) -> Callable[[bytes], _Read]:
-    """Make a function that decodes a message of one kind; FormatError for any other."""
-
-    def read(message: bytes) -> _Read:
-        try:
-            return decode(message)
-        except (ValueError, RecursionError) as error:
-            raise FormatError(f"message: {error}") from error
-
-    return read
+def _encoded(value: object) -> object:
+    """Encode numbers of numpy's."""
+    return value.astype(_DOUBLES, copy=False).tobytes() if isinstance(value, np.ndarray) else float(value)  # type: ignore[arg-type]
 
 
-_read_frames = decoder(
-    msgspec.msgpack.Decoder(Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)]).decode
-)
-decode_entries = decoder(msgspec.msgpack.Decoder(list[Entry]).decode)
-#: Of a question or of a membership.
-decode_number = decoder(msgspec.msgpack.Decoder(int).decode)
-decode_answers = decoder(msgspec.msgpack.Decoder(Answers).decode)
+def _decoded(kind: object, value: Any) -> object:  # noqa: ANN401 - of any message
+    """Decode a recognition's scores; no other field is of a kind that msgspec does not know."""
+    if isinstance(value, bytes):
+        return np.frombuffer(value, _DOUBLES)
+    raise ValueError(f"expected bytes for {kind}, got {type(value).__name__}")
 
 
-def decode_frames(message: bytes) -> list[tuple[SentFrame, NumberedFrame]]:
-    """Decode frames; FormatError for a message that is not ours."""
-    return [(each, _numbered(each)) for each in _read_frames(message)]
+encode = msgspec.msgpack.Encoder(enc_hook=_encoded).encode
+_orders = msgspec.msgpack.Decoder(Orders)
+_answers = msgspec.msgpack.Decoder(Answers, dec_hook=_decoded)
 
 
-def _numbered(sent: SentFrame) -> NumberedFrame:
-    if sent.seq is None or sent.v != VERSION:
-        raise FormatError(f"v, seq: expected version {VERSION} and a number, got {sent.v}, {sent.seq}")
-    # The gateway has checked the frame and converted its time.
-    frame = Frame.unchecked(sent.performer, sent.t, positions_of(sent, sent.data))
-    announcement = None if sent.joints is None else Announcement(sent.performer, tuple(sent.joints))
-    return NumberedFrame(frame, sent.seq, announcement)
+def decode_orders(message: bytes) -> Orders:
+    """Decode a message to a worker; FormatError for any other."""
+    return _read(_orders, message)
 
 
-def sent_frame(frame: Frame, seq: int, at: float, joints: tuple[str, ...] | None = None, *, begins: bool) -> SentFrame:
-    """Make the message of a frame; positions keep their precision."""
-    positions = frame.positions
-    dtype = "<f8" if positions.dtype.itemsize == 8 else "<f4"
-    return SentFrame(
-        v=VERSION,
-        shape=(len(positions), 3),
-        dtype=dtype,
-        seq=seq,
-        t=frame.time,
-        joints=None if joints is None else list(joints),
-        performer=frame.performer,
-        data=positions.astype(dtype, copy=False).tobytes(),
-        at=at,
-        begins=begins,
-    )
+def decode_answers(message: bytes) -> Answers:
+    """Decode a worker's message; FormatError for any other."""
+    return _read(_answers, message)
 
 
-def answered(recognition: Recognition, seq: int, at: float, terms: int, long_ago: LongAgo | None = None) -> Answered:
-    """Make the message of a recognition, without its evidence, and of the knowledge of the feed."""
-    return Answered(
-        recognition.performer,
-        seq,
-        at,
-        terms,
-        float(recognition.time),
-        recognition.outcome,
-        recognition.scores.astype("<f8", copy=False).tobytes(),
-        float(recognition.movement),
-        float(recognition.lead),
-        recognition.eigenvector_class,
-        float(recognition.eigenvector_score),
-        float(recognition.share),
-        float(recognition.gap),
-        recognition.guess,
-        recognition.progress,
-        recognition.events,
-        recognition.doubted,
-        long_ago,
-    )
+def _read(decoder: msgspec.msgpack.Decoder[_Read], message: bytes) -> _Read:
+    try:
+        return decoder.decode(message)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"message: {error}") from error
+
+
+def key(*parts: str) -> str:
+    """Give a key; a part may be any text."""
+    return "/".join(["kin", *(quote(part, safe="", errors="surrogatepass") for part in parts)])
+
+
+def last_of(sample: Any) -> str:  # noqa: ANN401 - Zenoh's
+    """Give the name at the end of a message's key."""
+    return unquote(str(sample.key_expr).rpartition("/")[2])

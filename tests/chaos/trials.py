@@ -117,7 +117,6 @@ TRIALS: tuple[Trial, ...] = (
     Trial("30 % lost, reordered, doubled, 50 ms late", fault=_network),
     Trial("the performer's clock jumps by 1,000 s and back", fault=_late_clock),
     Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
-    Trial("stopped and continued, by ZeroMQ", over="zmq", deed=_stop_and_go, lasts=2.0),
     Trial("answers to a closed port", options=("--osc-out", "127.0.0.1:9")),
     Trial("disk full while recording", deed=_full_disk, options=("--record", "{folder}/a.kinerec")),
     Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/a{number}.kinerec")),

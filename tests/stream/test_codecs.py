@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from kinespace.stream.inputs import Decoder
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)
@@ -458,20 +457,6 @@ def test_bundles_messages_and_values_have_limits() -> None:
     assert repr(nested.arguments) == "[" * 501 + "]" * 501
     with pytest.raises(PacketError, match="never ends"):
         decode_packet(b"/a\0\0," + b"[" * 999 + b"\0\0\0\0")
-
-
-def test_a_hostile_feed_is_refused_by_its_size() -> None:
-    """A packet of more messages than any product sends is refused before they are read."""
-    decoder: Decoder = FeedDecoder(builtin_preset("osceleton"))
-    assert not decoder.decode(bundle(*[b"/a\0\0"] * 8000), 1.0, None)
-    assert decoder.counts.malformed == 1
-
-
-@pytest.mark.parametrize("parts", [[*wrong.zmq_frame()[:2], b"short"], wrong.zmq_frame(shape=[4096, 3])])
-def test_a_wrong_size_is_told(parts: list[bytes]) -> None:
-    """A buffer of another size than the header's shape and type make is an error that tells both."""
-    with pytest.raises(FormatError, match=r"positions: expected \d+ bytes, got \d+"):
-        zeromq.decode(parts, 1.0)
 
 
 _NAMED = Recognition("Ada", 4.0, Outcome.NAMED, ("bow", "jump"), np.array([0.25, 0.75], np.float32), 0.2)

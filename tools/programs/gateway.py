@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.stream.workers.bus import LISTEN, open_session
 from kinespace.stream.workers.gateway import Gateway
+from kinespace.stream.workers.terms import Terms
 from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.programs.live import program as live
 from kinespace.tools.programs.live.recognisers import Where
@@ -31,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"on {LISTEN}."
     )
     add_bus(parser)
-    parser.add_argument("--zenoh-out", action="store_true", help="publish the answers in JSON on Zenoh, too")
 
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
@@ -59,18 +60,12 @@ def run(options: argparse.Namespace) -> int:
     def make(options: argparse.Namespace, library: Known, joints: SentJoints, _: Sequence[str]) -> Gateway:
         listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
         session = open_session(listen, options.connect, options.zenoh)
-        gateway = Gateway(
-            session,
-            library,
-            settings_of(options),
-            most=options.performers,
-            joints=joints,
-            naming=options.naming,
-            connect=options.connect,
-            show=lambda line: console.print(line, soft_wrap=True),
+        terms = Terms(
+            settings=settings_of(options), most=options.performers, assumed=joints.assumed, naming=options.naming
         )
+        show = partial(console.print, soft_wrap=True)
+        gateway = Gateway(session, library, terms, connect=options.connect, show=show)
         where.sources.append(gateway.source)
-        where.sinks += [gateway.sink()] if options.zenoh_out else []
         console.print(
             f"gateway {gateway.name}; workers reach it by {', '.join([*listen, *options.connect]) or options.zenoh}",
             soft_wrap=True,

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import gc
 from contextlib import closing
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.stream.workers.bus import LISTEN, open_session
 from kinespace.stream.workers.node import Node
-from kinespace.tools.cli.arguments import library_at
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.gateway import add_bus
 from kinespace.tools.terminal.console import console
@@ -25,17 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"otherwise it connects to {LISTEN}."
     )
     add_bus(parser)
-    parser.add_argument(
-        "--library", type=Path, metavar="FILE", help="work for this motion library only (default: every gateway's)"
-    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     connect = options.connect or ([] if options.listen or options.zenoh else [LISTEN])
-    library = library_at(options.library) if options.library else None
     session = open_session(options.listen, connect, options.zenoh)
-    node = Node(session, library, lambda line: console.print(line, soft_wrap=True, markup=False), connect=connect)
+    node = Node(session, lambda line: console.print(line, soft_wrap=True, markup=False), connect=connect)
     with closing(node):
         stop_on_signals(node.stop)
         reached = ", ".join([*options.listen, *connect]) or options.zenoh

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import osc
 from kinespace.stream.osc.udp import RECEIVE_BUFFER
 from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Recognition
@@ -62,13 +61,6 @@ def test_a_performer_who_left_has_no_class() -> None:
     assert osc.decode_answer(packet) == Answer("Ada_L", -1, 0.0, 0.0, "gone")
 
 
-def test_unknown_is_no_class_but_a_guess() -> None:
-    """The class is -1 where the label is unknown; the guess has a place of its own."""
-    params = _params(osc.encode_recognition(dataclasses.replace(NAMED, outcome=Outcome.UNKNOWN)))
-    assert params["/motion/Ada/class"] == [-1, 0.75, 0.25]
-    assert (params["/motion/Ada/guess"], params["/motion/Ada/label"]) == ([1], ["unknown"])
-
-
 def test_channels_hold_numbers_alone() -> None:
     """Class, scores and status hold only integers and floats of 32 bits, as TouchDesigner's CHOP needs."""
     bundle = osc.encode_recognition(NAMED)
@@ -92,15 +84,6 @@ def test_an_answer_fits_one_packet(count: int) -> None:
     assert (f"/motion/{'p' * 64}/scores" in params) == (count <= 140)
 
 
-def test_the_built_in_librarys_answers_carry_all_scores() -> None:
-    """With the built-in library's classes an answer holds all scores, for the longest performer's name too."""
-    classes = MotionLibrary.builtin().classes
-    answer = dataclasses.replace(
-        NAMED, performer="p" * 64, classes=classes, scores=np.linspace(0.0, 1.0, len(classes), dtype=np.float32)
-    )
-    assert len(_params(osc.encode_recognition(answer))[f"/motion/{'p' * 64}/scores"]) == len(classes)
-
-
 @pytest.mark.parametrize(
     ("performer", "part"),
     [("Ada", "Ada"), ("7", "7"), ("a b", "a_b"), ("a/b", "a_b"), ("#*,?[]{}", "________"), ("Zoë", "Zo_"), ("\t", "_")],
@@ -118,18 +101,14 @@ def test_classes_are_sent_in_the_order_of_their_indices() -> None:
 
 
 def test_the_status_is_sent() -> None:
-    """The status holds a sign of life, frames per second, the number of performers, and losses."""
+    """The status holds a sign of life, frames per second, the number of performers, and losses up to OSC's largest."""
     counts = PerformerCounts(no_room=10, other_joints=20)
     counts.recognizers.out_of_order = 30
     inputs = InputCounts(received=9999, malformed=1, foreign=500, overrun=2, missing=3)
     status = Status(inputs, counts, 7, {"a": 119.5, "b": 30.0}, 0.1, 0.2)
     assert _params(osc.encode_status(status)) == {"/motion/status": [1, 149.5, 2, 66]}
-
-
-def test_a_loss_beyond_all_integers_is_the_largest() -> None:
-    """When a sender's numbers jump by more than OSC's integers hold, the status says the largest one."""
-    status = Status(InputCounts(missing=10**15), PerformerCounts(), 0, {}, 0.0, 0.0)
-    assert _params(osc.encode_status(status)) == {"/motion/status": [1, 0.0, 0, 2**31 - 1]}
+    inputs.missing = 10**15
+    assert _params(osc.encode_status(status))["/motion/status"][-1] == 2**31 - 1
 
 
 # --- the sockets -------------------------------------------------------------------------------------------------
@@ -159,21 +138,13 @@ def _receive(receiver: osc.OscReceiver) -> bytes | None:
 
 
 def test_datagrams_arrive_in_order(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
-    """Datagrams are received one at a time and in order, also an empty one; then there is none."""
-    packets = [b"first", b"", b"third", osc.encode_recognition(NAMED)]
+    """Datagrams come one at a time and in order, an empty one and the largest possible too; then there is none."""
+    packets = [b"first", b"", np.random.default_rng(0).bytes(65_507), osc.encode_recognition(NAMED)]
     for packet in packets:
         sender.send(packet)
     assert [_receive(receiver) for _ in packets] == packets
     assert receiver.receive() is None
     assert sender.failed == 0
-
-
-@pytest.mark.parametrize("size", [8193, 65507])
-def test_the_largest_datagrams_are_whole(receiver: osc.OscReceiver, sender: osc.OscSender, size: int) -> None:
-    """Datagrams far above 8 kB, up to the largest there are, arrive whole."""
-    packet = np.random.default_rng(size).bytes(size)
-    sender.send(packet)
-    assert _receive(receiver) == packet
 
 
 def test_the_system_is_asked_for_room(receiver: osc.OscReceiver) -> None:
@@ -205,22 +176,6 @@ def test_the_error_names_a_busy_port(receiver: osc.OscReceiver) -> None:
     host, port = receiver.address
     with pytest.raises(OSError, match=rf"{host}:{port}: "):
         osc.OscReceiver(host, port)
-
-
-def test_another_machines_address_is_an_error() -> None:
-    """A host that is not this machine's cannot be listened on, and the error names it."""
-    with pytest.raises(OSError, match=r"192\.0\.2\.1:0"):
-        osc.OscReceiver("192.0.2.1", 0)
-
-
-def test_a_closed_port_is_free_again() -> None:
-    """Once closed, the same port can be listened on."""
-    first = osc.OscReceiver(LOOPBACK, 0)
-    address = first.address
-    first.close()
-    second = osc.OscReceiver(*address)
-    assert second.address == address
-    second.close()
 
 
 def test_datagrams_that_cannot_be_sent_are_counted(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:

@@ -119,23 +119,12 @@ def test_long_runs_of_floats(values: list[float], *, before: bool) -> None:
     ("packet", "expected"),
     [
         (b"/a\0\0", ("/a", [])),
-        (b"/abc\0\0\0\0", ("/abc", [])),
         (b"/a\0\0,\0\0\0", ("/a", [])),
-        (b"/a\0\0,i\0\0\xff\xff\xff\xfe", ("/a", [-2])),
-        (b"/a\0\0,h\0\0\x80\0\0\0\0\0\0\0", ("/a", [-(2**63)])),
-        (b"/a\0\0,f\0\0\x3f\x80\0\0", ("/a", [1.0])),
-        (b"/a\0\0,d\0\0\x3f\xf0\0\0\0\0\0\0", ("/a", [1.0])),
-        (b"/a\0\0,t\0\0\0\0\0\0\0\0\0\1", ("/a", [1])),
         (b"/a\0\0,t\0\0\xff\xff\xff\xff\xff\xff\xff\xff", ("/a", [2**64 - 1])),
-        (b"/a\0\0,r\0\0\xff\0\0\1", ("/a", [0xFF000001])),
-        (b"/a\0\0,m\0\0\1\x90\x40\x7f", ("/a", [(1, 0x90, 0x40, 0x7F)])),
         (b"/a\0\0,c\0\0\0\0\0A", ("/a", ["A"])),
-        (b"/a\0\0,s\0\0abc\0", ("/a", ["abc"])),
         (b"/a\0\0,s\0\0abcd\0\0\0\0", ("/a", ["abcd"])),
         (b"/a\0\0,S\0\0\0\0\0\0", ("/a", [""])),
-        (b"/a\0\0,s\0\0\xc3\xa9\0\0", ("/a", ["é"])),
         (b"/a\0\0,b\0\0\0\0\0\0", ("/a", [b""])),
-        (b"/a\0\0,b\0\0\0\0\0\3abc\0", ("/a", [b"abc"])),
         (b"/a\0\0,bi\0\0\0\0\1\xff\0\0\0\0\0\0\2", ("/a", [b"\xff", 2])),
         (b"/a\0\0,TFNI\0\0\0", ("/a", [True, False, None, float("inf")])),
         (b"/a\0\0,[]\0", ("/a", [[]])),
@@ -143,8 +132,8 @@ def test_long_runs_of_floats(values: list[float], *, before: bool) -> None:
         (b"/a\0\0,ff[f]f\0\x3f\x80\0\0\x40\0\0\0\x40\x40\0\0\x40\x80\0\0", ("/a", [1.0, 2.0, [3.0], 4.0])),
     ],
 )
-def test_every_type_as_the_specification_writes_it(packet: bytes, expected: tuple[str, list[object]]) -> None:
-    """Each type tag of OSC 1.0 is read from the bytes that its definition gives."""
+def test_types_that_pythonosc_does_not_write(packet: bytes, expected: tuple[str, list[object]]) -> None:
+    """Further type tags, and ends of strings and blobs, are read from the bytes that OSC 1.0 gives."""
     address, arguments = expected
     assert decode_packet(packet) == [Message(address, arguments)]
     assert [type(each) for each in decode_message(packet).arguments] == [type(each) for each in arguments]

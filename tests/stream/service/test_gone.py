@@ -45,13 +45,3 @@ def test_a_silent_performer_is_reported_gone_once(sticks: MotionLibrary) -> None
         service.run()
     assert leavers.gone == ["ann", "bob"]
     assert len(STICK.joints) == len(positions)
-
-
-def test_a_performer_who_comes_back_in_time_has_not_left(sticks: MotionLibrary) -> None:
-    """A performer dropped to make room, who is back in time, is not reported as gone."""
-    performers = Performers(sticks, Settings(signature=LiveSignature.PAPER), most=1, silence=1.0)
-    positions = stick_clip("bow").positions[0]
-    for name, arrival in (("ann", 0.0), ("bob", 2.0), ("ann", 4.0)):
-        performers.push(Frame(name, arrival, positions), arrival)
-    assert performers.take_gone() == ["bob"]
-    assert performers.take_gone() == []

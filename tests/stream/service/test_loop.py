@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import zmq
-from fakes import Bench, FakeClock, FakeSink, FakeSource
+from fakes import Bench, FakeSink, FakeSource
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
@@ -253,26 +253,6 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(library: MotionLibrary, 
 # --- over real sockets -------------------------------------------------------------------------------------------
 
 
-def test_after_a_stall_all_that_waits_is_taken_in(library: MotionLibrary, opened: ExitStack) -> None:
-    """For a slow reader ZeroMQ keeps the oldest: they are all taken in at the next turns, and none waits any more."""
-    publisher = opened.enter_context(closing(zmq.Context.instance().socket(zmq.XPUB)))
-    publisher.linger = 0
-    publisher.bind("inproc://a-stall")
-    source, sink = Source(zeromq.ZmqReceiver(Endpoint("inproc://a-stall", bind=False)), ZmqDecoder()), FakeSink()
-    service = opened.enter_context(Service(Performers(library), [source], [sink]))
-    assert publisher.poll(int(PATIENCE * 1000))
-    assert publisher.recv() == b"\x01"
-    frames = _frames("wave", frames=600)
-    for seq, frame in enumerate(frames):
-        if seq not in (100, 101, 102):
-            publisher.send_multipart(zeromq.encode_frame(frame, seq))
-    for _ in range(3):
-        service.step(0.0)
-    assert source.receiver.receive() is None
-    assert (source.counts.received, source.counts.missing) == (597, 3)
-    assert sink.recognitions[-1].time == _expected(library, frames[:100] + frames[103:])[-1].time > frames[-6].time
-
-
 def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened: ExitStack) -> None:
     """Answers that the system does not send are counted as unsent in the status."""
     listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
@@ -314,41 +294,6 @@ def test_packets_older_than_a_second_are_not_answered_as_present(
     assert status.stale == len(expected) - 1
     assert len(sink.events) == sum(len(answer.events) for answer in expected)
     assert status.hop_p50 > 0.2
-
-
-def test_after_a_pause_old_answers_are_not_sent(library: MotionLibrary, source: FakeSource) -> None:
-    """The sender's own clock dates packets that waited while the process stood still; old ones get no answer."""
-    clock, sink = FakeClock(), FakeSink()
-    frames = [Frame("ann", 50.0 + k / 30, each.positions) for k, each in enumerate(_frames("wave")[:60])]
-    with Service(Performers(library), [source], [sink], clock=clock) as service:
-        for frame in frames[:6]:
-            clock.now = 1000.0 + frame.time
-            source.waiting.append([frame])
-            service.step(0.0)
-        before = len(sink.recognitions)
-        assert before > 0
-        # The process slept for two seconds; ZeroMQ hands over one half of the messages, then the other.
-        clock.now = 1000.0 + frames[-1].time
-        source.waiting.extend([frame] for frame in frames[6:20])
-        service.step(0.0)
-        service.step(0.0)
-        assert len(sink.recognitions) == before
-        source.waiting.extend([frame] for frame in frames[20:])
-        service.step(0.0)
-        told = [answer.time for answer in sink.recognitions[before:]]
-        assert told
-        assert min(told) >= frames[-1].time - 1.0 - 1e-6
-        assert told[-1] == frames[-1].time
-        assert service.status().stale > 0
-        # Who sends nothing more has its newest answer after all.
-        before, clock.now = len(sink.recognitions), clock.now + 10.0
-        source.waiting.extend([Frame("ann", each.time + 5.0, each.positions)] for each in frames[:10])
-        service.step(0.0)
-        assert len(sink.recognitions) == before
-        clock.now += 1.5
-        source.pollable.recv(1)
-        service.step(0.0)
-        assert [answer.time for answer in sink.recognitions[before:]] == [frames[9].time + 5.0]
 
 
 class FakeControl:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import socket
 import time
 from contextlib import ExitStack
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,17 +15,16 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.recognition import EventKind, Recognition
-from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Settings
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.workers import bus
 from kinespace.stream.workers import gateway as gateway_module
 from kinespace.stream.workers import node as node_module
 from kinespace.stream.workers import terms as agreed
-from kinespace.stream.workers.bus import open_session, unreached
+from kinespace.stream.workers.bus import open_session
 from kinespace.stream.workers.gateway import Gateway
 from kinespace.stream.workers.node import Node
-from kinespace.stream.workers.terms import key
-from kinespace.stream.workers.wire import ASK, FRAMES, Answers, decode_frames, encode, sent_frame
+from kinespace.stream.workers.wire import Answers, Orders, SentFrame, encode, key
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -36,6 +33,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("zenoh")
 NAMES = ("ann", "bob", "cleo")
+TERMS = agreed.Terms(settings=Settings(), most=32)
 RATE = 60
 PATIENCE = 15.0
 
@@ -70,15 +68,14 @@ class Bus:
 
     def gateway(self, library: MotionLibrary | None = None) -> Gateway:
         """Add a gateway."""
-        known, joints = library or self.library, SentJoints()
-        made = Gateway(self.session(), known, Settings(), most=32, joints=joints, naming="auto", show=self.shown.append)
+        made = Gateway(self.session(), library or self.library, TERMS, show=self.shown.append)
         self.gateways.append(made)
         self._opened.callback(made.close)
         return made
 
-    def node(self, library: MotionLibrary | None = None) -> Node:
+    def node(self) -> Node:
         """Add a worker."""
-        made = Node(self.session(), library, self.shown.append)
+        made = Node(self.session(), self.shown.append)
         self.nodes.append(made)
         self._opened.callback(made.close)
         return made
@@ -167,7 +164,7 @@ def test_a_busy_loop_deals_in_pieces_and_in_order() -> None:
 def test_answers_equal_one_processs(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
     """Two workers give the answers of one process, each once, bit by bit, also with a sensitivity that is changed."""
     performers, gateway = Performers(opened(on.library)), on.gateway()
-    first, second = on.node(), on.node(on.library)
+    first, second = on.node(), on.node()
     on.until(lambda: on.has_workers(gateway, 2))
     expected, carried = list[Recognition](), list[Carried | None]()
     for k, frames in enumerate(feed[:150]):
@@ -236,7 +233,7 @@ def test_workers_come_and_go_without_a_lost_event(
         gateway.push_all(frames, time.monotonic())
         on.turn()
         if k == len(feed) // 3:
-            on.node(on.library)
+            on.node()
             on.until(lambda: on.has_workers(gateway, 2))
         if k == 2 * len(feed) // 3:
             on.until(lambda k=k: len(on.heard[gateway.name]) >= sum(time <= 1 + k / RATE for _, time in due) - 9)
@@ -259,43 +256,43 @@ def test_workers_come_and_go_without_a_lost_event(
     assert "workers lost so far: 1; last: worker" in " ".join(gateway.notes)
 
 
-def test_another_version_or_library_or_map_is_refused(
-    on: Bus, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Workers of another version, library or number of partitions say so in a line each, and are no members."""
+def test_another_version_is_refused(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker of another version says so in a line, once, and is no member."""
     gateway = on.gateway()
-    on.node(sticks.without(classes=[sticks.classes[0]]))
-    on.until(lambda: len(on.shown) == 1)
-    for name, other in (("own_version", lambda: "99.0"), ("PARTITIONS", 32)):
-        with monkeypatch.context() as changed:
-            changed.setattr(agreed, name, other)
-            node = on.node()
-            on.until(lambda node=node: node.counts["refused"] == 1)
-    why = [line.removeprefix(f"not working for gateway {gateway.name}: the gateway has ") for line in on.shown]
-    assert [line.partition(" ")[0] for line in why] == ["library", "version", "partitions"]
+    ours = agreed.own_version()
+    monkeypatch.setattr(agreed, "own_version", lambda: "99.0")
+    node = on.node()
+    on.until(lambda: node.counts["refused"] == 1)
+    why = f"not working for gateway {gateway.name}: the gateway has version {ours}, this worker 99.0"
+    assert on.shown == [why]
     assert on.has_workers(gateway, 0)
 
 
 def test_a_question_that_is_lost_is_asked_again(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker whose first questions for charter and library nobody answers works all the same."""
-    monkeypatch.setattr(node_module, "_ASK_AGAIN", 0.0)
+    """A worker whose first questions for terms and library nobody answers works all the same."""
     monkeypatch.setattr(node_module, "_FETCH_AGAIN", 0.0)
-    reply, lost = Gateway._reply, set[str]()  # noqa: SLF001 - what is lost is lost before it
+    lost = set[str]()
 
-    def lose_the_first(query: Any, payload: bytes) -> None:  # noqa: ANN401 - Zenoh's
-        if str(query.key_expr) in lost:
-            reply(query, payload)
-        lost.add(str(query.key_expr))
+    def lose_the_first(name: str) -> None:
+        passed = getattr(Gateway, name)
 
-    monkeypatch.setattr(Gateway, "_reply", staticmethod(lose_the_first))
+        def lose(self: Gateway, *given: Any) -> None:  # noqa: ANN401 - any message
+            if name in lost:
+                passed(self, *given)
+            lost.add(name)
+
+        monkeypatch.setattr(Gateway, name, lose)
+
+    lose_the_first("_put")
+    lose_the_first("_reply")
     gateway = on.gateway()
     on.node()
     on.until(lambda: on.has_workers(gateway, 1))
-    assert len(lost) == 2
+    assert lost == {"_put", "_reply"}
 
 
 def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:
-    """A file whose digest is not the one of the charter is not opened."""
+    """A file whose digest is not the one of the terms is not opened."""
     gateway = on.gateway()
     gateway._packed = b"something else"  # noqa: SLF001 - as a broken gateway would send it
     node = on.node()
@@ -303,45 +300,27 @@ def test_a_library_that_is_not_the_one_is_refused(on: Bus) -> None:
     assert "the library that came is not" in on.shown[0]
 
 
-def test_two_gateways_for_one_performer(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
-    """The first gateway's performer is answered, the second one's frames are counted and answered by nobody."""
-    one, two = on.gateway(), on.gateway()
-    node = on.node()
-    on.until(lambda: on.has_workers(one, 1) and on.has_workers(two, 1))
-    for frames in feed[:30]:
-        one.push_all(frames[:1], time.monotonic())
-        on.turn()
-    on.until(lambda: len(on.heard.get(one.name, [])) > 5)
-    for frames in feed[30:60]:
-        two.push_all(frames[:1], time.monotonic())
-        on.turn()
-    on.until(lambda: node.counts["conflicts"] == 30)
-    assert two.name not in on.heard or not on.heard[two.name]
-    assert f"two gateways have performer ann: {one.name}, {two.name}; only the first gets answers" in on.shown
-
-
 def test_a_stranger_on_the_keys_is_not_believed(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
-    """Frames, answers and orders of somebody else, and orders of no kind, are counted; nobody is answered by them."""
+    """Frames and orders of somebody else, and messages of no kind, are counted; nobody is answered by them."""
     gateway, node = on.gateway(), on.node()
     on.until(lambda: on.has_workers(gateway, 1))
     stranger = on.session()
-    frames = encode([sent_frame(feed[0][0], 1, 0.0, begins=True)])
+    to, back = key(gateway.name, "to", node.name), key(gateway.name, "back", node.name)
 
     def believed_nowhere() -> bool:
-        stranger.put(key(gateway.name, "to", node.name), FRAMES + frames)
+        stranger.put(to, encode(Orders("of mine", frames=[SentFrame.of(feed[0][0], 1, 0.0)])))
         return node.counts["strangers"] > 0
 
     try:
         # It takes a moment until both know of each other.
         on.until(believed_nowhere)
-        stranger.put(key(gateway.name, "back", "me"), encode(Answers(1, [])))
-        stranger.put(key(gateway.name, "back", node.name), b"\xc1")
-        stranger.put(key(gateway.name, "back", node.name), encode(Answers(77, [])))
-        gateway._send(node.name, b"?")  # noqa: SLF001 - as another version would
-        on.until(lambda: node.counts["unread"] == 1)
-        on.until(lambda: (gateway.strangers, gateway.unread) == (1, 1))
-        # It was told to begin anew, and has done so.
-        on.until(lambda: on.has_workers(gateway, 1) and "began again" in " ".join(gateway.notes))
+        stranger.put(to, b"?")
+        stranger.put(back, b"\xc1")
+        on.until(lambda: (node.counts["unread"], gateway.unread) == (1, 1))
+        stranger.put(back, encode(Answers("of mine")))
+        # The worker is believed again as soon as it reports.
+        on.until(lambda: "began again" in " ".join(gateway.notes))
+        on.until(lambda: on.has_workers(gateway, 1))
     finally:
         stranger.close()
     assert not on.heard.get(gateway.name)
@@ -380,28 +359,6 @@ def test_a_worker_that_says_nothing_is_left_out_and_comes_back(
     on.until(lambda: {each.performer for each in on.heard.get(gateway.name, [])} == set(NAMES))
 
 
-def test_answers_are_published_for_anybody(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
-    """The sink's JSON is that of ZeroMQ, on a key of the performer's own."""
-    gateway = on.gateway()
-    on.node()
-    on.until(lambda: on.has_workers(gateway, 1))
-    listening, heard = on.session(), []
-    subscriber = listening.declare_subscriber(
-        "kin/*/answer/**", lambda sample: heard.append((str(sample.key_expr), json.loads(bytes(sample.payload))))
-    )
-    sink = gateway.sink()
-    performers = Performers(opened(on.library))
-    answers = [each for frames in feed[:60] if (each := performers.push_all(frames, 1.0)[0])]
-    end = time.monotonic() + PATIENCE
-    while not heard and time.monotonic() < end:
-        sink.publish(answers[-1])
-        time.sleep(0.01)
-    assert heard[0][0] == key(gateway.name, "answer", "ann", "class")
-    assert heard[0][1]["performer"] == "ann"
-    subscriber.undeclare()
-    listening.close()
-
-
 def test_frames_of_a_moment_travel_together(
     on: Bus, feed: Sequence[Sequence[Frame]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -411,19 +368,17 @@ def test_frames_of_a_moment_travel_together(
     gateway, node = on.gateway(), on.node()
     on.until(lambda: on.has_workers(gateway, 1))
     sent = list[tuple[int, int]]()
-    put = Gateway._put  # noqa: SLF001 - it sends all
 
-    def note(self: Gateway, worker: str, message: bytes, number: int) -> None:
-        sent.append((number, len(decode_frames(message[1:])) if number else 0))
-        if number != 2:
-            put(self, worker, message, number)
+    def note(message: Orders) -> bytes:
+        sent.append((message.number, len(message.frames)))
+        return b"" if message.number == 2 else encode(message)
 
-    monkeypatch.setattr(Gateway, "_put", note)
+    monkeypatch.setattr(gateway_module, "encode", note)
     source = gateway.source
     for moment in range(4):
         gateway.push_all(feed[moment], 0.0)
     assert (sent, source.tended_within) == ([(1, 3)], pytest.approx(1000.0, abs=10.0))
-    gateway._send(node.name, ASK + encode(5))  # noqa: SLF001 - any order
+    gateway._send(node.name, Orders(question=5))  # noqa: SLF001 - any order
     assert (sent[1:], source.tended_within) == ([(2, 9), (0, 0)], TENDING)
     gateway.push_all(feed[4], 0.0)
     gateway.tend(time.monotonic() + 2000.0)
@@ -433,10 +388,10 @@ def test_frames_of_a_moment_travel_together(
 
 def test_frames_wait_for_others_only_where_many_come() -> None:
     """Frames that come seldom are due at once, after a pause too; among many they wait for two milliseconds."""
-    frame = [sent_frame(Frame("ann", 1.0, np.ones((3, 3))), 1, 0.0, begins=True)]
+    frame = [SentFrame.of(Frame("ann", 1.0, np.ones((3, 3))), 1, 0.0)]
 
     def waiting(apart: float, seconds: float) -> float:
-        member, due = gateway_module._Member(1, None, 0.0), list[bool]()  # noqa: SLF001 - its rule
+        member, due = gateway_module._Member("", None, 0.0), list[bool]()  # noqa: SLF001 - its rule
         for k in range(round(seconds / apart)):
             due.append(member.take(frame, 5.0 + k * apart))
             if due[-1]:
@@ -492,33 +447,13 @@ def test_who_is_not_reached_is_said(on: Bus, monkeypatch: pytest.MonkeyPatch) ->
     """A router that is not there is named as long as it is not, by gateway and worker; the gateway works without it."""
     monkeypatch.setattr(node_module, "_MAX_ALONE", 0.0)
     far = f"tcp/127.0.0.1:{free_port()}"
-    alone = Node(open_session([], [far], None), None, on.shown.append, connect=[far])
+    alone = Node(open_session([], [far], None), on.shown.append, connect=[far])
     alone.step(0.0)
     assert on.shown[0].startswith(f"no gateway is seen yet; not reached: {far}. Does one run")
     session = open_session([], [far], None)
-    gateway = Gateway(session, on.library, Settings(), most=32, joints=SentJoints(), naming="auto", connect=[far])
+    gateway = Gateway(session, on.library, TERMS, connect=[far])
     assert f"not reached: {far}" in gateway.notes
     router = open_session([far], [], None)
     on.until(lambda: f"not reached: {far}" not in gateway.notes)
     for each in (alone, gateway, router):
         each.close()
-
-
-@pytest.mark.parametrize(
-    ("place", "reached"),
-    [
-        ("tcp/10.0.0.1:7447", True),
-        ("tls/10.0.0.1:1#iface=eth0", True),
-        ("tcp/10.0.0.2:7447", False),
-        ("tls/[fe80::1]:7447", True),
-        ("tcp/[fe80::2]:7447", False),
-        ("tcp/studio.local:7447", True),
-    ],
-)
-def test_a_host_is_reached_by_any_link_to_it(place: str, *, reached: bool) -> None:
-    """Either end may have begun the link; a host with a name may be any that is linked."""
-    links = [SimpleNamespace(dst="tcp/10.0.0.1:50123"), SimpleNamespace(dst="tls/[fe80::1]:7447")]
-    session = SimpleNamespace(info=SimpleNamespace(links=lambda: links))
-    assert unreached(session, [place]) == ([] if reached else [place])
-    session.info.links = list
-    assert unreached(session, [place]) == [place]

@@ -16,8 +16,9 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Settings
 from kinespace.stream.workers import local
+from kinespace.stream.workers.terms import Terms
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -75,7 +76,7 @@ class Fed:
 def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """No event is lost when one of two workers is killed, or hangs; another process takes its place, under its name."""
     monkeypatch.setattr(local, "_MAX_ABSENT", 0.5)
-    with closing(local.LocalGateway(2, opened(sticks), Settings(), most=8, joints=SentJoints())) as gateway:
+    with closing(local.LocalGateway(2, opened(sticks), Terms(settings=Settings(), most=8))) as gateway:
         fed, before = Fed(sticks, gateway), gateway.process_ids
         fed.play(60)
         for name, number in (
@@ -104,4 +105,4 @@ def test_a_worker_that_cannot_begin_is_an_error(sticks: MotionLibrary, monkeypat
     """No gateway waits for a worker that ends before it is ready."""
     monkeypatch.setattr(local, "_work", sys.exit)
     with pytest.raises(ChildProcessError, match="worker 1 ended before it was ready"):
-        local.LocalGateway(1, opened(sticks), Settings(), most=8, joints=SentJoints())
+        local.LocalGateway(1, opened(sticks), Terms(settings=Settings(), most=8))

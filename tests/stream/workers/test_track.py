@@ -2,81 +2,90 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Event, EventKind, Outcome
+from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.workers.track import Track
 from kinespace.stream.workers.wire import Answered, SentFrame
 
-SQUAT = Event("ann", EventKind.START, "squat", 0, 1.0, 1.0)
+if TYPE_CHECKING:
+    from kinespace.stream.recognition import Event
+
 CLASSES = ("squat", "jog")
 
 
 class Ann:
-    """A performer's track, with numbers for its frames."""
+    """A performer's track, with numbers for its frames; every second frame is answered."""
 
-    def __init__(self) -> None:
-        self.track = Track(1.0, 1.0, 0)
-        self.number = 0
+    def __init__(self, first: int = 1) -> None:
+        self.track = Track(1.0, 1.0, first - 1, Decision(0.01))
+        self.number = first - 1
 
     def frame(self, now: float) -> SentFrame:
         """Send a frame."""
         self.number += 1
-        self.track.newest = now
         return self.track.send(Frame("ann", now, np.ones((3, 3))), self.number, now, None)
 
-    def answer(self, seq: int, *events: Event) -> object:
+    def answer(
+        self, seq: int, time: float, named: str = "squat", classes: tuple[str, ...] = CLASSES
+    ) -> tuple[Event, ...] | None:
         """Take in an answer; give the events that listeners get, None where it is no news."""
-        numbers = (0.0, 0.0, None, 0.0, 0.0, 0.0, None, None)
-        made = Answered("ann", seq, 0.0, 0, 1.0, Outcome.NAMED, b"", *numbers, events, ())
-        return self.track.accept(made, CLASSES)
+        scores, guess = np.full(len(classes), 0.5), classes.index(named)
+        made = Recognition("ann", time, Outcome.NAMED, classes, scores, 0.1, lead=1.0, guess=guess)
+        return self.track.accept(Answered(seq, time, made), CLASSES)
 
-    def new(self, *events: Event) -> object:
-        """Take in an answer to a new frame."""
-        return self.answer(self.frame(1.0).seq or 0, *events)
+    def play(self, begin: float, end: float, named: str, classes: tuple[str, ...] = CLASSES) -> list[tuple[str, str]]:
+        """Send frames and answer them; give what started and ended."""
+        found = list[tuple[str, str]]()
+        for time in np.arange(begin, end, 0.05):
+            events = self.answer(self.frame(time).seq, time, named, classes)
+            assert events is not None
+            found += [(event.kind.value, event.label) for event in events]
+        return found
 
 
-def test_the_first_of_two_answers_counts() -> None:
-    """A second answer to a frame is no news, nor one to a frame before it; what began once begins no second time."""
+def test_only_the_first_answer_to_an_own_frame_is_news() -> None:
+    """No second answer, none to a frame before it, to a former performer's of this name, or to one never sent."""
+    ann = Ann(first=6)
+    first, second = ann.frame(1.0).seq, ann.frame(1.1).seq
+    assert ann.answer(5, 1.0) is ann.answer(second + 1, 1.2) is None
+    assert ann.answer(second, 1.1) == ()
+    assert ann.answer(second, 1.1) is ann.answer(first, 1.0) is None
+
+
+def test_motions_start_and_end_once() -> None:
+    """A motion starts and ends with the next; a pause in the sender's time ends it, and so does an exchange."""
     ann = Ann()
-    first, second = ann.frame(1.0).seq or 0, ann.frame(1.1).seq or 0
-    assert ann.answer(second, SQUAT) == (SQUAT,)
-    assert ann.answer(second, SQUAT) is ann.answer(first) is None
-    assert ann.new(SQUAT) == ()
-
-
-def test_an_answer_to_another_performers_frame_is_no_news() -> None:
-    """Numbers go on when the sender has changed: what the former sender's performer did concerns nobody."""
-    ann = Ann()
-    ann.number = 5
-    own = ann.frame(1.1).seq or 0
-    assert ann.answer(5, SQUAT) is ann.answer(own + 1, SQUAT) is None
-    assert ann.answer(own, SQUAT) == (SQUAT,)
-
-
-def test_no_motion_starts_whose_class_is_no_more() -> None:
-    """A worker that compares with the library before may still give such a start; nobody would give its end."""
-    ann = Ann()
-    assert ann.new(replace(SQUAT, label="gone")) == ()
-    assert ann.track.end() is None
-    ann.new(SQUAT)
-    assert ann.track.end_unless(CLASSES) is None
-    ended = ann.track.end_unless(("jog",))
+    assert ann.play(1.0, 2.0, "squat") == [("start", "squat")]
+    assert ann.play(2.0, 3.0, "jog") == [("end", "squat"), ("start", "jog")]
+    assert ann.play(9.0, 10.0, "jog") == [("end", "jog"), ("start", "jog")]
+    assert ann.play(10.0, 11.0, "gone", ("gone", "jog")) == []
+    assert ann.track.exchange(("jog", "squat"), 0.01) is None
+    assert ann.track.decision.going_on
+    assert ann.track.decision.going_on.index == 0
+    ended = ann.track.exchange(("squat",), 0.01)
     assert ended
-    assert (ended.kind, ended.label) == (EventKind.END, "squat")
+    assert (ended.kind, ended.label, ended.time) == ("end", "jog", ann.track._time)  # noqa: SLF001 - of the last frame
+    assert ann.track.end() is None
 
 
 def test_frames_carry_joints_from_time_to_time_and_old_frames_are_forgotten() -> None:
-    """The last seconds, with which another worker takes over, hold the joints; older frames are not sent again."""
-    track, joints = Track(0.0, 0.0, 0), ("a", "b", "c")
+    """A worker that takes over gets the last seconds with the joints, and knows which of them need an answer."""
+    track, joints = Track(0.0, 0.0, 0, Decision(1.0)), ("a", "b", "c")
     sent = [track.send(Frame("ann", k / 10, np.ones((3, 3))), k + 1, k / 10, joints) for k in range(100)]
     assert [each.begins for each in sent] == [True] + [False] * 99
     assert sum(each.joints is not None for each in sent) == 10
-    done, due = track.recent()
+    done, due = track.recent(joints)
     assert (len(done), len(due)) == (0, 41)
-    assert any(each.joints for each in due)
+    assert (due[0].begins, due[0].joints, due[0].take_over) == (True, joints, track.past)
+    made = Recognition("ann", 9.5, Outcome.STILL, CLASSES, np.zeros(2), 0.0)
+    track.accept(Answered(96, 9.5, made), CLASSES)
+    done, due = track.recent(joints)
+    assert ([each.seq for each in done], [each.seq for each in due]) == ([*range(71, 97)], [97, 98, 99, 100])
+    assert track.past.time == 9.5
     other = track.send(Frame("ann", 10.0, np.ones((3, 3))), 101, 10.0, joints[::-1])
-    assert other.joints == list(joints[::-1])
+    assert other.joints == joints[::-1]

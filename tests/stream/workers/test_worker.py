@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,9 +12,10 @@ from kinespace.library.windows.index import opened
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Performers
+from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.joints.mending import LongAgo
 from kinespace.stream.workers.track import Track
-from kinespace.stream.workers.wire import decode_frames, encode
+from kinespace.stream.workers.wire import Orders, decode_orders, encode
 from kinespace.stream.workers.worker import Worker
 
 if TYPE_CHECKING:
@@ -31,7 +33,11 @@ BEFORE, SEEN, AFTER = 300, 151, 60
 
 def pushed(worker: Worker, frames: Sequence[SentFrame]) -> list[Answered]:
     """Send frames to a worker; give its answers."""
-    return [answer for each in frames for answer in worker.push(decode_frames(encode([each])), each.at)]
+    return [
+        answer
+        for each in frames
+        for answer in worker.push(decode_orders(encode(Orders(frames=[each]))).frames, each.at)
+    ]
 
 
 def feed(library: MotionLibrary) -> NDArray[np.float64]:
@@ -67,6 +73,10 @@ def trembling(positions: NDArray[np.float64], _: MotionLibrary) -> NDArray[np.fl
     return changed
 
 
+def _guess(answer: Answered) -> tuple[str, int | None]:
+    return answer.recognition.outcome, answer.recognition.guess
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("change", [exchanged, in_millimetres, jumping, trembling])
 def test_a_takeover_changes_no_answer(
@@ -75,20 +85,19 @@ def test_a_takeover_changes_no_answer(
     """What was noticed before the frames that the new worker sees holds on, and both workers answer the same frames."""
     positions = feed(builtin)
     positions[60:] = change(positions[60:], builtin)
-    former, track = Worker(Performers(opened(builtin))), Track(0.0, 0.0, 0)
+    former, track = Worker(Performers(opened(builtin))), Track(0.0, 0.0, 0, Decision(0.1))
     frames = [track.send(Frame("ann", 1.0 + k / RATE, each), k + 1, k / RATE, None) for k, each in enumerate(positions)]
     for answer in pushed(former, frames[:BEFORE]):
         track.accept(answer, builtin.classes)
-    entries = [track.entry("ann", None)]
     new = Worker(Performers(opened(builtin)))
-    new.take_over(entries, 0.0)
-    done, due = track.recent()
+    done, due = track.recent(None)
     assert pushed(new, done) == []
-    new.go_on(entries, 0.0)
+    due[0] = msgspec.structs.replace(due[0], go_on=track.past)
     found = pushed(new, due)
+    assert new.report(due[-1].at).counts.recognizers.frames == len(due)
     expected = pushed(former, frames[BEFORE:])
     assert [each.seq for each in found] == [each.seq for each in expected]
-    assert [(each.outcome, each.guess) for each in found] == [(each.outcome, each.guess) for each in expected]
+    assert [_guess(each) for each in found] == [_guess(each) for each in expected]
     known, usual = ([each.long_ago or LongAgo() for each in answers] for answers in (found, expected))
     assert [each[:-1] for each in known] == [each[:-1] for each in usual]
     # Spans of a third of a second are judged, and the new worker's may begin elsewhere.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -11,13 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.stream.frame import Frame
+from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Event, EventKind, Progress
-from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.mending import LongAgo
+from kinespace.stream.workers import terms as agreed
 from kinespace.stream.workers import wire
-from kinespace.stream.zeromq import FormatError
-from kinespace.stream.zeromq.single_part import decode as decode_single
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,55 +26,42 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Recognition
 
 POSITIONS = np.arange(18.0).reshape(6, 3) / 7
-
-
-def sent(**changes: Any) -> wire.SentFrame:  # noqa: ANN401 - any field
-    """Give a frame as it is sent, with some fields changed."""
-    frame = wire.sent_frame(Frame("ann", 3.0, POSITIONS), 7, 5.0, ("a", "b", "c", "d", "e", "f"), begins=True)
-    return msgspec.structs.replace(frame, **changes)
+TERMS = agreed.Terms(settings=Settings(hop=0.05), most=32, digest="d" * 64)
 
 
 @pytest.mark.parametrize("kind", ["f4", "f8"])
 def test_frames_come_back_to_the_last_bit(kind: str) -> None:
-    """Positions keep their precision, and number, times and joints are those that were sent."""
-    frames = [
-        wire.sent_frame(Frame("ann", 0.0, POSITIONS.astype(kind)), 7, 5.0, begins=False),
-        sent(seq=8),
-    ]
-    (first, second) = wire.decode_frames(wire.encode(frames))
-    assert (first[0].at, first[1].seq, first[1].frame.time, first[1].announcement) == (5.0, 7, 0.0, None)
-    assert first[1].frame.positions.dtype == np.dtype(kind)
-    assert np.array_equal(first[1].frame.positions, POSITIONS.astype(kind))
-    assert second[0].begins
-    assert second[1].announcement is not None
-    assert second[1].announcement.joints == ("a", "b", "c", "d", "e", "f")
-
-
-def test_a_frame_is_our_zeromq_message() -> None:
-    """The decoder of ZeroMQ messages of one part reads a frame from the list."""
-    (packed,) = msgspec.msgpack.decode(wire.encode([sent()]))
-    numbered = decode_single(msgspec.msgpack.encode(packed), 1.0)
-    assert (numbered.frame.performer, numbered.frame.time, numbered.seq) == ("ann", 3.0, 7)
-    assert np.array_equal(numbered.frame.positions, POSITIONS)
+    """Positions keep their precision, and all else is as it was sent."""
+    sent = wire.SentFrame.of(Frame("ann", 3.0, POSITIONS.astype(kind)), 7, 5.0)
+    sent.joints, sent.go_on = ("a", "b"), wire.Past(1.0, LongAgo(mirrored=True, last_jump=1.5))
+    (found,) = wire.decode_orders(wire.encode(wire.Orders("me", frames=[sent]))).frames
+    assert found == sent
+    assert (found.frame().performer, found.frame().time) == ("ann", 3.0)
+    assert found.frame().positions.dtype == np.dtype(kind)
+    assert np.array_equal(found.frame().positions, POSITIONS.astype(kind))
+    assert found.announcement() == Announcement("ann", ("a", "b"))
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [{"v": 2}, {"seq": None}, {"shape": (7, 3)}, {"dtype": "<f2"}, {"data": b""}, {"performer": ""}, {"t": np.inf}],
+    "changes", [{"positions": b"1234"}, {"performer": ""}, {"time": np.inf}, {"seq": -1}, {"joints": ("a", "a")}]
 )
 def test_an_impossible_frame_is_refused(changes: dict[str, Any]) -> None:
-    """A frame of another version, without a number, or whose positions do not fit is a format error."""
-    with pytest.raises(FormatError):
-        wire.decode_frames(wire.encode([sent(**changes)]))
+    """A frame without a name, whose numbers are impossible, or whose positions are not three for each joint."""
+    sent = msgspec.structs.replace(wire.SentFrame.of(Frame("ann", 3.0, POSITIONS), 7, 5.0), **changes)
+    with pytest.raises(wire.FormatError):
+        [
+            (each.frame(), each.announcement())
+            for each in wire.decode_orders(wire.encode(wire.Orders(frames=[sent]))).frames
+        ]
 
 
-@pytest.mark.parametrize("decode", [wire.decode_frames, wire.decode_entries, wire.decode_answers])
+@pytest.mark.parametrize("decode", [wire.decode_orders, wire.decode_answers])
 @given(message=st.binary(max_size=200))
 def test_bytes_of_strangers_are_refused(decode: Callable[[bytes], object], message: bytes) -> None:
     """Whatever the bytes are: they are read, or refused by a format error."""
     try:
         decode(message)
-    except FormatError:
+    except wire.FormatError:
         return
 
 
@@ -88,31 +75,38 @@ def recognition(sticks: MotionLibrary) -> Recognition:
 
 
 def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
-    """Every number of a recognition, its progress and events come back; its evidence stays with the worker."""
+    """Every number of a recognition, its progress and events come back, and the report with it."""
     event = Event("ann", EventKind.START, recognition.classes[1], 1, 0.5, 2.0)
     progress = Progress(recognition.classes[1], 0.5, 0.4, 1.0, 1.1, 0.9, 2)
-    whole = msgspec.structs.replace(
-        wire.answered(recognition, 9, 5.0, 0, LongAgo(mirrored=True, last_jump=1.5)),
-        events=(event,),
-        progress=progress,
-        doubted=("c",),
-        eigenvector_class=None,
-    )
-    report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, {}, {}, 4)
-    back = wire.decode_answers(wire.encode(wire.Answers(3, [whole], report)))
-    assert (back.member, back.report) == (3, report)
-    (answer,) = back.answered
-    assert (answer.seq, answer.at, answer.long_ago) == (9, 5.0, LongAgo(mirrored=True, last_jump=1.5))
-    again = answer.recognition(recognition.classes)
-    assert np.array_equal(again.scores, recognition.scores)
-    assert (again.events, again.progress, again.doubted, again.evidence) == ((event,), progress, ("c",), None)
-    for name in ("performer", "time", "outcome", "classes", "movement", "lead", "share", "gap", "guess", "label"):
-        assert getattr(again, name) == getattr(recognition, name)
+    whole = replace(recognition, events=(event,), progress=progress, doubted=("c",))
+    answer = wire.Answered(9, 5.0, whole, LongAgo(mirrored=True, last_jump=1.5))
+    report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, dropped=4)
+    back = wire.decode_answers(wire.encode(wire.Answers("me", [answer], report, 3)))
+    assert (back.member, back.report, back.question) == ("me", report, 3)
+    (found,) = back.answered
+    assert (found.seq, found.at, found.long_ago, found.carried) == (9, 5.0, answer.long_ago, None)
+    assert np.array_equal(found.recognition.scores, whole.scores)
+    assert {**asdict(found.recognition), "scores": ()} == {**asdict(whole), "scores": ()}
 
 
-@pytest.mark.parametrize("changes", [{"guess": 99}, {"scores": b""}, {"scores": b"12345678"}])
-def test_an_answer_that_does_not_fit_the_classes_is_refused(recognition: Recognition, changes: dict[str, Any]) -> None:
-    """An index beyond the classes, or another number of scores, is a format error."""
-    answer = msgspec.structs.replace(wire.answered(recognition, 9, 5.0, 0), **changes)
-    with pytest.raises(FormatError):
-        answer.recognition(recognition.classes)
+def test_terms_come_back() -> None:
+    """Everything in them, the settings too, is what was sent; impossible settings are a format error."""
+    message = wire.encode(wire.Orders("me", TERMS))
+    assert wire.decode_orders(message).terms == TERMS
+    hop = msgspec.msgpack.encode(0.05)
+    assert message.count(hop) == 1
+    with pytest.raises(wire.FormatError, match="hop"):
+        wire.decode_orders(message.replace(hop, msgspec.msgpack.encode(-1.0)))
+
+
+def test_a_library_is_known_by_its_motions(sticks: MotionLibrary) -> None:
+    """The same motions give the same digest, other motions another."""
+    digest = agreed.digest_of(agreed.file_of(sticks))
+    assert agreed.digest_of(agreed.file_of(sticks)) == digest
+    fewer = sticks.without(classes=[sticks.classes[0]])
+    assert agreed.digest_of(agreed.file_of(fewer)) != digest
+
+
+def test_any_name_is_part_of_a_key() -> None:
+    """What means something in Zenoh's keys is written otherwise in ours."""
+    assert wire.key("g", "to", "a/b*?#$ é") == "kin/g/to/a%2Fb%2A%3F%23%24%20%C3%A9"

@@ -130,20 +130,20 @@ def in_workers() -> Where:
     """Recognise in processes of their own."""
     from kinespace.library.windows.index import opened  # noqa: PLC0415 - only where there are workers
     from kinespace.stream.workers.local import LocalGateway  # noqa: PLC0415 - as above
+    from kinespace.stream.workers.terms import Terms  # noqa: PLC0415 - as above
 
     def make(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]) -> LocalGateway:
         settings = settings_of(options)
         if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
             library = opened(library)
-        gateway = LocalGateway(
-            options.workers,
-            library,
-            settings,
+        terms = Terms(
+            settings=settings,
             most=options.performers,
-            joints=joints,
+            assumed=joints.assumed,
             naming=options.naming,
-            classes=classes,
+            classes=tuple(classes),
         )
+        gateway = LocalGateway(options.workers, library, terms)
         where.sources.append(gateway.source)
         return gateway
 

@@ -73,13 +73,9 @@ class BackgroundService:
         The number of performers at once, at most.
     keys
         Folder of the keys that both ends of ZeroMQ use; None for none.
-    page
-        HOST:PORT of a page in the browser beside the recogniser; None for none.
 
     Attributes
     ----------
-    page
-        The page's address, once it runs; empty without one.
     process_id
         The number of the process, once it runs.
 
@@ -98,14 +94,12 @@ class BackgroundService:
         stand_in: StandIn | None = None,
         performers: int = 32,
         keys: Path | None = None,
-        page: str | None = None,
     ) -> None:
         self._opened = ExitStack()
         self._transport, self._library, self._stand_in, self._keys = transport, library, stand_in, keys
         self._command = ["--plain", "--performers", f"{performers}", *(arguments_of(settings) if settings else ())]
         self._command += ["--keys", f"{keys}"] if keys else []
-        self._command += ["--page", page] if page else []
-        self.page, self.process_id = page or "", 0
+        self.process_id = 0
 
     def __enter__(self) -> Self:
         with ExitStack() as opened:
@@ -133,8 +127,6 @@ class BackgroundService:
         program = opened.enter_context(Program("live", *command))
         self.process_id = program.process.pid
         frames_to, answers_at = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);").groups()
-        if self.page:
-            self.page = program.expect(r"page: (\S+)\n")[1]
         return frames_to, answers_at
 
     def _begin_stand_in(self, opened: ExitStack, port: int) -> tuple[str, str]:

@@ -195,7 +195,7 @@ def test_wekinator_and_requests(tmp_path: Path) -> None:
             asking.connect(endpoint)
             for request, told in (
                 ({"do": "rename", "class": "kick", "to": "high kick"}, "kick is high kick"),
-                ({"do": "undo"}, "1 examples of 1 classes"),
+                ({"do": "undo"}, "1 example of 1 class"),
                 ({"do": "enable", "class": "kick", "on": False}, "kick off"),
                 ({"do": "jump"}, "expected one of"),
                 (["nonsense"], "expected JSON"),

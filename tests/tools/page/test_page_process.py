@@ -62,9 +62,3 @@ def test_recordings_that_cannot_be_made_are_refused(
     monkeypatch.chdir(tmp_path)
     assert main(["live", *options]) == 2
     assert capsys.readouterr().err.startswith("kinespace: --recordings: ")
-
-
-def test_a_replay_needs_somebody_to_show(capsys: pytest.CaptureFixture[str]) -> None:
-    """A page beside `replay` shows a recogniser's answers, so its endpoint must be given."""
-    assert main(["replay", "squat1Reps", "--page"]) == 2
-    assert capsys.readouterr().err.startswith("kinespace: --page: expected --listen")

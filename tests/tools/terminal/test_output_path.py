@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 #: Programs that draw. The recordings are missing, so that the error comes after the check of the picture.
 DRAWING = [
-    ("demo", "--picture"),
     ("evaluate", "retrieval", "nowhere", "--picture"),
     ("evaluate", "stream", "nowhere", "--timeline"),
     ("evaluate", "stream", "nowhere", "--confusion"),
@@ -33,7 +32,7 @@ def test_a_picture_without_a_place_is_refused_before_the_work(
     assert capsys.readouterr().err == f"kinespace: {tmp_path}: Is a directory\n"
 
 
-@pytest.mark.parametrize("command", DRAWING[1:], ids=" ".join)
+@pytest.mark.parametrize("command", DRAWING, ids=" ".join)
 def test_an_unknown_picture_format_is_refused_before_the_work(
     command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
 from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, started
-from recorded import JOINTS, write_take, write_takes
+from recorded import JOINTS, write_take
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc, zeromq
@@ -311,22 +311,6 @@ def test_unannounced_joints_are_numbered(tmp_path: Path) -> None:
     with np.load(tmp_path / "a.npz") as numbers:
         assert numbers["joints"].tolist() == [f"joint{number}" for number in range(1, 7)]
         assert len(numbers["positions"]) == 3
-
-
-def test_a_folder_is_converted_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Every recording of a folder becomes a file in another, laid out alike; a file is no place for a folder."""
-    (tmp_path / "moves").mkdir()
-    takes = write_takes(tmp_path / "moves", actors=("bd",), takes=1, frames=30)
-    there = tmp_path / "numbers"
-    assert main(["convert", str(tmp_path / "moves"), "-o", str(there)]) == 0
-    written = sorted(path.relative_to(there).with_suffix("") for path in there.rglob("*.npz"))
-    assert written == sorted(path.relative_to(tmp_path / "moves").with_suffix("") for path in takes)
-    assert capsys.readouterr().out.count("30 frames of 6 joints") == len(takes)
-    assert main(["convert", str(tmp_path / "moves"), "-o", str(tmp_path / "one.npz")]) == 2
-    assert "expected a folder to write to" in capsys.readouterr().err
-    assert main(["convert", str(tmp_path / "moves"), "-o", str(there)]) == 2
-    assert main(["convert", str(tmp_path / "moves"), "-o", str(tmp_path / "tables"), "--csv"]) == 0
-    assert len(list((tmp_path / "tables").rglob("*.csv"))) == len(takes)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -75,11 +75,6 @@ class Skeleton:
             above = tuple(above[each] if each >= 0 else -1 for each in above)
         if any(each >= 0 for each in above):
             raise ValueError(f"parents: expected no joint above itself, got {self.parents}")
-
-    @classmethod
-    def of_joints(cls, joints: Sequence[str]) -> Self:
-        """Make a skeleton of joint names alone, as a live feed announces them."""
-        return cls(tuple(joints))
 
     def restricted_to(self, kept: Sequence[int]) -> Skeleton:
         """Give a skeleton of some of the joints; the parent of each is the nearest kept joint above it.

@@ -15,7 +15,7 @@ from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Settings
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService, Echo
+from kinespace.tools.loopback.service_process import BackgroundService
 
 if TYPE_CHECKING:
     from kinespace.stream.recognition import Answer
@@ -67,28 +67,6 @@ def test_a_feed_is_answered_from_another_process(transport: Transport) -> None:
             listener.close()
     assert [answer.label for answer in answers] == [each.label for each in expected]
     assert [answer.score for answer in answers] == pytest.approx([each.score for each in expected], abs=1e-5)
-
-
-@pytest.mark.parametrize("transport", TRANSPORTS)
-def test_an_echo_sends_every_packet_back_unread(transport: Transport) -> None:
-    """An echo sends packets back byte for byte and in order."""
-    with BackgroundService(transport, stand_in=Echo()) as echo:
-        sender, receiver = echo.connect()
-        listener = Listener(receiver)
-        try:
-            packets = [sender.encode(cue) for cue in motion_cues("squat1Reps", 0.2)]
-            for packet in packets:
-                sender.send(packet)
-            echoed: list[Packet] = []
-            until = time.monotonic() + PATIENCE
-            while len(echoed) < len(packets) and time.monotonic() < until:
-                # Greetings from the time of connecting may still be under way.
-                echoed += [packet for packet in hear(listener, 1) if packet != [b"hello/", b""]]
-        finally:
-            sender.close()
-            listener.close()
-    assert echoed == packets
-    assert multiprocessing.active_children() == []
 
 
 def test_an_error_in_the_process_is_raised_here() -> None:

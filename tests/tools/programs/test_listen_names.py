@@ -86,24 +86,6 @@ def test_joints_in_another_order_are_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("packet", "reason"),
-    [
-        (osc.encode_message("/motion/frame"), "performer: expected a name or an integer, got nothing"),
-        (osc.encode_message("/motion/frame", 1.0, 0.5, 0.5, 0.5), "performer: expected a name or an integer first"),
-        (osc.encode_message("/motion/frame", "ann", 1.0, 0.5, 0.5), "of ann: positions: expected three numbers"),
-    ],
-)
-def test_the_last_unreadable_message_is_shown(packet: bytes, reason: str) -> None:
-    """The last message that could not be read is shown with the reason, its sender and its beginning."""
-    survey = Survey()
-    for number in range(3):
-        survey.see(packet, "10.0.0.5:4000", number / 30)
-    (line,) = [line for line in advice(survey, None, None) if line.startswith("last malformed")]
-    assert reason in line
-    assert "from 10.0.0.5:4000: '/motion/frame" in line
-
-
-@pytest.mark.parametrize(
     ("preset", "feed", "place", "told"),
     [
         ("native", None, ("127.0.0.1", 9310), "kinespace live"),

@@ -18,27 +18,6 @@ def test_progress_passes_every_piece_through() -> None:
     assert list(progress((), "Idling", 0)) == []
 
 
-def test_progress_is_lazy() -> None:
-    """A piece of work is done when it is asked for, not before."""
-    done = list[int]()
-
-    def work() -> int:
-        done.append(len(done))
-        return done[-1]
-
-    pieces = progress(iter(work, None), "Working", None)
-    assert next(pieces) == 0
-    assert next(pieces) == 1
-    assert done == [0, 1]
-    pieces.close()  # type: ignore[attr-defined]
-
-
-def test_without_a_terminal_no_progress_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """When standard error is no terminal, progress prints nothing."""
-    assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
-    assert capsys.readouterr() == ("", "")
-
-
 def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """On a terminal the bar shows how much is done, and standard output has only results."""
     terminal = StringIO()

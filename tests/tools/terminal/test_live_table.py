@@ -87,16 +87,6 @@ def test_a_performer_who_comes_back_is_printed_again(capsys: pytest.CaptureFixtu
     assert [line.split()[2] for line in capsys.readouterr().out.splitlines()] == ["me", "you", "me"]
 
 
-@pytest.mark.parametrize("name", ["[/]", "[bold]", ":smile:", "two words"])
-def test_any_name_is_shown_literally(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A performer's name is printed and drawn literally, markup or not."""
-    PlainLines().publish(recognition(name, "bow"))
-    assert f"  {name}  " in capsys.readouterr().out
-    table = LiveTable(CLASSES)
-    table.publish(recognition(name, "bow"))
-    assert name in shown(table)
-
-
 def test_a_name_cannot_break_the_line(capsys: pytest.CaptureFixture[str]) -> None:
     """Line ends and escape characters in a performer's name reach neither the lines nor the table."""
     name = "me\x1b[2J\nyou"
@@ -127,17 +117,6 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
     assert "0.750" in yours
     assert "waiting" not in drawn
     assert "3 classes · received 101, malformed 2" in drawn
-
-
-def test_the_table_forgets_performers_who_left() -> None:
-    """A performer who is no longer in the status has no row."""
-    table = LiveTable(CLASSES)
-    table.publish(recognition("me", "bow"))
-    table.publish(recognition("you", "wave"))
-    table.publish_status(status("you"))
-    drawn = shown(table)
-    assert not [line for line in drawn.splitlines() if line.startswith("me ")]
-    assert [line for line in drawn.splitlines() if line.startswith("you ")]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import pytest
 from written import csv_table, write_c3d
 
 from kinespace.library.recordings.formats import joint_table
-from kinespace.library.recordings.formats.gap_filling import with_missing_joints
 from kinespace.library.recordings.formats.joint_choice import chosen, short_names
 from kinespace.library.recordings.formats.markers import c3d
 from kinespace.library.recordings.formats.units import guessed_metres, metres_of
@@ -173,15 +172,3 @@ def test_units_are_known_by_name_and_by_number() -> None:
     assert [metres_of(unit) for unit in ("", "parsec", "-1", "nan", "0", "inf")] == [None] * 6
     guesses = {0.5: 1, 2.5: 1, 60.0: 0.01, 250.0: 0.01, 700.0: 0.001, 2500.0: 0.001}
     assert [guessed_metres(reach) for reach in guesses] == [*guesses.values()]
-
-
-def test_filling_changes_missing_places_alone() -> None:
-    """Filling returns the very same array where nothing is missing; a joint that is always missing is refused."""
-    missing = np.zeros((40, 3), dtype=bool)
-    assert with_missing_joints(WALK, missing, LABELS, 100.0) is WALK
-    missing[3, 1] = True
-    filled = with_missing_joints(WALK, missing, LABELS, 100.0)
-    np.testing.assert_array_equal(filled[~missing], WALK[~missing])
-    np.testing.assert_allclose(filled[3, 1], (WALK[2, 1] + WALK[4, 1]) / 2)
-    with pytest.raises(ValueError, match=r"'knee' is missing for 0\.40 s"):
-        with_missing_joints(WALK, np.broadcast_to([False, True, False], (40, 3)), LABELS, 100.0)

@@ -167,18 +167,6 @@ def test_a_recording_stays_where_no_other_can_begin(tmp_path: Path, capsys: pyte
         assert path.read_bytes() == before
 
 
-def test_numbers_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Convert refuses a file that is there, before it reads, unless ordered to write over it."""
-    path, output = a_recording(tmp_path / "a.kinerec"), tmp_path / "a.csv"
-    output.write_text("mine")
-    command = ["convert", str(path), "-o", str(output), "--performer", "ann"]
-    assert main(command) == 2
-    assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
-    assert output.read_text() == "mine"
-    assert main([*command, "--overwrite"]) == 0
-    assert output.read_text().startswith("time,")
-
-
 # --- replaying ---------------------------------------------------------------------------------------------------
 
 

@@ -191,17 +191,6 @@ def test_the_program_says_that_nothing_came() -> None:
     assert "0.0.0.0:PORT" in output
 
 
-def test_a_taken_port_is_one_line() -> None:
-    """When another program has the port, one line says so."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind((LOOPBACK, 0))
-        port = other.getsockname()[1]
-        status, output, errors = finished("listen", port, "--seconds", 1)
-    assert (status, output) == (2, "")
-    assert errors.count("\n") == 1
-    assert f"{LOOPBACK}:{port}" in errors
-
-
 def test_feeds_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
     """Every preset has its port and its sender's settings; one of them is printed as its file."""
     assert main(["feeds"]) == 0

@@ -66,11 +66,6 @@ def _told(survey: Survey) -> list[str]:
     return advice(survey, survey.looked_at_as(NATIVE), None)
 
 
-def test_a_squat_is_well() -> None:
-    """A body whose times are seconds has no notes."""
-    assert _told(_squat(SQUAT.positions)) == []
-
-
 def test_another_unit_of_time_is_reported() -> None:
     """Milliseconds are reported, with the performer."""
     assert _told(_squat(SQUAT.positions, 1e3)) == ["performer ann: times are milliseconds: scaled"]

@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 
 from kinespace.tools.terminal.console import console, printable, progress
-from kinespace.tools.terminal.live_table import score_shown
 
 
 def test_progress_passes_every_piece_through() -> None:
@@ -42,15 +41,3 @@ def test_names_cannot_steer_the_terminal() -> None:
     assert printable("Zoë 舞 🕺") == "Zoë 舞 🕺"
     replaced = printable("a\x1b[2Jb\nc\rd\u202e\ud800")
     assert replaced == "a\N{REPLACEMENT CHARACTER}[2Jb\ufffdc\ufffdd\ufffd\ufffd"
-
-
-@pytest.mark.parametrize("given", [{}, {"NO_COLOR": "1"}])
-def test_no_color_is_obeyed(given: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """With NO_COLOR a terminal gets no colours; without, the bar of a score is green."""
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    for name, value in given.items():
-        monkeypatch.setenv(name, value)
-    terminal = type(console)(file=StringIO(), force_terminal=True, color_system="standard", width=80)
-    terminal.print(score_shown(0.5, 20))
-    assert isinstance(terminal.file, StringIO)
-    assert ("\x1b[32m" in terminal.file.getvalue()) == (not given)

@@ -224,14 +224,3 @@ def test_the_summary_adds_answers_and_times() -> None:
         "20 answers of 80 frames (--hop: at most 30 answers a second), "
         "9 windows started anew, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
     )
-
-
-def test_a_library_of_one_class_has_no_runner_up() -> None:
-    """With a single class there is no second one, and drawing works."""
-    table = LiveTable(("bow",))
-    alone = Recognition("me", 1.0, Outcome.NAMED, ("bow",), np.array([0.5]), 0.1, 0.9, 0.8, 0.0)
-    table.publish(alone)
-    table.publish_classes(("bow",))
-    assert "bow" in shown(table)
-    assert table.failed == 0
-    table.close()

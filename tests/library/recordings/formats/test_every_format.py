@@ -203,7 +203,6 @@ def read_or_refused(path: Path) -> Clip | None:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 @every_format
 def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, ending: str) -> None:
     """What is left is never made up: the frames but the last, whose last number may be cut short, are those written."""

@@ -195,18 +195,6 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     ]
 
 
-def test_each_motion_keeps_its_own_terms(tmp_path: Path) -> None:
-    """Terms given are the recordings'; motions of a library keep theirs, and stand before the same ones recorded."""
-    (tmp_path / "cut").mkdir()
-    write_takes(tmp_path / "cut", actors=("bd",), takes=1)
-    build(tmp_path / "cut", "-o", tmp_path / "first.npz", "--licence", "CC0")
-    write_takes(tmp_path / "cut", actors=("mm",), takes=1)
-    assert build(tmp_path / "first.npz", tmp_path / "cut", "--licence", "MIT", "-o", tmp_path / "both.npz") == 0
-    both = MotionLibrary.load(tmp_path / "both.npz")
-    assert [(motion.actor, motion.licence) for motion in both.motions] == [("bd", "CC0"), ("mm", "MIT")] * 3
-    assert both.licence == "CC0 / MIT"
-
-
 def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) -> None:
     """--without leaves out, --rename renames the other classes, each as often as it is given."""
     MotionLibrary.builtin().save(tmp_path / "all.npz")

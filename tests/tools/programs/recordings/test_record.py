@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
 from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, started
-from recorded import JOINTS, write_take
+from recorded import JOINTS
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc, zeromq
@@ -368,15 +368,3 @@ def test_a_feed_is_for_raw_recordings(command: list[str], capsys: pytest.Capture
     """Motion files and libraries hold no packets to be read as a feed, and that is said in a line."""
     assert main([*command, "--feed", "vmc"]) == 2
     assert "--feed: expected a .kinerec file with it, got" in capsys.readouterr().err
-
-
-def test_clips_are_cut_too(tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]) -> None:
-    """--from and --to cut each clip; beyond its end there are no frames."""
-    take = write_take(tmp_path, "bd", "bendLeft", 1)
-    options = ("--osc", f"{LOOPBACK}:{stage.address[1]}", "--json", "--speed", 8)
-    assert replay(take, *options, "--from", 0.5, "--to", 0.75) == 0
-    assert json.loads(capsys.readouterr().out)["sent"] == 30
-    assert replay(take, *options, "--from", 60) == 2
-    assert "expected --from and --to within its 1.50 s" in capsys.readouterr().err
-    assert replay(take, *options, "--from", 2, "--to", 1) == 2
-    assert "--to: expected more than --from" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 import time
+from argparse import Namespace
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset
 from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.feeds import tell
+from kinespace.tools.programs.feeds import run
 from kinespace.tools.programs.listen import advice
 
 if TYPE_CHECKING:
@@ -212,7 +213,7 @@ def test_a_broken_preset_hides_no_other(
     monkeypatch.setattr("kinespace.stream.feeds.preset._presets", lambda: tmp_path)
     for asked in (None, "tiny", str(tmp_path / "tiny.toml")):
         with pytest.raises(PresetError, match=r"tiny\.toml.*port"):
-            tell(asked)
+            run(Namespace(name=asked))
         assert capsys.readouterr().out.startswith("vmc  port ") is (asked is None)
 
 

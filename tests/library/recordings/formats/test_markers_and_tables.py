@@ -41,6 +41,9 @@ def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
     for scale in (1.0, 0.001):
         write_c3d(tmp_path / "walk.c3d", LABELS, WALK * scale, unit="")
         np.testing.assert_allclose(c3d.read_clip(tmp_path / "walk.c3d").positions, WALK / 1000, rtol=1e-5)
+    write_c3d(tmp_path / "walk.c3d", LABELS, np.full_like(WALK, np.nan), unit="")
+    with pytest.raises(ValueError, match="no point is ever in sight"):
+        c3d.read_clip(tmp_path / "walk.c3d")
 
 
 def _in_integers(content: bytes, begin: int) -> bytes:

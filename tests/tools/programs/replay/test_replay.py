@@ -20,12 +20,10 @@ from recorded import write_take, write_takes
 from kinespace.library import MotionLibrary, Reading, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.library.windows.index import opened
-from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
-from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
-from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
+from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
+from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.outputs import LayoutSink, NativeLayout
 from kinespace.stream.service.loop import Service
-from kinespace.stream.zeromq import Endpoint
-from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues, piece_cues
 from kinespace.tools.programs.replay.exchange import Score
@@ -286,29 +284,6 @@ def test_osc_answers_to_any_performer_are_counted(
     answers, share = _expected_answers(library, clips[:1])
     assert described["answers"] == answers > 20
     assert described["right"] == round(share, 4)
-
-
-def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over ZeroMQ, with keys, the answers are heard as well; the table has a row for each class performed."""
-    takes = write_takes(tmp_path, actors=("bd",), takes=1, frames=120)
-    clips = list(read_recordings(takes))
-    library = MotionLibrary.of_clips(clips)
-    anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
-    make_keys(tmp_path / "keys", "stage")
-    keyring = zeromq.Keyring(tmp_path / "keys")
-    source = Source(zeromq.ZmqReceiver(anywhere, keyring=keyring), ZmqDecoder())
-    sink = ZmqSink(zeromq.ZmqSender(anywhere, keyring))
-    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address, "--keys", tmp_path / "keys")
-    with keyring, recognising(library, source, sink):
-        # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
-        assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
-    printed = capsys.readouterr().out
-    assert "360 frames sent, 0 refused by the system" in printed
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
-    assert [row[0] for row in rows] == ["bendLeft", "bendRight", "raiseBoth", "all"]
-    # Which share is right depends on how soon answers come; a busy machine may give one while the next class is sent.
-    answers, _ = _expected_answers(library, clips)
-    assert sum(int(row[1]) for row in rows[:3]) == int(rows[3][1]) == answers
 
 
 def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:

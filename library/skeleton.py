@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -76,11 +76,6 @@ class Skeleton:
         if any(each >= 0 for each in above):
             raise ValueError(f"parents: expected no joint above itself, got {self.parents}")
 
-    @classmethod
-    def of_joints(cls, joints: Sequence[str]) -> Self:
-        """Make a skeleton of joint names alone, as a live feed announces them."""
-        return cls(tuple(joints))
-
     def restricted_to(self, kept: Sequence[int]) -> Skeleton:
         """Give a skeleton of some of the joints; the parent of each is the nearest kept joint above it.
 
@@ -91,17 +86,12 @@ class Skeleton:
         kept
             Indices of at least two joints, in the order they are to have.
         """
-        places = {joint: place for place, joint in enumerate(kept)}
-        parents = []
-        for joint in kept:
-            above = self.parents[joint] if self.parents else -1
-            while above >= 0 and above not in places:
-                above = self.parents[above]
-            parents.append(places.get(above, -1))
-        root = parents.index(-1)
-        parents = [root if parent < 0 and place != root else parent for place, parent in enumerate(parents)]
-        names = tuple(self.joints[joint] for joint in kept)
-        return Skeleton(names, tuple(parents) if self.parents else ())
+        part = self.linked([self.joints[joint] for joint in kept])
+        if not self.parents:
+            return Skeleton(part.joints)
+        root = part.parents.index(-1)
+        parents = (root if parent < 0 and place != root else parent for place, parent in enumerate(part.parents))
+        return Skeleton(part.joints, tuple(parents))
 
     def linked(self, joints: Sequence[str]) -> Skeleton:
         """Give a skeleton of joints in any order: the parent of each is the nearest of them above it in this skeleton.

@@ -15,7 +15,7 @@ from kinespace.library.naming import Naming
 from kinespace.library.recordings import memory
 from kinespace.library.recordings.formats import acclaim, bvh, joint_table
 from kinespace.library.recordings.formats.errors import RecordingError
-from kinespace.library.recordings.formats.joint_choice import chosen
+from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
 from kinespace.library.recordings.formats.units import metres_of
@@ -183,7 +183,7 @@ class RecordingReader:
             raise RecordingError(f"{path}: expected a motion file, got a raw recording: kinespace convert makes one")
         clips = self._reading.raw(path)
         with _errors_naming(path):
-            return [self._named(_with_joints(clip, self._reading.joints)) for clip in clips]
+            return [self._named(restricted(clip, self._reading.joints)) for clip in clips]
 
     def clip(self, path: Path) -> Clip:
         """Read one recording of a single performer.
@@ -209,7 +209,7 @@ class RecordingReader:
             reading = self._reading
             if ending == _AMC:
                 clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
-                return self._named(_with_joints(clip, reading.joints))
+                return self._named(restricted(clip, reading.joints))
             read = _READERS.get(ending, joint_table.read_clip)
             return self._named(
                 read(
@@ -282,11 +282,3 @@ def _memory_for(path: Path) -> int:
         with zipfile.ZipFile(path) as archive:
             return _TIMES * sum(each.file_size for each in archive.infolist())
     return path.stat().st_size * (_TIMES_C3D if path.suffix.lower() == _C3D else _TIMES)
-
-
-def _with_joints(clip: Clip, wanted: Sequence[str]) -> Clip:
-    """Restrict a clip to the joints that are wanted; ValueError where it lacks one."""
-    if not wanted:
-        return clip
-    kept = chosen(clip.skeleton.joints, wanted)
-    return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])

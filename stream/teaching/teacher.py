@@ -258,8 +258,8 @@ class Teacher:
             return [_refused("", otherwise)]
         kept_in.append(self.roster)
         self.roster = taken_from.pop()
-        count = len(self.roster.examples)
-        told = f"{count} examples of {len(self.roster.classes)} classes"
+        examples, classes = len(self.roster.examples), len(self.roster.classes)
+        told = f"{examples} example{'s' if examples != 1 else ''} of {classes} class{'es' if classes != 1 else ''}"
         return [Changed(self.roster), State("", Step.DONE, 0.0, told)]
 
     def _present(self, name: str, now: float) -> str | None:

@@ -39,7 +39,7 @@ def test_real_distances_equal_three_loops(some_clips: tuple[Clip, ...]) -> None:
 @given(st.integers(2, 12), st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e3]))
 def test_each_frame_may_turn_and_shift_and_be_mirrored(joints: int, seed: int, scale: float) -> None:
     """Distances of any skeleton equal the loops', and a body's place, heading and side change nothing in them."""
-    skeleton = Skeleton.of_joints([f"joint{index}" for index in range(joints)])
+    skeleton = Skeleton(tuple(f"joint{index}" for index in range(joints)))
     generator = np.random.default_rng(seed)
     positions = generator.normal(scale=scale, size=(3, joints, 3))
     rows = distance_rows(positions, skeleton)

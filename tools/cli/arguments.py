@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVIT
 from kinespace.tools.cli.choice import meant
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from kinespace.library import Clip
 
@@ -286,11 +287,25 @@ def arguments_of(settings: Settings) -> list[str]:
     return words + [word for name, number in numbers.items() if number is not None for word in (name, str(number))]
 
 
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+def _number(expected: str, fits: Callable[[float], bool]) -> Callable[[str], float]:
+    """Make a type of argument: a number that fits."""
+
+    def read(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"expected a number, got {text!r}") from None
+        if not fits(number):
+            raise argparse.ArgumentTypeError(f"expected {expected}, got {text}")
+        return number
+
+    return read
+
+
+positive = _number("a positive number", lambda number: 0 < number < math.inf)
+not_negative = _number("a number not below 0", lambda number: 0 <= number < math.inf)
+share = _number("a share from 0 to 1", lambda number: 0 <= number <= 1)
+_whole = _number("a whole number above 0", lambda number: number >= 1 and number.is_integer())
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -303,10 +318,7 @@ def names(text: str) -> tuple[str, ...]:
 
 def count(text: str) -> int:
     """Read a whole number above 0."""
-    number = _number(text)
-    if number < 1 or number != int(number):
-        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text}")
-    return int(number)
+    return int(_whole(text))
 
 
 def mapping(text: str) -> tuple[str, str]:
@@ -315,27 +327,3 @@ def mapping(text: str) -> tuple[str, str]:
     if not (label and equals and class_name):
         raise argparse.ArgumentTypeError(f"expected LABEL=CLASS, got {text!r}")
     return label, class_name
-
-
-def positive(text: str) -> float:
-    """Read a number above 0."""
-    number = _number(text)
-    if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number, got {text}")
-    return number
-
-
-def not_negative(text: str) -> float:
-    """Read a number not below 0."""
-    number = _number(text)
-    if not 0 <= number < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number not below 0, got {text}")
-    return number
-
-
-def share(text: str) -> float:
-    """Read a share, 0 to 1."""
-    number = _number(text)
-    if not 0 <= number <= 1:
-        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {text}")
-    return number

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -17,6 +20,16 @@ if TYPE_CHECKING:
 #: Seconds that a program may take to print what is expected.
 _PATIENCE = 60.0
 _POLL = 0.01
+#: Linux's PR_SET_PDEATHSIG.
+_SIGNAL_OF_PARENTS_END = 1
+
+
+def _begin(prepare: Callable[[], None] | None) -> None:
+    """Let the new process end with its parent, also with one that is killed, where the system can; then prepare it."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENTS_END, signal.SIGTERM)
+    if prepare:
+        prepare()
 
 
 class Place(NamedTuple):
@@ -49,7 +62,7 @@ class Program:
                 stdin=subprocess.DEVNULL,
                 stdout=printed,
                 stderr=subprocess.STDOUT,
-                preexec_fn=prepare,  # noqa: PLW1509 - no thread of ours holds a lock
+                preexec_fn=partial(_begin, prepare) if os.name == "posix" else None,  # noqa: PLW1509 - no thread of ours holds a lock
             )
 
     def __enter__(self) -> Self:

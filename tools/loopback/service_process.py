@@ -15,7 +15,7 @@ import zmq
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
-from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import arguments_of
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
@@ -71,15 +71,9 @@ class BackgroundService:
         Answers instead of a recogniser.
     performers
         The number of performers at once, at most.
-    keys
-        Folder of the keys that both ends of ZeroMQ use; None for none.
-    page
-        HOST:PORT of a page in the browser beside the recogniser; None for none.
 
     Attributes
     ----------
-    page
-        The page's address, once it runs; empty without one.
     process_id
         The number of the process, once it runs.
 
@@ -97,19 +91,14 @@ class BackgroundService:
         settings: Settings | None = None,
         stand_in: StandIn | None = None,
         performers: int = 32,
-        keys: Path | None = None,
-        page: str | None = None,
     ) -> None:
         self._opened = ExitStack()
-        self._transport, self._library, self._stand_in, self._keys = transport, library, stand_in, keys
+        self._transport, self._library, self._stand_in = transport, library, stand_in
         self._command = ["--plain", "--performers", f"{performers}", *(arguments_of(settings) if settings else ())]
-        self._command += ["--keys", f"{keys}"] if keys else []
-        self._command += ["--page", page] if page else []
-        self.page, self.process_id = page or "", 0
+        self.process_id = 0
 
     def __enter__(self) -> Self:
         with ExitStack() as opened:
-            self._keyring = opened.enter_context(Keyring(self._keys)) if self._keys else None
             self._receiver = osc.OscReceiver(LOOPBACK, 0) if self._transport == "osc" else None
             port = self._receiver.address[1] if self._receiver else 0
             if self._receiver:
@@ -133,15 +122,13 @@ class BackgroundService:
         program = opened.enter_context(Program("live", *command))
         self.process_id = program.process.pid
         frames_to, answers_at = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);").groups()
-        if self.page:
-            self.page = program.expect(r"page: (\S+)\n")[1]
         return frames_to, answers_at
 
     def _begin_stand_in(self, opened: ExitStack, port: int) -> tuple[str, str]:
         # A fresh interpreter, so that the child has none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
         connection, theirs = context.Pipe()
-        process = context.Process(target=_stand_in, args=(theirs, self._stand_in, port, self._keys), daemon=True)
+        process = context.Process(target=_stand_in, args=(theirs, self._stand_in, port), daemon=True)
         with signals_held():
             process.start()
         opened.callback(process.join)
@@ -167,8 +154,8 @@ class BackgroundService:
         """
         if self._receiver:
             return OscFrameSender(*host_and_port(self._frames_to)), self._receiver
-        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False), self._keyring)
-        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False), keyring=self._keyring)
+        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False))
+        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False))
         until = time.monotonic() + _MAX_START
         while time.monotonic() < until:
             sender.greet()
@@ -185,11 +172,9 @@ class BackgroundService:
         return parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"] > 0
 
 
-def _stand_in(connection: Connection, stand_in: StandIn, port: int, keys: Path | None) -> None:
+def _stand_in(connection: Connection, stand_in: StandIn, port: int) -> None:
     """Run in the child until the parent has gone: receive and send, nothing else. Answers by OSC go to a port."""
     leave_signals_to_parent()
-    # The end of the process closes it.
-    keyring = Keyring(keys) if keys else None
     receiver: Receiver
     sender: osc.OscSender | zeromq.ZmqSender
     if port:
@@ -197,7 +182,7 @@ def _stand_in(connection: Connection, stand_in: StandIn, port: int, keys: Path |
         addresses = f"{LOOPBACK}:{receiver.address[1]}", ""
     else:
         endpoint = Endpoint(_ANY, bind=True)
-        receiver, sender = zeromq.ZmqReceiver(endpoint, keyring=keyring), zeromq.ZmqSender(endpoint, keyring)
+        receiver, sender = zeromq.ZmqReceiver(endpoint), zeromq.ZmqSender(endpoint)
         addresses = receiver.address, sender.address
     poller = zmq.Poller()
     poller.register(receiver.socket, zmq.POLLIN)

@@ -8,31 +8,26 @@ recognised.
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections import Counter
-from contextlib import ExitStack, closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
-from io import StringIO
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.cli.arguments import add_json, add_shared, positive
+from kinespace.tools.cli.arguments import add_json
 from kinespace.tools.feeding.feed import Pace, clip_cues
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
 from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import score_shown
-from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
@@ -48,14 +43,12 @@ if TYPE_CHECKING:
     from kinespace.tools.loopback.service_process import Transport
 
 PERFORMER = "demo"
-#: Seconds of the shortest motion that is played, if a class has one as long: recognition begins after half a second.
-MIN_SECONDS = 1.0
+#: Seconds of the shortest and the longest motion that is played, if a class has such: recognition begins after half a
+#: second, and all classes together take half a minute.
+MIN_SECONDS, MAX_SECONDS = 1.0, 2.14
 #: Seconds between two motions: longer than the recogniser's longest gap, so that its window starts anew.
 _PAUSE = 0.7
 _LINGER = 0.3
-#: Seconds in which a person opens the page before the first motion.
-_OPENING = 4.0
-_PICTURE_WIDTH = 112
 #: Characters of a full score bar, and of a terminal that has room for it.
 _BAR, _WIDE = 20, 110
 
@@ -82,77 +75,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "process, and shows its answers. The recogniser's library holds none of the motions played. Exit status: "
         "0 every motion named, 1 a motion not named, 2 could not be done."
     )
-    parser.add_argument(
-        "--seconds", type=positive, default=30.0, help="maximum length of the demo (default %(default)s)"
-    )
     parser.add_argument("--transport", choices=("osc", "zmq"), default="osc")
-    add_shared(parser, "--page")
-    parser.add_argument("--picture", type=Path, metavar="SVG", help="write the final table as a picture")
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Play a motion of every class and show the answers; return the exit status."""
-    picture, page = options.picture, options.page
-    if picture:
-        require_place_for(picture)
     whole, settings = MotionLibrary.builtin(), Settings()
-    motions = chosen(whole, options.seconds)
+    motions = chosen(whole)
     library = whole.without(motions=motions)
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     matcher = AnswerMatcher(expected_answers(cues, library, settings))
-    with ExitStack() as opened:
-        service = opened.enter_context(
-            BackgroundService(options.transport, library=library, settings=settings, page=page)
-        )
-        if page:
-            console.print(f"page: {service.page}", soft_wrap=True)
-            time.sleep(_OPENING)
+    watched = console.is_terminal and not options.json
+    with BackgroundService(options.transport, library=library, settings=settings) as service:
         sender, receiver = service.connect()
         show = _Show([_Played(motion.class_name) for motion in motions], matcher, options.transport)
-        with closing(sender), closing(Listener(receiver)) as listener:
+        with (
+            closing(sender),
+            closing(Listener(receiver)) as listener,
+            Live(console=console, auto_refresh=False) if watched else nullcontext() as live,
+        ):
             sender.announce(Announcement(PERFORMER, library.skeleton.joints))
-            if options.json:
-                _play(cues, sender, listener, show)
-            else:
-                _play_watched(cues, sender, listener, show)
+            _play(cues, sender, listener, show, live)
     if options.json:
         print(json.dumps(show.as_json()))
     else:
+        if not watched:
+            console.print(show.table(console.width))
         console.print(show.tally())
-    if picture:
-        _save_picture(picture, show)
     return 0 if show.right == len(show.played) else 1
 
 
-def chosen(library: MotionLibrary, seconds: float) -> list[Clip]:
-    """Choose a motion of each class: the longest up to a limit, the same for all, that fits all into the seconds.
-
-    A class without a motion below the limit gives its shortest; motions of less than a second are left out.
-
-    Parameters
-    ----------
-    library
-        The library whose motions are chosen.
-    seconds
-        Seconds for all motions, with the pauses between them.
-
-    Raises
-    ------
-    ValueError
-        Even the shortest motions take longer.
-    """
-    by_class = {name: [each for each in library.motions if each.class_name == name] for name in library.classes}
-    candidates = [
-        sorted([each for each in motions if each.duration >= MIN_SECONDS] or motions, key=lambda each: each.duration)
-        for motions in by_class.values()
-    ]
-    for limit in sorted({each.duration for motions in candidates for each in motions}, reverse=True):
-        taken = [([each for each in motions if each.duration <= limit] or motions[:1])[-1] for motions in candidates]
-        least = sum(each.duration + _PAUSE for each in taken)
-        if least <= seconds:
-            return taken
-    raise ValueError(f"--seconds: expected at least {math.ceil(least)} for {len(taken)} classes, got {seconds:g}")
+def chosen(library: MotionLibrary) -> list[Clip]:
+    """Choose a motion of each class: the longest of one to some two seconds, else the shortest of a second or more."""
+    motions = []
+    for name in library.classes:
+        own = sorted((each for each in library.motions if each.class_name == name), key=lambda each: each.duration)
+        own = [each for each in own if each.duration >= MIN_SECONDS] or own
+        motions.append(([each for each in own if each.duration <= MAX_SECONDS] or own[:1])[-1])
+    return motions
 
 
 class _Show:
@@ -163,14 +124,13 @@ class _Show:
         self._by_class = {each.class_name: each for each in played}
         self._matcher = matcher
         self._transport = transport
-        self._sent: list[float] = []
-        self._cues: list[Cue] = []
+        #: The class of each frame, and when it was sent.
+        self._sent: list[tuple[str, float]] = []
         self.now_playing = ""
 
     def sent(self, cue: Cue, moment: float) -> None:
         """Note that a frame was sent."""
-        self._cues.append(cue)
-        self._sent.append(moment)
+        self._sent.append((cue.class_name, moment))
         self.now_playing = cue.class_name
 
     def hear(self, heard: Sequence[Heard]) -> bool:
@@ -181,10 +141,11 @@ class _Show:
             expected = self._matcher.match(answer) if answer else None
             if answer is None or expected is None:
                 continue
-            played = self._by_class[self._cues[expected.cue].class_name]
+            class_name, moment = self._sent[expected.cue]
+            played = self._by_class[class_name]
             played.labels[answer.label] += 1
             played.latest = answer
-            played.latencies.append(each.arrival - self._sent[expected.cue])
+            played.latencies.append(each.arrival - moment)
             news = True
         return news
 
@@ -244,7 +205,8 @@ class _Show:
         )
 
 
-def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _Show, live: Live | None = None) -> None:
+def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _Show, live: Live | None) -> None:
+    """Play the motions, and draw the table after answers where there is a terminal."""
     pace = Pace()
     for cue in cues:
         packet = sender.encode(cue)
@@ -255,20 +217,5 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _S
         sender.send(packet)
     show.hear(listener.listen_until(time.perf_counter() + _LINGER))
     show.now_playing = ""
-
-
-def _play_watched(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _Show) -> None:
-    if not console.is_terminal:
-        _play(cues, sender, listener, show)
-        console.print(show.table(console.width))
-        return
-    with Live(show.table(console.width), console=console, auto_refresh=False) as live:
-        _play(cues, sender, listener, show, live)
+    if live:
         live.update(show.table(console.width), refresh=True)
-
-
-def _save_picture(path: Path, show: _Show) -> None:
-    recorder = Console(record=True, width=_PICTURE_WIDTH, file=StringIO(), force_terminal=True, highlight=False)
-    recorder.print(show.table(_PICTURE_WIDTH))
-    recorder.print(show.tally())
-    recorder.save_svg(str(path), title="kinespace demo")

@@ -24,18 +24,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    return tell(options.name)
-
-
-def tell(name: str | None) -> int:
-    """List the presets, or check one and print it as a file to be copied and edited.
+    """List the presets, or check one and print it as a file to be copied and edited; return the exit status.
 
     Raises
     ------
     PresetError
         A preset is wrong; the others are listed before.
     """
+    name = options.name
     if name is not None:
         print(preset_named(name).text, end="")
         return 0

@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
         "Makes a pair of keys (CURVE) in a folder. Copy NAME.key into the folders of programs that must let NAME in; "
-        "NAME.key_secret stays here. live, replay, record and latency use the folder with --keys."
+        "NAME.key_secret stays here. live, replay and record use the folder with --keys."
     )
     parser.add_argument("name", metavar="NAME", help="name of the keys' owner, like stage or ann")
     parser.add_argument(

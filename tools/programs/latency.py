@@ -12,7 +12,7 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.tools.cli.arguments import add_settings, add_shared, positive, settings_of
+from kinespace.tools.cli.arguments import add_settings, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, Pace, without_pause
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
@@ -23,7 +23,6 @@ from kinespace.tools.terminal.tables import narrow_table
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
     from rich.table import Table
@@ -94,9 +93,7 @@ class Latency:
         }
 
 
-def measure(
-    transport: Transport, *, rate_hz: float, seconds: float, settings: Settings, keys: Path | None = None
-) -> Latency:
+def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
     """Feed a recogniser in another process and time its answers.
 
     The feed plays every eighth motion of the built-in library, one after the other, again and again. Each frame carries
@@ -113,8 +110,6 @@ def measure(
         The length of the feed.
     settings
         Of the recogniser.
-    keys
-        Folder of the keys that both ends of ZeroMQ use; None for none.
 
     Raises
     ------
@@ -129,8 +124,8 @@ def measure(
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
     with (
-        BackgroundService(transport, settings=settings, keys=keys) as service,
-        BackgroundService(transport, stand_in=Echo(), keys=keys) as echo,
+        BackgroundService(transport, settings=settings) as service,
+        BackgroundService(transport, stand_in=Echo()) as echo,
         closing(_Run(service, echo)) as run,
     ):
         run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
@@ -204,7 +199,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--transport", choices=("osc", "zmq", "both"), default="both")
     parser.add_argument("--rate", type=positive, default=120.0, help="frames per second (default %(default)s)")
     parser.add_argument("--seconds", type=positive, default=20.0, help="of each run (default %(default)s)")
-    add_shared(parser, "--keys")
     add_settings(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
 
@@ -215,10 +209,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json and len(transports) > 1:
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
     settings = settings_of(options)
-    found = [
-        measure(each, rate_hz=options.rate, seconds=options.seconds, settings=settings, keys=options.keys)
-        for each in transports
-    ]
+    found = [measure(each, rate_hz=options.rate, seconds=options.seconds, settings=settings) for each in transports]
     if options.json:
         print(json.dumps(found[0].as_json()))
     else:

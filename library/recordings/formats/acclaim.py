@@ -317,34 +317,20 @@ def _place(body: AcclaimSkeleton, channels: NDArray[np.float64], positions: NDAr
     places = _channel_places(body)
     turned: list[NDArray[np.float64]] = []
     for index, (bone, parent) in enumerate(zip(body.bones, body.skeleton.parents, strict=True)):
-        own = channels[:, places[bone.name]] if bone.channels else channels[:, :0]
-        local = bone.axis @ _rotation(bone, own) @ bone.axis.T
+        own = dict(zip(bone.channels, channels[:, places.get(bone.name, slice(0))].T, strict=True))
+        turn = np.broadcast_to(np.eye(3), (len(channels), 3, 3))
+        # Written out, because one scipy `Rotation` for each bone and frame makes the reader much slower.
+        for name in bone.axis_order:
+            if f"r{name}" in own:
+                turn = turn_about(name, own[f"r{name}"]) @ turn
+        local = bone.axis @ turn @ bone.axis.T
         if parent < 0:
+            still = np.zeros(len(channels))
             turned.append(local)
-            positions[:, index] = bone.offset + _translation(bone, own)
+            positions[:, index] = bone.offset + np.stack([own.get(f"t{name}", still) for name in "xyz"], axis=1)
         else:
             turned.append(turned[parent] @ local)
             positions[:, index] = positions[:, parent] + turned[index] @ bone.offset
-
-
-def _rotation(bone: Bone, own: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compose a bone's angles (frames, channels), the first of its axis order applied first; (frames, 3, 3).
-
-    Written out, because one scipy `Rotation` for each bone and frame makes the reader much slower.
-    """
-    composed = np.broadcast_to(np.eye(3), (len(own), 3, 3))
-    for name in bone.axis_order:
-        if f"r{name}" in bone.channels:
-            composed = turn_about(name, own[:, bone.channels.index(f"r{name}")]) @ composed
-    return composed
-
-
-def _translation(bone: Bone, own: NDArray[np.float64]) -> NDArray[np.float64]:
-    moved = np.zeros((len(own), 3))
-    for place, name in enumerate("xyz"):
-        if f"t{name}" in bone.channels:
-            moved[:, place] = own[:, bone.channels.index(f"t{name}")]
-    return moved
 
 
 def _in_si(body: AcclaimSkeleton, motion: _Motion) -> NDArray[np.float64]:

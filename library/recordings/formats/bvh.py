@@ -275,10 +275,7 @@ def _place(
     positions: NDArray[np.float64],
 ) -> None:
     turned: list[NDArray[np.float64]] = []
-    column = 0
-    for index, joint in enumerate(joints):
-        own = channels[:, column : column + len(joint.channels)]
-        column += len(joint.channels)
+    for index, (joint, own) in enumerate(zip(joints, _by_joint(joints, channels), strict=True)):
         offset = np.tile(np.array(joint.offset), (len(channels), 1))
         local = np.broadcast_to(np.eye(3), (len(channels), 3, 3))
         for name, numbers in zip(joint.channels, own.T, strict=True):
@@ -295,14 +292,17 @@ def _place(
             turned.append(above @ local)
 
 
+def _by_joint(joints: Sequence[BvhJoint], channels: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Give the channels (frames, n) of each joint."""
+    return np.split(channels, np.cumsum([len(joint.channels) for joint in joints[:-1]]), axis=1)
+
+
 def _displaced(motion: BvhMotion) -> list[bool]:
     """Tell for each joint whether its position channels hold a number other than 0."""
-    displaced, column = list[bool](), 0
-    for joint in motion.joints:
-        own = motion.channels[:, column : column + len(joint.channels)]
-        column += len(joint.channels)
-        displaced.append(bool(own[:, [name[0] == "p" for name in joint.channels]].any()))
-    return displaced
+    return [
+        bool(own[:, [name[0] == "p" for name in joint.channels]].any())
+        for joint, own in zip(motion.joints, _by_joint(motion.joints, motion.channels), strict=True)
+    ]
 
 
 def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> list[int]:
@@ -315,11 +315,8 @@ def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> l
             if max(map(abs, joint.offset)) < _NO_OFFSET * largest:
                 first = firsts[joint.parent]
             else:
-                for earlier in range(index):
-                    other = joints[earlier]
-                    if other.parent == joint.parent and other.offset == joint.offset and not displaced[earlier]:
-                        first = earlier
-                        break
+                sisters = (each for each in range(index) if joints[each].parent == joint.parent and not displaced[each])
+                first = next((each for each in sisters if joints[each].offset == joint.offset), index)
         firsts.append(first)
     return firsts
 

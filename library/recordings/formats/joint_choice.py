@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from kinespace.library.clip import Clip
 
 
 def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
@@ -42,6 +45,14 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
             raise ValueError(f"no joint is called {pattern!r}; there are {', '.join(labels)}")
         found |= fitting
     return sorted(found)
+
+
+def restricted(clip: Clip, wanted: Sequence[str]) -> Clip:
+    """Restrict a clip to the joints that are wanted (as `chosen`); ValueError where it lacks one."""
+    if not wanted:
+        return clip
+    kept = chosen(clip.skeleton.joints, wanted)
+    return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])
 
 
 def short_names(labels: Sequence[str]) -> tuple[str, ...]:

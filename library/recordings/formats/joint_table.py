@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from kinespace.library.recordings.formats.errors import RecordingError, refuse
-from kinespace.library.recordings.formats.joint_choice import chosen
+from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.recordings.formats.units import guessed_metres
@@ -90,21 +90,17 @@ def read_clip(
         The file cannot be opened.
     """
     if path.suffix.lower() == ".npz":
-        return _npz_clip(path, frame_rate, joints)
+        return restricted(_npz_clip(path, frame_rate), joints)
     return _csv_clip(path, metres_per_unit, frame_rate, joints)
 
 
-def _npz_clip(path: Path, frame_rate: float | None, joints: Sequence[str]) -> Clip:
+def _npz_clip(path: Path, frame_rate: float | None) -> Clip:
     times, positions, names, parents, performer = _arrays(path)
     skeleton = Skeleton(tuple(map(str, names.tolist())), tuple(map(int, parents.tolist())))
     if not np.isfinite(positions).all():
         raise RecordingError(f"{path}: positions: expected finite metres, got NaN or infinity")
     even = evened(times.astype(np.float64), positions.astype(np.float64), rate=frame_rate)
-    clip = replace(even.clip(skeleton), name=path.stem, actor=str(performer))
-    if not joints:
-        return clip
-    kept = chosen(skeleton.joints, joints)
-    return replace(clip, skeleton=skeleton.restricted_to(kept), positions=clip.positions[:, kept])
+    return replace(even.clip(skeleton), name=path.stem, actor=str(performer))
 
 
 def _arrays(path: Path) -> list[NDArray[np.generic]]:

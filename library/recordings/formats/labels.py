@@ -1,8 +1,7 @@
 """Labels of a continuous take: segments in which a motion is performed, and the clips cut from them.
 
-Three kinds of text are read: a table with the columns `start_s,end_s,label`, with commas, semicolons or tabs between;
-labels as Audacity exports them (start, end and label, with tabs between, no headings); and annotations as ELAN exports
-them (tab-delimited text, with headings or without, one row for each annotation).
+Two kinds of text are read: a table with the columns `start_s,end_s,label`, with commas, semicolons or tabs between; and
+labels as Audacity exports them (start, end and label, with tabs between, no headings).
 """
 
 from __future__ import annotations
@@ -27,14 +26,8 @@ _IN_FRAMES = {"start_frame", "end_frame"}
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 #: Endings of the files that may lie beside a take.
 _ENDINGS = (".csv", ".tsv", ".txt")
-#: ELAN's headings of columns of times, and words that may come before them; annotations have other headings.
-_ELAN_TIMES, _ELAN_BEFORE = ("Begin Time - ", "End Time - ", "Duration - "), ("Tier", "Participant")
-#: ELAN's formats of time that are read, the exact ones first.
-_ELAN_FORMATS = ("msec", "ss.msec", "hh:mm:ss.ms")
-_CLOCK = re.compile(r"\d+:\d\d:\d\d[.,]\d+")
-_SECONDS, _WHOLE = re.compile(r"\d+[.,]\d+"), re.compile(r"\d+")
-#: Seconds by which a duration may differ from end less begin.
-_ROUNDED = 0.01
+#: A line that Audacity exports.
+_EXPORTED = re.compile(r"(\d+(?:[.,]\d+)?)\t(\d+(?:[.,]\d+)?)\t([^\t]*)")
 #: Seconds of the shortest window by which motions are compared.
 _SHORTEST = 0.25
 #: Characters of a file that are read to see whether it holds labels.
@@ -109,10 +102,8 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     by_performer = sorted(segments, key=lambda segment: (segment.performer, segment.start))
     for before, after in pairwise(by_performer):
         if before.performer == after.performer and after.start < before.end:
-            tiers = _tiers(path)
-            several = f"; tiers {', '.join(tiers)}: export one of them alone" if len(tiers) > 1 else ""
             raise LabelError(
-                f"{path}: {before.label!r} (to {before.end}) and {after.label!r} (from {after.start}) overlap{several}"
+                f"{path}: {before.label!r} (to {before.end}) and {after.label!r} (from {after.start}) overlap"
             )
     return tuple(sorted(segments, key=lambda segment: segment.start))
 
@@ -130,32 +121,22 @@ def _holds_labels(path: Path) -> bool:
             return True
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         first = next((line for line in file.read(_LOOKED_AT).splitlines() if line.strip()), "")
-    exported = _exported(first.split("\t"))
+    columns = {name.strip().strip('"') for name in re.split("[,;\t]", first)}
+    exported = _EXPORTED.fullmatch(first)
     # A table of numbers holds no labels.
-    return _is_ours(first) or _is_elans(first) or bool(exported and re.search(r"[^\W\d_]", exported[2]))
-
-
-def _is_ours(head: str) -> bool:
-    columns = {name.strip().strip('"') for name in re.split("[,;\t]", head)}
-    return set(_COLUMNS) <= columns or columns >= _IN_FRAMES
-
-
-def _is_elans(head: str) -> bool:
-    return "\t" in head and all(time in head for time in _ELAN_TIMES[:2])
+    return set(_COLUMNS) <= columns or columns >= _IN_FRAMES or bool(exported and re.search(r"[^\W\d_]", exported[3]))
 
 
 def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     """Read segments in the order of the file."""
     head = next((line for line in lines if line.strip()), "")
-    if _is_elans(head):
-        yield from _elans(path, lines)
-    elif not _is_ours(head) and _exported(head.rstrip("\r\n").split("\t")) is not None:
-        yield from _without_headings(path, lines)
+    if _EXPORTED.fullmatch(head.rstrip("\r\n")):
+        yield from _exported(path, lines)
     else:
-        yield from _ours(path, lines, max(",;\t", key=head.count))
+        yield from _table(path, lines, max(",;\t", key=head.count))
 
 
-def _ours(path: Path, lines: Sequence[str], delimiter: str) -> Iterator[Segment]:
+def _table(path: Path, lines: Sequence[str], delimiter: str) -> Iterator[Segment]:
     rows = csv.DictReader(lines, delimiter=delimiter)
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
     if missing and set(rows.fieldnames or ()) >= _IN_FRAMES:
@@ -180,78 +161,18 @@ def _segment(path: Path, line: int, times: Sequence[str], label: str, performer:
         raise LabelError(f"{path}:{line}: {error}") from error
 
 
-def _elans(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
-    """Read ELAN's annotations under headings; labels are in the columns that hold neither times nor names of tiers."""
-    rows = csv.DictReader(lines, delimiter="\t", quoting=csv.QUOTE_NONE)
-    headings = [name for name in rows.fieldnames or () if name]
-    shape = next((each for each in _ELAN_FORMATS if f"Begin Time - {each}" in headings), None)
-    if shape is None:
-        raise LabelError(f"{path}: expected begin and end times as {' or '.join(_ELAN_FORMATS)}, got none")
-    performed = [name for name in headings if not name.startswith((*_ELAN_TIMES, *_ELAN_BEFORE))]
-    for row in rows:
-        times = [row[f"{which} Time - {shape}"] or "" for which in ("Begin", "End")]
-        for name in performed:
-            if label := (row[name] or "").strip():
-                yield _segment(path, rows.line_num, [_in_seconds(time, whole_ms=True) for time in times], label)
-
-
-def _tiers(path: Path) -> list[str]:
-    """Name the tiers of an export from ELAN; none in another file."""
-    rows = [line.split("\t") for line in path.read_text(encoding="utf-8-sig").splitlines() if "\t" in line]
-    if rows and not _is_elans("\t".join(rows[0])):
-        return list(dict.fromkeys(row[0] for row in rows if row[0] and _exported(row) and not _is_time(row[0])))
-    head, *rows = rows or [[]]
-    names = [name for name in head if name and not name.startswith((*_ELAN_TIMES, *_ELAN_BEFORE))]
-    return names if len(names) > 1 else list(dict.fromkeys(row[0] for row in rows if head[0] in {"", "Tier"}))
-
-
-def _without_headings(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
-    """Read Audacity's labels, or ELAN's annotations without headings."""
+def _exported(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
+    """Read Audacity's labels."""
     for number, line in enumerate(lines, 1):
-        cells = line.rstrip("\r\n").split("\t")
         # Audacity writes a label's frequencies in a line of their own.
-        if not line.strip() or cells[0] == "\\":
+        if not line.strip() or line.startswith("\\"):
             continue
-        found = _exported(cells)
+        found = _EXPORTED.fullmatch(line.rstrip("\r\n"))
         if found is None:
             raise LabelError(f"{path}:{number}: expected start, end and label with tabs between, got {line.strip()!r}")
-        start, end, label = found
+        start, end, label = found.groups()
         if label.strip() and start != end:
-            yield _segment(path, number, [start, end], label)
-
-
-def _exported(cells: Sequence[str]) -> tuple[str, str, str] | None:
-    """Find begin and end, in seconds, and label in a row without headings; None in a row without them.
-
-    The times stand together before the label: begin and end (Audacity), or begin, end and duration, each in as many
-    formats as were chosen (ELAN).
-    """
-    *before, label = cells
-    times = list[str]()
-    while before and _is_time(before[-1]):
-        times.insert(0, before.pop())
-    if len(times) == 2:
-        begin, end = (_in_seconds(time) for time in times)
-        return begin, end, label
-    formats, rest = divmod(len(times), 3)
-    if rest or not formats:
-        return None
-    begin, end, lasts = (_in_seconds(times[place], whole_ms=True) for place in (0, formats, 2 * formats))
-    return (begin, end, label) if abs(float(begin) + float(lasts) - float(end)) < _ROUNDED else None
-
-
-def _is_time(cell: str) -> bool:
-    return any(shape.fullmatch(cell) for shape in (_CLOCK, _SECONDS, _WHOLE))
-
-
-def _in_seconds(time: str, *, whole_ms: bool = False) -> str:
-    """Write a time as seconds: `0:01:02.500`, `62.5`, or a whole number, perhaps of milliseconds."""
-    if _CLOCK.fullmatch(time):
-        hours, minutes, seconds = time.replace(",", ".").split(":")
-        return repr(3600 * int(hours) + 60 * int(minutes) + float(seconds))
-    if whole_ms and _WHOLE.fullmatch(time):
-        return repr(int(time) / 1000)
-    return time.replace(",", ".")
+            yield _segment(path, number, [time.replace(",", ".") for time in (start, end)], label)
 
 
 def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:

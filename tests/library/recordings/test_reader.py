@@ -73,12 +73,6 @@ def test_a_folder_without_recordings_is_named(tmp_path: Path, names: list[str]) 
 # --- reading -----------------------------------------------------------------------------------------------------
 
 
-def test_clips_come_in_the_order_of_the_paths(tmp_path: Path) -> None:
-    """Each path gives its clip, named like the file, in the order given."""
-    paths = _write_arm(tmp_path, "arm_03.amc", "arm_01.AMC", "arm_02.amc")
-    assert [clip.name for clip in read_recordings(paths)] == ["arm_03", "arm_01", "arm_02"]
-
-
 def test_each_skeleton_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A skeleton's file is read once for all its motions, and each folder's motions get their own skeleton."""
     paths = [*_write_arm(tmp_path / "one", "arm_1.amc", "arm_2.amc"), *_write_arm(tmp_path / "two", "arm_3.amc")]
@@ -108,13 +102,6 @@ def test_a_given_skeleton_is_used_before_a_found_one(tmp_path: Path) -> None:
     assert np.linalg.norm(own.positions[0, 1] - own.positions[0, 0]) == pytest.approx(1.0)
 
 
-def test_a_given_frame_rate_holds_for_all(tmp_path: Path) -> None:
-    """A frame rate given by hand is every clip's."""
-    paths = _write_arm(tmp_path, "arm_1.amc", "arm_2.amc")
-    assert [clip.frame_rate for clip in read_recordings(paths, Reading(frame_rate=50.0))] == [50.0, 50.0]
-    assert [clip.frame_rate for clip in read_recordings(paths)] == [120.0, 120.0]
-
-
 KINDS = ".amc, .bvh, .c3d, .trc, .kinerec, a table in .csv or .npz"
 
 
@@ -126,14 +113,6 @@ def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:
     assert next(clips).name == "arm_1"
     with pytest.raises(RecordingError, match=re.escape(f"{paths[1]}:3: expected 6 numbers after 'root', got 2")):
         next(clips)
-
-
-def test_a_recording_that_is_gone_is_an_os_error(tmp_path: Path) -> None:
-    """A file removed since it was listed is the system's error, which names it."""
-    paths = _write_arm(tmp_path, "arm_1.amc")
-    paths[0].unlink()
-    with pytest.raises(FileNotFoundError, match=r"arm_1\.amc"):
-        list(read_recordings(paths))
 
 
 def test_a_given_skeleton_that_is_gone_is_an_os_error(tmp_path: Path) -> None:

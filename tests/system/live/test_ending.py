@@ -25,7 +25,7 @@ _UNCLOSED = re.compile(r"Exception ignored in: <_io.*\nTraceback .*\n( .*\n)*Res
 PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
     "replay": (("replay", "squat1Reps", "--loop", "--osc", f"{LOOPBACK}:{free_udp_port()}"), ""),
     "listen": (("listen", f"{LOOPBACK}:0", "--seconds", 100), "listening"),
-    "demo": (("demo", "--seconds", 60), ""),
+    "demo": (("demo",), ""),
     "latency": (("latency", "--transport", "osc", "--seconds", 100), ""),
 }
 

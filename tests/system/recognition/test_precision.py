@@ -109,7 +109,7 @@ def _long_motion() -> Iterator[np.ndarray]:
     pose = generator.normal(scale=0.6, size=(8, 3))
     swing, lean = generator.normal(scale=0.15, size=(8, 3)), generator.normal(scale=0.3, size=(8, 3))
     turn = generator.normal(scale=0.1, size=(8, 3))
-    body = Skeleton.of_joints([f"joint{index}" for index in range(8)])
+    body = Skeleton(tuple(f"joint{index}" for index in range(8)))
     for begin in range(0, LONG, PIECE):
         time = np.arange(begin, begin + PIECE) / 120
         phases = np.sin(7.0 * time + 3.0 * np.sin(0.05 * time)), np.sin(0.003 * time), np.cos(4.1 * time)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 from importlib import import_module
-from importlib.metadata import entry_points, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from programs import ROOT, finished
 
-from kinespace.tools.cli import entry
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 from kinespace.tools.programs.recordings import info
 
@@ -27,12 +26,6 @@ def fails_with(monkeypatch: pytest.MonkeyPatch, error: BaseException, module: Mo
         raise error
 
     monkeypatch.setattr(module, "run", fail)
-
-
-def test_the_command_is_installed() -> None:
-    """The installed distribution has one command, kinespace, and it is this one."""
-    (command,) = entry_points(group="console_scripts", name="kinespace")
-    assert command.load() is entry.main
 
 
 def test_the_command_tells_its_version() -> None:
@@ -89,30 +82,21 @@ WRONG = [
     ("", ": error: the following arguments are required"),
     ("dance", ": error: "),
     ("lvie", ", perhaps live or listen is meant;"),
-    ("demo --seconds 0", ": error: "),
-    ("demo --seconds soon", ": error: "),
-    ("demo --seconds inf", ": error: "),
+    ("latency --seconds 0", ": error: "),
+    ("latency --seconds soon", ": error: "),
     ("demo --transport carrier-pigeon", ": error: "),
     ("live extra", ": error: "),
-    ("live --window 0", ": error: "),
-    ("live --window nan", ": error: "),
     ("live --hop -1", ": error: "),
-    ("live --performers many", ": error: "),
     ("live --performers 0 --osc-in :0", "most: expected at least 1 performer, got 0"),
     ("live --libary none", "kinespace live: error: unknown argument --libary, perhaps --library is meant;"),
-    ("live --libary=none", "kinespace live: error: unknown argument --libary, perhaps --library is meant;"),
     ("live --signature papr", ", perhaps paper is meant;"),
     ("live --window 0.5", "--window: expected --signature paper with it, got windows"),
-    ("live --signature windows --window 0.5", "--window: expected --signature paper with it, got windows"),
     ("live --signature paper --sensitivity 0.1", "--sensitivity: expected --signature windows with it, got paper"),
     ("live --signature paper --progress", "--progress: expected --signature windows with it, got paper"),
     ("live --osc-in :0 --signature paper --window 1e9", "--window: expected seconds that memory has room for"),
-    ("live --feed rokokko", "--feed: expected one of captury, "),
     ("live --feed rokokko", "got 'rokokko', perhaps rokoko is meant"),
     ("live --feed nowhere.toml", "nowhere.toml: No such file or directory"),
-    ("live --joints xsans", "--joints: expected one of kinectv2, "),
     ("live --joints xsans", "got 'xsans', perhaps xsens is meant"),
-    ("live --names mixamoo", "--names: expected one of acclaim-bvh, "),
     ("live --names mixamoo", "got 'mixamoo', perhaps mixamo is meant"),
     ("live --osc-in :0 --out max,puredat", "got 'puredat', perhaps puredata is meant"),
     ("live --osc-in :0 --out unity", "--out: expected one of "),
@@ -124,33 +108,22 @@ WRONG = [
     ("live --zmq-in here", "endpoint: expected an address like tcp://127.0.0.1:5556, got 'here'"),
     ("live --zmq-in pigeon://here", "pigeon://here: Protocol not supported"),
     ("live --zmq-in tcp://", "tcp://: Invalid argument"),
-    ("replay clip.amc --speed 0", ": error: "),
-    ("replay clip.amc --speed -1", ": error: "),
     ("replay clip.amc --pause -0.1", ": error: "),
     ("replay clip.amc --drop 1.1", ": error: "),
-    ("replay clip.amc --drop nan", ": error: "),
-    ("replay clip.amc --reorder -0.1", ": error: "),
-    ("replay clip.amc --jitter-ms inf", ": error: "),
     ("replay clip.amc --seed 1.5", ": error: "),
     ("replay squat", "squat: no such file or folder, perhaps squat1Reps is meant"),
     ("replay squat1Reps --unit cm", "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
-    ("replay --frame-rate 30", "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
+    ("replay squat1Reps --from 60", "expected --from and --to within its "),
+    ("replay squat1Reps --from 2 --to 1", "--to: expected more than --from (2), got 1"),
     ("replay tango", "tango: no such file or folder, nor a class of the built-in library"),
-    ("latency --rate 0", ": error: "),
-    ("latency --transport both --seconds -1", ": error: "),
     ("latency --json", "--json: expected --transport osc or zmq with it, got both"),
-    ("latency --signature paper --sensitivity 0.1", "--sensitivity: expected --signature windows with it, got paper"),
-    ("build clips", ": error: "),
     ("build -o mine.npz", ": error: "),
-    ("build clips -o mine.npz --frame-rate 0", ": error: "),
     ("info one.npz two.npz", ": error: "),
     ("info Squat", "Squat: no such file or folder, perhaps squat1Reps is meant"),
     ("feeds rokokko", "got 'rokokko', perhaps rokoko is meant"),
     ("evaluate", ": error: "),
-    ("evaluate dance clips", ": error: "),
     ("evaluate retrieval clips --space time", ": error: "),
     ("evaluate retrieval clips --protocol none", ": error: "),
-    ("evaluate retrieval clips --seed x", ": error: "),
 ]
 
 
@@ -174,10 +147,8 @@ def test_wrong_arguments_end_with_2(arguments: str, told: str, capsys: pytest.Ca
         (FileNotFoundError(2, "No such file or directory", "a.npz"), "kinespace: a.npz: No such file or directory\n"),
         (OSError(98, "127.0.0.1:9310: Address already in use"), "kinespace: 127.0.0.1:9310: Address already in use\n"),
         (OSError("all gone"), "kinespace: all gone\n"),
-        (TimeoutError("not reached"), "kinespace: not reached\n"),
         (ValueError("a: expected b,\n  got c"), "kinespace: a: expected b, got c\n"),
         (ImportError("pictures need matplotlib"), "kinespace: pictures need matplotlib\n"),
-        (MemoryError("3 TiB"), "kinespace: 3 TiB\n"),
         (MemoryError(), "kinespace: MemoryError\n"),
     ],
 )

@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tomllib
-from pathlib import Path
 
 import pytest
 
 from kinespace.tools.cli import entry, main
-
-
-def test_kinespace_starts_there() -> None:
-    """The command that is installed is this one."""
-    project = tomllib.loads(Path(__file__).parents[3].joinpath("pyproject.toml").read_text(encoding="utf-8"))
-    assert project["project"]["scripts"] == {"kinespace": "kinespace.tools.cli.entry:main"}
 
 
 @pytest.mark.parametrize("status", [0, 2])

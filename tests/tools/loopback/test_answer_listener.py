@@ -7,17 +7,13 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import pytest
-from programs import LOOPBACK, PATIENCE
+from programs import LOOPBACK
 
-from kinespace.stream import osc, zeromq
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream import osc
 from kinespace.tools.loopback.answer_listener import Listener
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from kinespace.tools.feeding.feed import Packet
-    from kinespace.tools.loopback.answer_listener import Heard
 
 
 @pytest.fixture
@@ -34,25 +30,6 @@ def osc_pair(opened: ExitStack) -> tuple[osc.OscReceiver, osc.OscSender]:
     sender = osc.OscSender(*receiver.address)
     opened.callback(sender.close)
     return receiver, sender
-
-
-def zmq_pair(opened: ExitStack) -> tuple[zeromq.ZmqReceiver, zeromq.ZmqSender]:
-    """Open a subscriber and a publisher that have met."""
-    sender = zeromq.ZmqSender(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
-    opened.callback(sender.close)
-    receiver = zeromq.ZmqReceiver(Endpoint(sender.address, bind=False))
-    opened.callback(receiver.close)
-    until = time.monotonic() + PATIENCE
-    while time.monotonic() < until:
-        sender.send([b"hello/", b""])
-        if receiver.socket.poll(20):
-            break
-    # The last greeting is the last message: all earlier messages have come before it.
-    sender.send([b"met/", b""])
-    while receiver.socket.poll(int(PATIENCE * 1000)):
-        if receiver.receive() == [b"met/", b""]:
-            return receiver, sender
-    raise AssertionError("the sockets did not meet")
 
 
 def test_every_packet_is_heard_in_order_with_its_moment(opened: ExitStack) -> None:
@@ -87,28 +64,3 @@ def test_listening_lasts_until_the_moment(opened: ExitStack, seconds: float) -> 
     moment = time.perf_counter() + seconds
     assert Listener(receiver).listen_until(moment) == []
     assert time.perf_counter() >= moment
-
-
-def test_both_transports_are_heard_at_once(opened: ExitStack) -> None:
-    """One listener hears a UDP port and a ZeroMQ subscription, and says which packet came on which."""
-    udp, udp_sender = osc_pair(opened)
-    zmq, zmq_sender = zmq_pair(opened)
-    listener = Listener(udp, zmq)
-    udp_sender.send(b"datagram")
-    zmq_sender.send([b"class/me/", b"message"])
-    heard: list[Heard] = []
-    until = time.monotonic() + PATIENCE
-    while len(heard) < 2 and time.monotonic() < until:
-        heard += listener.listen_until(time.perf_counter() + 0.01)
-    packets: dict[object, Packet] = {each.receiver: each.packet for each in heard}
-    assert packets == {udp: b"datagram", zmq: [b"class/me/", b"message"]}
-
-
-def test_closing_gives_every_socket_back(opened: ExitStack) -> None:
-    """After close the UDP port can be bound again and the ZeroMQ socket is closed."""
-    udp, _ = osc_pair(opened)
-    zmq, _ = zmq_pair(opened)
-    address = udp.address
-    Listener(udp, zmq).close()
-    osc.OscReceiver(*address).close()
-    assert zmq.socket.closed

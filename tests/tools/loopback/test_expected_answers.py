@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import builtin_library, motion_cues
 
-from kinespace.library.windows.cutting import FIRST_WINDOW
-from kinespace.stream import Frame, LiveSignature, Recognizer, Settings, osc
+from kinespace.stream import Frame, Recognizer, Settings, osc
 from kinespace.stream.recognition import Answer
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, Expected, expected_answers
 
@@ -45,14 +44,6 @@ def test_positions_are_rounded_as_the_wire_rounds_them() -> None:
     expected = [each.score for each in expected_answers(meant, library, Settings())]
     assert expected == pytest.approx(scores, abs=1e-9)
     assert expected != pytest.approx(exact_scores, abs=1e-5)
-
-
-@pytest.mark.parametrize("signature", list(LiveSignature))
-def test_nothing_is_expected_of_a_feed_shorter_than_the_first_window(signature: LiveSignature) -> None:
-    """A feed that does not fill the first window gets no answer; two more frames get one."""
-    library, settings = builtin_library(), Settings(signature=signature)
-    assert expected_answers(motion_cues("squat1Reps", FIRST_WINDOW), library, settings) == []
-    assert len(expected_answers(motion_cues("squat1Reps", FIRST_WINDOW + 2 / 120), library, settings)) == 1
 
 
 @given(st.lists(st.booleans(), max_size=40))

@@ -41,9 +41,3 @@ def test_a_page_is_served_until_it_is_to_end() -> None:
     assert told[0].startswith("http://127.0.0.1:")
     assert "token" not in told[0]
     assert "?token=" in told[1]
-
-
-def test_a_replay_needs_somebody_to_show(capsys: pytest.CaptureFixture[str]) -> None:
-    """A page beside `replay` shows a recogniser's answers, so its endpoint must be given."""
-    assert main(["replay", "squat1Reps", "--page"]) == 2
-    assert capsys.readouterr().err.startswith("kinespace: --page: expected --listen")

@@ -5,21 +5,13 @@ from __future__ import annotations
 import json
 import math
 import multiprocessing
-from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary
 from kinespace.stream import Settings
-from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
-from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.programs.latency import Latency, measure
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -63,10 +55,9 @@ def test_unmeasured_figures_are_null() -> None:
     assert described["echo_p99_ms"] == 1.0
 
 
-def test_every_frame_and_answer_is_accounted_for(tmp_path: Path) -> None:
-    """A run sends every frame, every answer due is answered or lost, each latency is a positive time; with keys too."""
-    make_keys(tmp_path, "stage")
-    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(hop=0.05), keys=tmp_path)
+def test_every_frame_and_answer_is_accounted_for() -> None:
+    """A run sends every frame, every answer due is answered or lost, each latency is a positive time."""
+    latency = measure("zmq", rate_hz=100.0, seconds=1.2, settings=Settings(hop=0.05))
     assert latency.sent == 120
     # The first window is full with frame 16; from then on every fifth is answered.
     assert latency.answered + latency.lost == 21
@@ -77,18 +68,6 @@ def test_every_frame_and_answer_is_accounted_for(tmp_path: Path) -> None:
     for seconds in (latency.seconds, latency.echo_seconds):
         assert np.isfinite(seconds).all()
         assert (seconds > 0).all()
-
-
-def test_answers_that_never_come_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """When a recogniser answers something else than was due, every answer due is counted as lost, the last ones too."""
-    whole = MotionLibrary.builtin()
-    # With one class alone the scores differ, even if the label is the same.
-    other = whole.without(classes=whole.classes[:-1])
-    monkeypatch.setattr("kinespace.tools.programs.latency.BackgroundService", partial(BackgroundService, library=other))
-    latency = measure("osc", rate_hz=100.0, seconds=0.6, settings=Settings(hop=0.05))
-    # The first answer comes with frame 16, after 0.15 s.
-    assert (latency.sent, latency.answered, latency.lost) == (60, 0, 9)
-    assert latency.seconds.size == 0
 
 
 def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,7 +83,7 @@ def test_the_table_has_a_transport_and_its_echo(capsys: pytest.CaptureFixture[st
     assert [row[7:8] for row in rows] == [["96"], []]
 
 
-@pytest.mark.parametrize(("seconds", "hop"), [("0.1", "0.03"), ("0.5", "0.03"), ("1.1", "1")])
+@pytest.mark.parametrize(("seconds", "hop"), [("0.5", "0.03"), ("1.1", "1")])
 def test_too_short_a_run_is_refused(seconds: str, hop: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A run without an answer after the warm-up ends with one line and status 2, and starts no process."""
     assert main(["latency", "--seconds", seconds, "--hop", hop]) == 2

@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 import time
+from argparse import Namespace
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset
 from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.feeds import tell
+from kinespace.tools.programs.feeds import run
 from kinespace.tools.programs.listen import advice
 
 if TYPE_CHECKING:
@@ -191,17 +192,6 @@ def test_the_program_says_that_nothing_came() -> None:
     assert "0.0.0.0:PORT" in output
 
 
-def test_a_taken_port_is_one_line() -> None:
-    """When another program has the port, one line says so."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind((LOOPBACK, 0))
-        port = other.getsockname()[1]
-        status, output, errors = finished("listen", port, "--seconds", 1)
-    assert (status, output) == (2, "")
-    assert errors.count("\n") == 1
-    assert f"{LOOPBACK}:{port}" in errors
-
-
 def test_feeds_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
     """Every preset has its port and its sender's settings; one of them is printed as its file."""
     assert main(["feeds"]) == 0
@@ -223,7 +213,7 @@ def test_a_broken_preset_hides_no_other(
     monkeypatch.setattr("kinespace.stream.feeds.preset._presets", lambda: tmp_path)
     for asked in (None, "tiny", str(tmp_path / "tiny.toml")):
         with pytest.raises(PresetError, match=r"tiny\.toml.*port"):
-            tell(asked)
+            run(Namespace(name=asked))
         assert capsys.readouterr().out.startswith("vmc  port ") is (asked is None)
 
 

@@ -66,11 +66,6 @@ def _told(survey: Survey) -> list[str]:
     return advice(survey, survey.looked_at_as(NATIVE), None)
 
 
-def test_a_squat_is_well() -> None:
-    """A body whose times are seconds has no notes."""
-    assert _told(_squat(SQUAT.positions)) == []
-
-
 def test_another_unit_of_time_is_reported() -> None:
     """Milliseconds are reported, with the performer."""
     assert _told(_squat(SQUAT.positions, 1e3)) == ["performer ann: times are milliseconds: scaled"]
@@ -83,24 +78,6 @@ def test_joints_in_another_order_are_reported() -> None:
     for positions in (shuffled, angles):
         (line,) = _told(_squat(positions))
         assert line.startswith("performer ann: many segments change their length by more than a tenth")
-
-
-@pytest.mark.parametrize(
-    ("packet", "reason"),
-    [
-        (osc.encode_message("/motion/frame"), "performer: expected a name or an integer, got nothing"),
-        (osc.encode_message("/motion/frame", 1.0, 0.5, 0.5, 0.5), "performer: expected a name or an integer first"),
-        (osc.encode_message("/motion/frame", "ann", 1.0, 0.5, 0.5), "of ann: positions: expected three numbers"),
-    ],
-)
-def test_the_last_unreadable_message_is_shown(packet: bytes, reason: str) -> None:
-    """The last message that could not be read is shown with the reason, its sender and its beginning."""
-    survey = Survey()
-    for number in range(3):
-        survey.see(packet, "10.0.0.5:4000", number / 30)
-    (line,) = [line for line in advice(survey, None, None) if line.startswith("last malformed")]
-    assert reason in line
-    assert "from 10.0.0.5:4000: '/motion/frame" in line
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 
 from kinespace.tools.terminal.console import console, printable, progress
-from kinespace.tools.terminal.live_table import score_shown
 
 
 def test_progress_passes_every_piece_through() -> None:
@@ -16,27 +15,6 @@ def test_progress_passes_every_piece_through() -> None:
     assert list(progress(range(5), "Counting", 5)) == [0, 1, 2, 3, 4]
     assert list(progress(iter("abc"), "Spelling", None)) == ["a", "b", "c"]
     assert list(progress((), "Idling", 0)) == []
-
-
-def test_progress_is_lazy() -> None:
-    """A piece of work is done when it is asked for, not before."""
-    done = list[int]()
-
-    def work() -> int:
-        done.append(len(done))
-        return done[-1]
-
-    pieces = progress(iter(work, None), "Working", None)
-    assert next(pieces) == 0
-    assert next(pieces) == 1
-    assert done == [0, 1]
-    pieces.close()  # type: ignore[attr-defined]
-
-
-def test_without_a_terminal_no_progress_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """When standard error is no terminal, progress prints nothing."""
-    assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
-    assert capsys.readouterr() == ("", "")
 
 
 def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,15 +41,3 @@ def test_names_cannot_steer_the_terminal() -> None:
     assert printable("Zoë 舞 🕺") == "Zoë 舞 🕺"
     replaced = printable("a\x1b[2Jb\nc\rd\u202e\ud800")
     assert replaced == "a\N{REPLACEMENT CHARACTER}[2Jb\ufffdc\ufffdd\ufffd\ufffd"
-
-
-@pytest.mark.parametrize("given", [{}, {"NO_COLOR": "1"}])
-def test_no_color_is_obeyed(given: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """With NO_COLOR a terminal gets no colours; without, the bar of a score is green."""
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    for name, value in given.items():
-        monkeypatch.setenv(name, value)
-    terminal = type(console)(file=StringIO(), force_terminal=True, color_system="standard", width=80)
-    terminal.print(score_shown(0.5, 20))
-    assert isinstance(terminal.file, StringIO)
-    assert ("\x1b[32m" in terminal.file.getvalue()) == (not given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from io import StringIO
 
@@ -87,16 +88,6 @@ def test_a_performer_who_comes_back_is_printed_again(capsys: pytest.CaptureFixtu
     assert [line.split()[2] for line in capsys.readouterr().out.splitlines()] == ["me", "you", "me"]
 
 
-@pytest.mark.parametrize("name", ["[/]", "[bold]", ":smile:", "two words"])
-def test_any_name_is_shown_literally(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A performer's name is printed and drawn literally, markup or not."""
-    PlainLines().publish(recognition(name, "bow"))
-    assert f"  {name}  " in capsys.readouterr().out
-    table = LiveTable(CLASSES)
-    table.publish(recognition(name, "bow"))
-    assert name in shown(table)
-
-
 def test_a_name_cannot_break_the_line(capsys: pytest.CaptureFixture[str]) -> None:
     """Line ends and escape characters in a performer's name reach neither the lines nor the table."""
     name = "me\x1b[2J\nyou"
@@ -119,25 +110,10 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
     drawn = shown(table)
     (mine,) = [line for line in drawn.splitlines() if line.startswith("me ")]
     (yours,) = [line for line in drawn.splitlines() if line.startswith("you ")]
-    assert "jump" in mine
-    assert "0.500" in mine
-    assert "0.250" in mine
-    assert mine.rstrip().endswith("120")
-    assert "wave" in yours
-    assert "0.750" in yours
+    assert re.fullmatch(r"me +jump +\S+ 0\.500 +0\.250 +120", mine.strip())
+    assert re.match(r"you +wave +\S+ 0\.750 ", yours)
     assert "waiting" not in drawn
     assert "3 classes · received 101, malformed 2" in drawn
-
-
-def test_the_table_forgets_performers_who_left() -> None:
-    """A performer who is no longer in the status has no row."""
-    table = LiveTable(CLASSES)
-    table.publish(recognition("me", "bow"))
-    table.publish(recognition("you", "wave"))
-    table.publish_status(status("you"))
-    drawn = shown(table)
-    assert not [line for line in drawn.splitlines() if line.startswith("me ")]
-    assert [line for line in drawn.splitlines() if line.startswith("you ")]
 
 
 @pytest.mark.parametrize(
@@ -245,14 +221,3 @@ def test_the_summary_adds_answers_and_times() -> None:
         "20 answers of 80 frames (--hop: at most 30 answers a second), "
         "9 windows started anew, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
     )
-
-
-def test_a_library_of_one_class_has_no_runner_up() -> None:
-    """With a single class there is no second one, and drawing works."""
-    table = LiveTable(("bow",))
-    alone = Recognition("me", 1.0, Outcome.NAMED, ("bow",), np.array([0.5]), 0.1, 0.9, 0.8, 0.0)
-    table.publish(alone)
-    table.publish_classes(("bow",))
-    assert "bow" in shown(table)
-    assert table.failed == 0
-    table.close()

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.parametrize("command", [("demo", "--picture"), ("evaluate", "stream", "nowhere", "--page")], ids=" ".join)
+@pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--page")], ids=" ".join)
 def test_a_picture_without_a_place_is_refused_before_the_work(
     command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -58,7 +58,8 @@ def open_ends(
         if options.osc_out:
             with opening("--osc-out"):
                 sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(options.osc_out))))
-            opened.callback(sinks[-1].close)
+                opened.callback(sinks[-1].close)
+                _require_no_loop(receivers, sinks[-1])
         if options.zmq_out:
             with opening("--zmq-out"):
                 endpoint = _endpoint(options, options.zmq_out)
@@ -68,8 +69,8 @@ def open_ends(
         for out in options.out:
             with opening("--out"):
                 sinks.append(_layout_sink(out, receivers, admission))
-            opened.callback(sinks[-1].close)
-        _require_no_loop(receivers, sinks)
+                opened.callback(sinks[-1].close)
+                _require_no_loop(receivers, sinks[-1])
         # Last, because it may take another file's place.
         writer = _writer(options.record, receivers, preset) if options.record else None
         recorders = [Recorder(writer, index) if writer else None for index in range(len(receivers))]
@@ -101,13 +102,12 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admiss
     return ReplySink(layout, heard[0], port, admission)
 
 
-def _require_no_loop(receivers: Sequence[_AnyReceiver], sinks: Sequence[Sink]) -> None:
+def _require_no_loop(receivers: Sequence[_AnyReceiver], sink: Sink) -> None:
     """Refuse answers to a port on which frames come in: they would be taken for frames."""
-    heard = [receiver.address for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
-    for sink in sinks:
-        for own, listening in heard:
-            if _reaches(sink, own, listening):
-                raise ValueError(f"--out: expected another place than {own}:{listening}, where frames come in: {sink}")
+    for receiver in receivers:
+        if isinstance(receiver, osc.OscReceiver) and _reaches(sink, *receiver.address):
+            place = ":".join(map(str, receiver.address))
+            raise ValueError(f"address: expected another place than {place}, where frames come in: {sink}")
 
 
 def _reaches(sink: Sink, own: str, listening: int) -> bool:

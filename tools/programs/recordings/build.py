@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -52,40 +52,6 @@ _MIN_WINDOW = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Changes:
-    """Changes to the motions of all sources together.
-
-    Attributes
-    ----------
-    without
-        Classes and persons to leave out.
-    names
-        New names of classes, by their old names; classes that are left out are not renamed.
-    """
-
-    without: Sequence[str] = ()
-    names: Mapping[str, str] = field(default_factory=dict)
-
-    def made_in(self, library: MotionLibrary) -> MotionLibrary:
-        """Leave out and rename; ValueError names a class or person that the library lacks."""
-        classes, actors = {motion.class_name for motion in library.motions}, library.actors
-        for name in self.without:
-            if name not in classes and name not in actors:
-                raise ValueError(
-                    f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
-                )
-        for name in self.names:
-            if name not in classes - set(self.without):
-                stays = " that stays" if name in classes else ""
-                raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
-        left = library.without(
-            classes=[name for name in self.without if name in classes],
-            actors=[name for name in self.without if name in actors],
-        )
-        return left.renamed(self.names)
-
-
-@dataclass(frozen=True, slots=True)
 class Terms:
     """The terms of motions, and the authors to name; by default the file's own, or HDM05's for names like HDM05's."""
 
@@ -129,15 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=mapping,
         default=[],
         metavar="OLD=NEW",
-        help="rename these classes",
-    )
-    parser.add_argument(
-        "--nothing",
-        action="append",
-        type=Path,
-        default=[],
-        metavar="FOLDER",
-        help='recordings whose motions are to be answered "unknown"',
+        help=f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"',
     )
     add_labels(
         parser, "for each recording, in order: cut it into these motions (default: the file beside it, if there is one)"
@@ -158,24 +116,45 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     require_place_for(output, overwrite=options.overwrite)
     libraries = [library_at(file) for file in files]
-    reading, terms = reading_of(options), Terms(options.licence, options.attribution)
-    read, unknown = _Recordings(reading, terms), _Recordings(reading, terms)
+    read = _Recordings(reading_of(options), Terms(options.licence, options.attribution))
     clips = list(read.motions(places, labels)) if places else []
-    if options.nothing:
-        clips += (replace(clip, class_name=NOTHING) for clip in unknown.motions(options.nothing))
     if not (clips or libraries):
         notes = f" ({'; '.join(read.notes)})" if read.notes else ""
         raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{notes}")
     libraries += by_body(clips)
-    merged = Changes(options.without, dict(options.rename)).made_in(reduce(MotionLibrary.merged_with, libraries))
+    merged = changed(reduce(MotionLibrary.merged_with, libraries), options.without, dict(options.rename))
     if not merged.classes:
         raise ValueError(f"motions: expected some of a class beside {NOTHING!r}, got none")
     merged.save(output)
     made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
     console.print(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB", soft_wrap=True)
-    for line in (*read.notes, *unknown.notes, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
+    for line in (*read.notes, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
         console.print(line, soft_wrap=True)
     return 0
+
+
+def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, str]) -> MotionLibrary:
+    """Leave out classes and persons, and rename the classes that stay by their old names.
+
+    Raises
+    ------
+    ValueError
+        The library lacks a class or a person.
+    """
+    classes, actors = {motion.class_name for motion in library.motions}, library.actors
+    for name in without:
+        if name not in classes and name not in actors:
+            raise ValueError(
+                f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
+            )
+    for name in names:
+        if name not in classes - set(without):
+            stays = " that stays" if name in classes else ""
+            raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
+    left = library.without(
+        classes=[name for name in without if name in classes], actors=[name for name in without if name in actors]
+    )
+    return left.renamed(names)
 
 
 class _Recordings:
@@ -185,8 +164,8 @@ class _Recordings:
     ----------
     uncut
         Recordings that are one motion each.
-    told
-        Notes on the labels for a person, a line each.
+    notes
+        On the labels, for a person, a line each.
     """
 
     def __init__(self, reading: Reading, terms: Terms) -> None:

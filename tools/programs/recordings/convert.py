@@ -17,16 +17,8 @@ from kinespace.library.motion_library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.recording.takes import events_of, ordered_frames, seen_in
-from kinespace.tools.cli.arguments import (
-    add_library,
-    add_overwrite,
-    add_reading,
-    add_shared,
-    library_at,
-    reading_of,
-)
+from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_shared, reading_of
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.feeding.followed import Followed
 from kinespace.tools.terminal.console import console, printable, progress
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
@@ -38,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from kinespace.library import MotionLibrary, Reading
+    from kinespace.library import Reading
     from kinespace.library.skeleton import Skeleton
     from kinespace.stream.feeds import Preset
 
@@ -59,80 +51,31 @@ class _Motion:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame. Of a folder "
-        "every recording is converted."
+        "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame."
     )
+    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
     parser.add_argument(
-        "source", type=Path, metavar="FILE|FOLDER", help="a .kinerec, a motion file, or a folder of them"
+        "-o", "--output", type=Path, required=True, metavar="FILE", help="a file that ends in .npz or .csv"
     )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="FILE|FOLDER",
-        help="a file that ends in .npz or .csv; for a folder, the folder to write to",
-    )
-    parser.add_argument("--csv", action="store_true", help="for a folder: write CSV (default: .npz)")
     parser.add_argument("--performer", help="the performer to convert, if there are several")
-    parser.add_argument(
-        "--progress",
-        action="store_true",
-        help="recognise the motions, and write into the .npz how far in its motion each frame is",
-    )
-    add_library(parser)
     add_overwrite(parser)
     add_shared(parser, "--feed")
     add_reading(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    ending = ".csv" if options.csv else ".npz"
-    if options.source.is_dir():
-        pairs = _in_folder(options.source, options.output, ending)
-    elif options.csv:
-        raise ValueError(f"--csv: expected a folder to convert with it, got {options.source}")
-    else:
-        pairs = [(options.source, options.output)]
-    if options.library and not options.progress:
-        raise ValueError(f"--library: expected --progress with it, got {options.library}")
-    library = library_at(options.library) if options.progress else None
-    for source, output in pairs:
-        _convert(source, output, options, library)
-    return 0
-
-
-def _in_folder(folder: Path, output: Path, ending: str) -> list[tuple[Path, Path]]:
-    """Pair each recording of a folder with the file to write, in the same layout below another, new folder."""
-    if output.suffix.lower() in (".npz", ".csv"):
-        raise ValueError(f"--output: expected a folder to write to, because {folder} is a folder, got {output}")
-    if output.resolve() == folder.resolve():
-        raise ValueError(f"--output: expected another folder than {folder}")
-    found = [path for path in find_recordings([folder]) if output.resolve() not in path.resolve().parents]
-    pairs = [(path, (output / path.relative_to(folder)).with_suffix(ending)) for path in found]
-    written = {target for _, target in pairs}
-    if len(written) < len(pairs):
-        # Two files that differ only in their endings would become one.
-        pairs = [(path, target.with_name(path.name + ending)) for path, target in pairs]
-    for _, target in pairs:
-        target.parent.mkdir(parents=True, exist_ok=True)
-    return pairs
-
-
-def _convert(source: Path, output: Path, options: argparse.Namespace, library: MotionLibrary | None) -> None:
-    """Convert one file, frame by frame.
+    """Convert one file, frame by frame; return the exit status.
 
     An `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
-    they are not known; `performer`; and with a library that recognises the motions the progress of each frame
-    (`kinespace.tools.feeding.followed`). A `.csv` has a column for the time and three for each joint.
+    they are not known; and `performer`. A `.csv` has a column for the time and three for each joint.
     """
-    if library and output.suffix.lower() != ".npz":
-        raise ValueError(f"--progress: expected a file that ends in .npz, got {output}")
-    if output.suffix.lower() not in (".npz", ".csv"):
+    source, output, feed = options.source, options.output, options.feed
+    write = {".csv": _write_csv, ".npz": _write_npz}.get(output.suffix.lower())
+    if write is None:
         raise ValueError(f"{output}: expected a file that ends in .npz or .csv")
+    if source.is_dir():
+        raise ValueError(f"{source}: expected a recording, got a folder")
     require_place_for(output, overwrite=options.overwrite)
-    feed = options.feed
     damage = ""
     if source.suffix.lower() == ENDING:
         recording = RawFile(source)
@@ -143,10 +86,7 @@ def _convert(source: Path, output: Path, options: argparse.Namespace, library: M
     else:
         motion, refused = _of_file(source, reading_of(options)), 0
     motion.postures = progress(motion.postures, "Writing", motion.frames)
-    followed = Followed(library, motion.skeleton.joints) if library else None
-    if followed:
-        motion.postures = followed.watch(motion.postures)
-    frames = _write_csv(output, motion) if output.suffix.lower() == ".csv" else _write_npz(output, motion, followed)
+    frames = write(output, motion)
     console.print(
         f"{output}: {frames} frames of {len(motion.skeleton.joints)} joints"
         + (f", {refused} frames of other joints left out" if refused else ""),
@@ -154,6 +94,7 @@ def _convert(source: Path, output: Path, options: argparse.Namespace, library: M
     )
     if damage:
         console.print(damage, soft_wrap=True)
+    return 0
 
 
 def _of_file(source: Path, reading: Reading) -> _Motion:
@@ -194,7 +135,7 @@ def _write_csv(output: Path, motion: _Motion) -> int:
     return frames
 
 
-def _write_npz(output: Path, motion: _Motion, followed: Followed | None) -> int:
+def _write_npz(output: Path, motion: _Motion) -> int:
     """Write the arrays piece by piece: positions go to a scratch file first, and from there into the zip."""
     times = array("d")
     with tempfile.TemporaryFile(dir=output.absolute().parent) as scratch:
@@ -213,6 +154,5 @@ def _write_npz(output: Path, motion: _Motion, followed: Followed | None) -> int:
                 joints=np.array(motion.skeleton.joints),
                 parents=np.array(motion.skeleton.parents, dtype=np.int64),
                 performer=np.array(motion.performer),
-                **(followed.arrays() if followed else {}),
             )
     return len(times)

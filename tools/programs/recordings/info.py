@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
@@ -132,48 +132,40 @@ def _show_raw(described: Mapping[str, Any]) -> None:
 # --- libraries and folders ---
 
 
-class _Motion(NamedTuple):
-    """One motion of a library, or one recording, without its positions."""
-
-    name: str
-    class_name: str
-    person: str
-    take: str
-    seconds: float
-    frame_rate: float
-
-    @classmethod
-    def of(cls, clip: Clip, name: str) -> _Motion:
-        """Make it from a clip."""
-        return cls(name, clip.class_name, clip.actor, clip.take, round(clip.duration, 3), clip.frame_rate)
-
-    def listed(self) -> dict[str, Any]:
-        """Give its row for JSON."""
-        row = self._asdict()
-        return {"name": row.pop("name"), "class": row.pop("class_name"), **row}
+def _row(clip: Clip, name: str) -> dict[str, Any]:
+    """Describe one motion of a library, or one recording, without its positions."""
+    return {
+        "name": name,
+        "class": clip.class_name,
+        "person": clip.actor,
+        "take": clip.take,
+        "seconds": round(clip.duration, 3),
+        "frame_rate": clip.frame_rate,
+    }
 
 
-def _sums(motions: Sequence[_Motion], what: str, others: str) -> list[dict[str, Any]]:
+def _sums(motions: Sequence[Mapping[str, Any]], what: str, others: str) -> list[dict[str, Any]]:
     """Sum up motions by class or by person: number, number of the other names, seconds, frame rates."""
-    groups: dict[str, list[_Motion]] = {}
+    groups: dict[str, list[Mapping[str, Any]]] = {}
     for motion in motions:
-        groups.setdefault(motion.class_name if what == "class" else motion.person, []).append(motion)
+        groups.setdefault(motion[what], []).append(motion)
+    other = "person" if what == "class" else "class"
     return [
         {
             what: name,
             "motions": len(group),
-            others: len({each.person if what == "class" else each.class_name for each in group} - {""}),
-            "seconds": round(sum(each.seconds for each in group), 3),
-            "frame_rates": sorted({each.frame_rate for each in group}),
+            others: len({each[other] for each in group} - {""}),
+            "seconds": round(sum(each["seconds"] for each in group), 3),
+            "frame_rates": sorted({each["frame_rate"] for each in group}),
         }
         for name, group in sorted(groups.items())
     ]
 
 
-def _summed_up(motions: Sequence[_Motion]) -> dict[str, Any]:
+def _summed_up(motions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {
         "motions": len(motions),
-        "seconds": round(sum(each.seconds for each in motions), 3),
+        "seconds": round(sum(each["seconds"] for each in motions), 3),
         "classes": _sums(motions, "class", "persons"),
         "persons": _sums(motions, "person", "classes"),
     }
@@ -206,12 +198,12 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
     """Read recordings and sum them up; list them if there is one, or if asked for."""
     paths = find_recordings([place])
     names = [str(path.relative_to(place)) if place.is_dir() else path.name for path in paths]
-    motions, listed = list[_Motion](), list[dict[str, Any]]()
+    motions, listed = list[dict[str, Any]](), list[dict[str, Any]]()
     joints = dict[str, None]()
     for name, path, read in zip(names, paths, read_and_tell(paths, reading), strict=True):
         clip = labelled(read, path, reading.actor_in)
         joints |= dict.fromkeys(clip.skeleton.joints)
-        motions.append(_Motion.of(clip, name))
+        motions.append(_row(clip, name))
         if clips or len(paths) == 1:
             across = float(np.median(distance_rows(clip.positions, clip.skeleton).max(axis=1)))
             measured = {
@@ -219,7 +211,7 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
                 "metres_across": round(across, 3),
                 "filled": round(clip.filled / (clip.frames * len(clip.skeleton.joints)), 4),
             }
-            listed.append(motions[-1].listed() | measured)
+            listed.append(motions[-1] | measured)
     described = {"place": str(place), **_summed_up(motions), "joints": list(joints)}
     return described | ({"clips": listed} if listed else {})
 
@@ -256,7 +248,7 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     chosen = class_at(file) if file and file != BUILT_IN and not file.suffix else ""
     library = library_at(None if chosen else file)
     kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
-    motions = [_Motion.of(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
+    motions = [_row(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
     indices = {name: index for index, name in enumerate(library.classes)}
     described = {"library": str(file or BUILT_IN), **_summed_up(motions)}
     described["classes"] = [{**row, "index": indices.get(row["class"])} for row in described["classes"]]
@@ -267,7 +259,7 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
         "licence": library.licence,
         "attribution": library.attribution,
     }
-    return described | ({"clips": [each.listed() for each in motions]} if clips else {})
+    return described | ({"clips": motions} if clips else {})
 
 
 def _show_library(described: Mapping[str, Any]) -> None:

@@ -8,6 +8,8 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.recording.kinerec import ENDING
@@ -24,19 +26,24 @@ from kinespace.tools.cli.arguments import (
     share,
 )
 from kinespace.tools.feeding import packets
-from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender, piece_cues
+from kinespace.tools.feeding.feed import (
+    OscFrameSender,
+    ZmqFrameSender,
+    piece_cues,
+    with_drops,
+    with_jitter,
+    with_reordering,
+)
 from kinespace.tools.loopback.answer_listener import Listener
-from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.programs.replay.exchange import Exchange, shown
-from kinespace.tools.programs.replay.options import Faults
 from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
 from kinespace.tools.terminal.console import console, progress_console
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterator
 
-    from kinespace.tools.feeding.feed import FrameSender
-
+    from kinespace.tools.feeding.feed import Cue, FrameSender
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
@@ -64,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
-    add_shared(parser, "--page", "--keys", "--open")
+    add_shared(parser, "--keys", "--open")
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     parser.add_argument("--speed", type=positive, default=1.0, help="play so many times as fast (default %(default)s)")
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
@@ -85,17 +92,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    if not options.page:
-        return _play(options)
-    if "://" not in (options.listen or ""):
-        raise ValueError(f"--page: expected --listen with a recogniser's ZeroMQ endpoint, got {options.listen}")
-    with PageProcess(PagePlan(options.listen, options.page, keys=options.keys)) as page:
-        progress_console.print(f"page: {page.address}", soft_wrap=True)
-        return _play(options)
-
-
-def _play(options: argparse.Namespace) -> int:
     """Send the recordings; with `--listen`, print the share of right answers.
 
     Returns
@@ -110,13 +106,12 @@ def _play(options: argparse.Namespace) -> int:
     places, reading = options.clips, reading_of(options)
     if options.end is not None and options.end <= options.begin:
         raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
-    faults = Faults(options.drop, options.jitter_ms / 1000, options.reorder, options.seed)
     osc_to = options.osc or (None if options.zmq else OSC_IN)
     zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
     if any(place.suffix.lower() == ENDING for place in places):
         if len(places) != 1:
             raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
-        if options.listen or faults != Faults(seed=faults.seed):
+        if options.listen or options.drop or options.jitter_ms or options.reorder:
             raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen, --drop, --jitter-ms or --reorder")
         return packets.replay(places[0], osc_to, zmq_to, options)
     recordings = recordings_in(places, reading)
@@ -140,9 +135,19 @@ def _play(options: argparse.Namespace) -> int:
                 time.sleep(_MEETING)
             if not options.json:
                 console.print(announced(recordings, options))
-            exchange.play(shown(faults.applied(played), None if options.loop else len(recordings)))
+            exchange.play(shown(with_faults(played, options), None if options.loop else len(recordings)))
         unheard = exchange.was_unheard
     return 1 if unheard or (listener and not exchange.answered) else 0
+
+
+def with_faults(cues: Iterator[Cue], options: argparse.Namespace) -> Iterator[Cue]:
+    """Drop, swap and delay frames as the options say, by their seed."""
+    generator = np.random.default_rng(options.seed)
+    if options.drop:
+        cues = with_drops(cues, options.drop, generator)
+    if options.reorder:
+        cues = with_reordering(cues, options.reorder, generator)
+    return with_jitter(cues, options.jitter_ms / 1000, generator) if options.jitter_ms else cues
 
 
 def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:

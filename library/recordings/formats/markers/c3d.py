@@ -36,11 +36,11 @@ _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _BLOCK = 512
 #: The second byte of every C3D.
 _KEY = 0x50
-#: The processor that wrote a file: Intel's, or DEC's with its own floats.
-_INTEL, _DEC = 84, 85
+#: The kind of processor that wrote a file: only Intel's numbers are read.
+_INTEL = 84
 #: First block of the parameters, key, points, analog values, first frame, last frame, longest gap, scale, first block
 #: of the frames.
-_HEADER = struct.Struct("<BBHHHHH4sH")
+_HEADER = struct.Struct("<BBHHHHHfH")
 #: The last frame in the header of a file with more frames than fit there.
 _MANY = 0xFFFF
 
@@ -51,22 +51,13 @@ _Parameters = dict[tuple[str, str], _Values]
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """The bytes of a C3D, and the processor that wrote them."""
+    """The bytes of a C3D."""
 
     path: Path
     content: bytes
-    processor: int
 
     def fail(self, byte: int, what: str) -> NoReturn:
         raise RecordingError(f"{self.path}: byte {byte}: {what}")
-
-    def floats(self, content: bytes) -> NDArray[np.float32]:
-        """Read single-precision numbers."""
-        if self.processor != _DEC:
-            return np.frombuffer(content, dtype="<f4")
-        # VAX keeps the halves of a number the other way round, and its exponent is two higher.
-        halves = np.frombuffer(content, dtype="<u2").reshape(-1, 2)[:, ::-1]
-        return (halves.copy().view("<f4").ravel() / 4).astype(np.float32)
 
 
 def _parameters(file: _File, start: int) -> _Parameters:
@@ -105,7 +96,7 @@ def _values(file: _File, place: int) -> _Values:
         width = sizes[0] if sizes else 1
         texts = (content[at : at + width] for at in range(0, len(content), width or 1))
         return [text.decode("utf-8", "replace").strip(" \0") for text in texts]
-    numbers = file.floats(content) if kind == 4 else np.frombuffer(content, dtype=f"<i{kind}")
+    numbers = np.frombuffer(content, dtype="<f4" if kind == 4 else f"<i{kind}")
     return [float(number) for number in numbers]
 
 
@@ -124,20 +115,19 @@ def _read(path: Path) -> tuple[_Parameters, NDArray[np.float64]]:
     if len(content) < _BLOCK or content[1] != _KEY or not content[0]:
         raise RecordingError(f"{path}: byte 1: expected a C3D's 0x50, got a file of another kind")
     start = (content[0] - 1) * _BLOCK
-    processor = content[start + 3] if len(content) > start + 3 else 0
-    file = _File(path, content, processor)
-    if processor not in (_INTEL, _DEC):
-        file.fail(start + 3, f"expected Intel's processor, {_INTEL}, or DEC's, {_DEC}, got {processor}")
-    _, _, points, analog, first, last, _, packed, data = _HEADER.unpack_from(content)
+    file, processor = _File(path, content), content[start + 3] if len(content) > start + 3 else 0
+    if processor != _INTEL:
+        file.fail(start + 3, f"expected Intel's processor, {_INTEL}, got {processor}")
+    _, _, points, analog, first, last, _, scale, data = _HEADER.unpack_from(content)
     said = _parameters(file, start)
-    frames, scale = _frames(first, last, said), float(file.floats(packed)[0])
+    frames = _frames(first, last, said)
     begin = (data - 1) * _BLOCK
     end = begin + frames * (4 * points + analog) * (4 if scale < 0 else 2)
     if not 0 < begin < end or points < 2:
         file.fail(2, f"an impossible header ({points} points, {analog} analog values, {frames} frames)")
     if len(content) < end:
         file.fail(len(content), f"the file ends, expected {end} bytes")
-    numbers = file.floats(content[begin:end]) if scale < 0 else np.frombuffer(content[begin:end], dtype="<i2")
+    numbers = np.frombuffer(content[begin:end], dtype="<f4" if scale < 0 else "<i2")
     each = numbers.reshape(frames, -1)[:, : 4 * points].reshape(frames, points, 4).astype(np.float64)
     positions = each[:, :, :3] if scale < 0 else each[:, :, :3] * scale
     positions[each[:, :, 3] < 0] = np.nan

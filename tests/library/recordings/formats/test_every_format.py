@@ -203,7 +203,6 @@ def read_or_refused(path: Path) -> Clip | None:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 @every_format
 def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, ending: str) -> None:
     """What is left is never made up: the frames but the last, whose last number may be cut short, are those written."""
@@ -245,21 +244,3 @@ def test_rubbish_anywhere_is_refused_by_name_or_read(
         content = content[:place] + rubbish + content[place + (len(rubbish) if keeps_length else lost) :]
     spoilt.write_bytes(content)
     read_or_refused(path)
-
-
-@pytest.mark.parametrize("ending", ["amc", "asf", "bvh", "c3d", "trc", "csv", "npz"])
-@pytest.mark.parametrize(
-    "content",
-    [b"", b"# nothing\n\n", bytes(range(256)) * 8, b"\x00" * 512, b"PK\x03\x04 no zip", "x,1\nü\n".encode("utf-16")],
-    ids=["empty", "comments", "every byte", "zeros", "a zip's head", "UTF-16"],
-)
-def test_a_file_of_another_kind_is_refused_by_name(tmp_path: Path, ending: str, content: bytes) -> None:
-    """A file that is none of its ending's is refused, a missing one is the system's error."""
-    path = written("amc" if ending == "asf" else ending, tmp_path, np.random.default_rng(9), frames=3).path
-    spoilt = path.with_suffix(f".{ending}")
-    spoilt.write_bytes(content)
-    assert read_or_refused(path) is None
-    spoilt.unlink()
-    if ending not in (*TABLES, "asf"):
-        with pytest.raises(FileNotFoundError, match=re.escape(str(spoilt))):
-            read(path)

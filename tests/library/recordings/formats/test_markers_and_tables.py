@@ -10,7 +10,6 @@ import pytest
 from written import csv_table, write_c3d
 
 from kinespace.library.recordings.formats import joint_table
-from kinespace.library.recordings.formats.gap_filling import with_missing_joints
 from kinespace.library.recordings.formats.joint_choice import chosen, short_names
 from kinespace.library.recordings.formats.markers import c3d
 from kinespace.library.recordings.formats.units import guessed_metres, metres_of
@@ -42,6 +41,9 @@ def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
     for scale in (1.0, 0.001):
         write_c3d(tmp_path / "walk.c3d", LABELS, WALK * scale, unit="")
         np.testing.assert_allclose(c3d.read_clip(tmp_path / "walk.c3d").positions, WALK / 1000, rtol=1e-5)
+    write_c3d(tmp_path / "walk.c3d", LABELS, np.full_like(WALK, np.nan), unit="")
+    with pytest.raises(ValueError, match="no point is ever in sight"):
+        c3d.read_clip(tmp_path / "walk.c3d")
 
 
 def _in_integers(content: bytes, begin: int) -> bytes:
@@ -51,30 +53,15 @@ def _in_integers(content: bytes, begin: int) -> bytes:
     return content[:begin].replace(struct.pack("<f", -1.0), tenth) + numbers.round().astype("<i2").tobytes()
 
 
-def _of_dec(content: bytes, begin: int) -> bytes:
-    """Rewrite the floats that are read as a VAX keeps them."""
-
-    def swapped(numbers: bytes) -> bytes:
-        return (np.frombuffer(numbers, "<f4") * 4).astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1].tobytes()
-
-    rate = content.index(b"RATE") + 8
-    spans = ((12, 16), (rate, rate + 4), (begin, begin + WALK.size // 3 * 16))
-    changed = bytearray(content.replace(b"\x01\x50\x02\x54", b"\x01\x50\x02\x55"))
-    for first, last in spans:
-        changed[first:last] = swapped(content[first:last])
-    return bytes(changed)
-
-
-@pytest.mark.parametrize("rewritten", [_in_integers, _of_dec])
-def test_integers_and_floats_of_other_processors_are_the_same_clip(tmp_path: Path, rewritten: object) -> None:
-    """Scaled integers are read to their rounding, DEC's floats exactly; points out of sight stay so."""
+def test_integers_are_the_same_clip(tmp_path: Path) -> None:
+    """Scaled integers are read to their rounding; points out of sight stay so."""
     path, walk = tmp_path / "walk.c3d", WALK.copy()
     walk[3, 1] = np.nan
     write_c3d(path, LABELS, walk)
     expected, content = c3d.read_clip(path), path.read_bytes()
-    path.write_bytes(rewritten(content, (struct.unpack_from("<H", content, 16)[0] - 1) * 512))  # type: ignore[operator]
+    path.write_bytes(_in_integers(content, (struct.unpack_from("<H", content, 16)[0] - 1) * 512))
     clip = c3d.read_clip(path)
-    np.testing.assert_allclose(clip.positions, expected.positions, atol=0.00006 if rewritten is _in_integers else 0.0)
+    np.testing.assert_allclose(clip.positions, expected.positions, atol=0.00006)
     assert clip.filled == expected.filled == 1
 
 
@@ -173,15 +160,3 @@ def test_units_are_known_by_name_and_by_number() -> None:
     assert [metres_of(unit) for unit in ("", "parsec", "-1", "nan", "0", "inf")] == [None] * 6
     guesses = {0.5: 1, 2.5: 1, 60.0: 0.01, 250.0: 0.01, 700.0: 0.001, 2500.0: 0.001}
     assert [guessed_metres(reach) for reach in guesses] == [*guesses.values()]
-
-
-def test_filling_changes_missing_places_alone() -> None:
-    """Filling returns the very same array where nothing is missing; a joint that is always missing is refused."""
-    missing = np.zeros((40, 3), dtype=bool)
-    assert with_missing_joints(WALK, missing, LABELS, 100.0) is WALK
-    missing[3, 1] = True
-    filled = with_missing_joints(WALK, missing, LABELS, 100.0)
-    np.testing.assert_array_equal(filled[~missing], WALK[~missing])
-    np.testing.assert_allclose(filled[3, 1], (WALK[2, 1] + WALK[4, 1]) / 2)
-    with pytest.raises(ValueError, match=r"'knee' is missing for 0\.40 s"):
-        with_missing_joints(WALK, np.broadcast_to([False, True, False], (40, 3)), LABELS, 100.0)

@@ -75,16 +75,6 @@ def test_other_names_take_their_class_from_the_folder(tmp_path: Path, monkeypatc
     assert (motion.class_name, motion.actor, motion.take) == ("spin", "", "ann_7")
 
 
-def test_a_given_skeleton_and_rate_are_used(tmp_path: Path) -> None:
-    """With --asf no skeleton is searched, and --frame-rate overrides the recordings' rates."""
-    (tmp_path / "cut").mkdir()
-    path = write_take(tmp_path / "cut", "bd", "bendLeft", 1)
-    (tmp_path / "cut" / "HDM_bd.asf").rename(tmp_path / "other.asf")
-    assert build(path, "-o", tmp_path / "mine.npz", "--asf", tmp_path / "other.asf", "--frame-rate", "60") == 0
-    (motion,) = MotionLibrary.load(tmp_path / "mine.npz").motions
-    assert (motion.frames, motion.frame_rate, motion.duration) == (180, 60.0, 3.0)
-
-
 def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With labels each segment is a motion of its label's class; a bad line ends with the file and the line."""
     path = write_take(tmp_path, "bd", "bendLeft", 1)
@@ -205,18 +195,6 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     ]
 
 
-def test_each_motion_keeps_its_own_terms(tmp_path: Path) -> None:
-    """Terms given are the recordings'; motions of a library keep theirs, and stand before the same ones recorded."""
-    (tmp_path / "cut").mkdir()
-    write_takes(tmp_path / "cut", actors=("bd",), takes=1)
-    build(tmp_path / "cut", "-o", tmp_path / "first.npz", "--licence", "CC0")
-    write_takes(tmp_path / "cut", actors=("mm",), takes=1)
-    assert build(tmp_path / "first.npz", tmp_path / "cut", "--licence", "MIT", "-o", tmp_path / "both.npz") == 0
-    both = MotionLibrary.load(tmp_path / "both.npz")
-    assert [(motion.actor, motion.licence) for motion in both.motions] == [("bd", "CC0"), ("mm", "MIT")] * 3
-    assert both.licence == "CC0 / MIT"
-
-
 def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) -> None:
     """--without leaves out, --rename renames the other classes, each as often as it is given."""
     MotionLibrary.builtin().save(tmp_path / "all.npz")
@@ -260,23 +238,6 @@ def test_changes_that_cannot_be_made_are_one_line(
     assert not (tmp_path / "mine.npz").exists()
 
 
-def test_a_folder_may_hold_nothing_known(tmp_path: Path) -> None:
-    """Recordings of --nothing are motions of the class `nothing`, with any names."""
-    for name in ("known", "other"):
-        (tmp_path / name).mkdir()
-    write_takes(tmp_path / "known", takes=1)
-    write_takes(tmp_path / "other", actors=("tr",), takes=1)
-    assert build(tmp_path / "known", "--nothing", tmp_path / "other", "-o", tmp_path / "mine.npz") == 0
-    library = MotionLibrary.load(tmp_path / "mine.npz")
-    assert library.classes == tuple(sorted(SWINGS))
-    assert [motion.actor for motion in library.motions if motion.class_name == NOTHING] == ["tr"] * 3
-    assert len(library) == 9
-    build(tmp_path / "known", "-o", tmp_path / "known.npz")
-    arguments = (tmp_path / "known.npz", "--nothing", tmp_path / "other", "-o", tmp_path / "again.npz")
-    assert build(*arguments) == 0
-    assert positions_alike(MotionLibrary.load(tmp_path / "again.npz"), library)
-
-
 def test_labels_without_recordings_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Labels beside libraries alone are refused before any file is read."""
     arguments = (tmp_path / "any.npz", "--labels", tmp_path / "any.csv", "-o", tmp_path / "never.npz")
@@ -306,16 +267,6 @@ def test_recordings_of_two_skeletons_meet_over_shared_joints() -> None:
     whole, rest = by_body([one, *fewer, turned])
     assert (len(whole), len(rest), len(rest.skeleton.joints)) == (2, len(fewer), 5)
     assert len(whole.merged_with(rest).skeleton.joints) == 5
-
-
-def test_bodies_that_share_too_little_cannot_be_merged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A library of another body among the sources ends with one line that says how many joints are shared."""
-    MotionLibrary.of_clips(stick_clips(takes=1)).save(tmp_path / "stick.npz")
-    path = write_take(tmp_path, "bd", "bendLeft", 1)
-    assert build(tmp_path / "stick.npz", path, "-o", tmp_path / "mine.npz") == 2
-    error = "joints: expected at least 5 of the library's 6 (root ... foot), got 2"
-    assert capsys.readouterr().err == f"kinespace: {error}\n"
-    assert not (tmp_path / "mine.npz").exists()
 
 
 # --- the file ----------------------------------------------------------------------------------------------------

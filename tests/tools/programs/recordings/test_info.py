@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from typing import TYPE_CHECKING
 
 import pytest
 from recorded import write_takes
-from synthetic import STICK, stick_clips
+from synthetic import stick_clips
 
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.naming import hdm05
@@ -48,20 +47,6 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         f"attribution: {hdm05.ATTRIBUTION}",
     ):
         assert f"\n{told}\n" in printed
-
-
-def test_info_describes_a_library_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A library file is shown under its name with its own terms, in one unbroken line each."""
-    path = tmp_path / "mine.npz"
-    terms = {"licence": "CC0", "attribution": "A. " * 80 + "Dancer"}
-    MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in stick_clips(takes=2)]).save(path)
-    assert main(["info", str(path)]) == 0
-    printed = capsys.readouterr().out
-    assert "mine.npz" in "".join(printed.split("\n"))
-    assert "motions: 12 of 3 classes, 12 s\n" in printed
-    assert f"joints: 6: {', '.join(STICK.joints)}\n" in printed
-    assert "licence: CC0\n" in printed
-    assert "attribution: " + "A. " * 80 + "Dancer\n" in printed
 
 
 def test_nothing_has_no_index(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

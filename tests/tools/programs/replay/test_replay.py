@@ -8,31 +8,26 @@ import threading
 import time
 from argparse import Namespace
 from contextlib import contextmanager
-from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, PATIENCE, finished, free_udp_port
+from programs import LOOPBACK, PATIENCE, free_udp_port
 from recorded import write_take, write_takes
-from rich.console import Console
 
 from kinespace.library import MotionLibrary, Reading, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.library.windows.index import opened
-from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc, zeromq
-from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
-from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
+from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
+from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.outputs import LayoutSink, NativeLayout
 from kinespace.stream.service.loop import Service
-from kinespace.stream.zeromq import Endpoint
-from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
-from kinespace.tools.feeding.feed import Cue, clip_cues, piece_cues
-from kinespace.tools.programs.replay import exchange
+from kinespace.tools.feeding.feed import clip_cues, piece_cues
 from kinespace.tools.programs.replay.exchange import Score
-from kinespace.tools.programs.replay.options import Faults
+from kinespace.tools.programs.replay.program import with_faults
 from kinespace.tools.programs.replay.recordings import announced, pieces_of
 
 if TYPE_CHECKING:
@@ -130,16 +125,6 @@ def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) ->
     late = course(begin=0.4, end=0.6)
     classes = [cue.class_name for cue in piece_cues(pieces_of([take], Reading(), late), "me")]
     assert classes == ["up"] * 12 + ["down"] * 12
-
-
-def test_the_terminal_shows_the_recording_being_sent(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The name of the recording, its number and how many there are stand beside the bar."""
-    terminal = Console(file=StringIO(), force_terminal=True, width=100)
-    monkeypatch.setattr(exchange, "progress_console", terminal)
-    cues = [Cue(0.0, Frame("me", 1.0, np.zeros((6, 3))), n, "a", n // 2, ("bow [1]", "wave")[n // 2]) for n in range(4)]
-    assert list(exchange.shown(cues, 2)) == cues
-    assert isinstance(terminal.file, StringIO)
-    assert "Sending 2 of 2: wave" in terminal.file.getvalue()
 
 
 def test_the_joints_are_announced_every_second(
@@ -252,8 +237,8 @@ def test_it_says_before_how_much_it_sends(monkeypatch: pytest.MonkeyPatch) -> No
 def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Frames are lost and swapped by the seed, and `sent` counts the frames really sent."""
     (clip,) = read_recordings([take])
-    faults = Faults(drop=0.2, jitter=0.01, reorder=0.2, seed=5)
-    expected = [cue.frame.time for cue in faults.applied(clip_cues([clip], "replay", speed=SPEED))]
+    faults = Namespace(drop=0.2, jitter_ms=10.0, reorder=0.2, seed=5)
+    expected = [cue.frame.time for cue in with_faults(clip_cues([clip], "replay", speed=SPEED), faults)]
     order = ("--drop", 0.2, "--jitter-ms", 10, "--reorder", 0.2)
     assert replay(take, "--osc", target(stage), *order, "--seed", 5, "--json") == 0
     times = [frame.time for frame in frames_in(heard(stage))]
@@ -278,7 +263,7 @@ def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys
     assert re.match(rf"no program listens at {re.escape(place)}: 18\d packets were lost; start", unheard)
 
 
-@pytest.mark.parametrize("performer", ["me", "my dancer", "[/]", "søren"])
+@pytest.mark.parametrize("performer", ["my dancer", "[/]"])
 def test_osc_answers_to_any_performer_are_counted(
     performer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -299,29 +284,6 @@ def test_osc_answers_to_any_performer_are_counted(
     answers, share = _expected_answers(library, clips[:1])
     assert described["answers"] == answers > 20
     assert described["right"] == round(share, 4)
-
-
-def test_zmq_answers_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over ZeroMQ, with keys, the answers are heard as well; the table has a row for each class performed."""
-    takes = write_takes(tmp_path, actors=("bd",), takes=1, frames=120)
-    clips = list(read_recordings(takes))
-    library = MotionLibrary.of_clips(clips)
-    anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
-    make_keys(tmp_path / "keys", "stage")
-    keyring = zeromq.Keyring(tmp_path / "keys")
-    source = Source(zeromq.ZmqReceiver(anywhere, keyring=keyring), ZmqDecoder())
-    sink = ZmqSink(zeromq.ZmqSender(anywhere, keyring))
-    arguments = (*takes, "--zmq", source.receiver.address, "--listen", sink.sender.address, "--keys", tmp_path / "keys")
-    with keyring, recognising(library, source, sink):
-        # Pauses of a second and a half, so that on a busy machine too an answer comes while its class is performed.
-        assert replay(*arguments, "--speed", "2", "--pause", "3") == 0
-    printed = capsys.readouterr().out
-    assert "360 frames sent, 0 refused by the system" in printed
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if "│" in line]
-    assert [row[0] for row in rows] == ["bendLeft", "bendRight", "raiseBoth", "all"]
-    # Which share is right depends on how soon answers come; a busy machine may give one while the next class is sent.
-    answers, _ = _expected_answers(library, clips)
-    assert sum(int(row[1]) for row in rows[:3]) == int(rows[3][1]) == answers
 
 
 def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:
@@ -390,28 +352,15 @@ def test_ctrl_c_ends_the_feed_and_reports(
 
 
 def test_the_score_is_kept_by_class() -> None:
-    """Answers are counted by the class performed; the share is over all of them, and None without any."""
+    """Answers are counted by the class performed; the share is over all of them, and None without any.
+
+    Answers in stretches without a label are counted apart, and change no share.
+    """
     score = Score()
     assert score.share() is None
-    for performed, label in (("bow", "bow"), ("bow", "wave"), ("wave", "wave"), ("wave", "wave")):
+    for performed, label in (("bow", "bow"), ("bow", "wave"), ("wave", "wave"), ("wave", "wave"), ("", "bow")):
         score.add(performed, label)
     assert score.answers == {"bow": 2, "wave": 2}
     assert score.right == {"bow": 1, "wave": 2}
-    assert score.share() == 0.75
-
-
-def test_the_command_replays(stage: osc.OscReceiver, take: Path) -> None:
-    """As a command of its own, replay sends the clip and prints exactly one JSON object."""
-    status, output, errors = finished("replay", take, "--osc", target(stage), "--speed", SPEED, "--json")
-    assert (status, errors) == (0, "")
-    assert json.loads(output) == {"sent": 180, "failed": 0, "unheard": 0, "answers": 0, "unlabelled": 0, "right": None}
-    assert len(frames_in(heard(stage))) == 180
-
-
-def test_unlabelled_stretches_are_not_scored() -> None:
-    """Answers in stretches without a label are counted apart, and change no share."""
-    score = Score()
-    for performed, label in (("up", "up"), ("", "up"), ("", "down"), ("up", "down")):
-        score.add(performed, label)
-    assert (score.share(), score.heard, score.unlabelled) == (0.5, 4, 2)
-    assert score.table().row_count == 3
+    assert (score.share(), score.heard, score.unlabelled) == (0.75, 5, 1)
+    assert score.table().row_count == 4

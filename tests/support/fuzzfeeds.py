@@ -21,6 +21,7 @@ from golden import LAYOUTS, Moment, bundle, message
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import Source, ZmqDecoder
 from kinespace.stream.inputs.feed_source import FeedSource
@@ -142,7 +143,7 @@ def check(source: FeedSource, packet: bytes, arrival: float) -> None:
         else:
             assert event == Announcement(event.performer, source.preset.joints)
     counts = source.decoder.assembler.counts
-    assert len(source.decoder.assembler) <= source.decoder.assembler.most
+    assert len(source.decoder.assembler) <= MAX_PERFORMERS
     assert sum(counts.closed_by.values()) == counts.frames + counts.incomplete + counts.absurd
 
 

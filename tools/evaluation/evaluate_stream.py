@@ -38,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the answer of each moment with the movement performed at that moment."
     )
     harness.add_sources(parser, "the library's own motions")
+    text = "recordings in which nothing known happens, or folders of them"
+    parser.add_argument("--unknown", nargs="+", action="extend", type=Path, default=[], metavar="TAKE", help=text)
     harness.add_protocol(parser)
     text = "leave these parts of the signature out, to see their worth"
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)

@@ -13,6 +13,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import (
     add_actor_in,
+    add_labels,
     add_library,
     add_map,
     add_reading,
@@ -67,9 +68,10 @@ class Asked(NamedTuple):
 
 def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     """Add the options for takes; `usual` says what is played when there are none."""
-    text = f"takes with labels beside them, clips named as HDM05's, or folders of them (default: {usual})"
+    text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
     parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
+    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
     add_reading(parser)
     add_actor_in(parser)
     add_subjects(parser)
@@ -93,7 +95,9 @@ def sources_of(options: argparse.Namespace) -> Sources:
     """Make the sources of takes from the arguments."""
     return Sources(
         options.takes,
+        options.labels,
         clips=options.clips,
+        unknown=getattr(options, "unknown", ()),
         tables=getattr(options, "tables", ()),
         names=dict(options.map),
         persons=options.subjects,
@@ -123,7 +127,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     """
     sources, protocol = sources_of(options), Protocol(options.protocol)
     if not sources and protocol is Protocol.LIBRARY:
-        raise ValueError("TAKE, --takes: expected takes with --protocol library, got none")
+        raise ValueError("TAKE, --takes, --unknown: expected takes with --protocol library, got none")
     given = None
     if protocol is Protocol.LIBRARY or not sources:
         given = library_at(options.library)

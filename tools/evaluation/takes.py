@@ -16,6 +16,7 @@ from kinespace.library.recordings.formats.labels import (
     Segment,
     cut,
     oddities,
+    read_labels,
     renamed,
 )
 from kinespace.tools.feeding import utkinect
@@ -87,9 +88,13 @@ class Sources:
     places
         Labelled takes, or folders of them: each take's labels lie beside it, ending in `.csv`, `.tsv` or `.txt`, or as
         UTKinect has them.
+    labels
+        The takes' labels in the takes' order, when they lie elsewhere.
     clips
         Whether each recording without labels is one motion from beginning to end. Its class is in its name (for files
         named like HDM05's, without this option too) or is its folder's name.
+    unknown
+        Recordings without known motions, or folders of them.
     tables
         CSV files that list the classes that each take contains.
     names
@@ -101,7 +106,9 @@ class Sources:
     """
 
     places: Sequence[Path] = ()
+    labels: Sequence[Path] = ()
     clips: bool = False
+    unknown: Sequence[Path] = ()
     tables: Sequence[Path] = ()
     names: Mapping[str, str] = field(default_factory=dict)
     persons: Sequence[str] = ()
@@ -109,7 +116,7 @@ class Sources:
     skeleton: str | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.places or self.tables)
+        return bool(self.places or self.unknown or self.tables)
 
     def wants(self, person: str) -> bool:
         """Whether a person's takes are kept."""
@@ -136,7 +143,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     OSError
         A file or a take's labels are missing or cannot be opened.
     """
-    entries = [*_labelled(sources), *(each for table in sources.tables for each in _listed(table))]
+    entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
     reader, tell = RecordingReader(reading), NameTeller()
     takes = [
@@ -164,17 +171,26 @@ def takes_of(motions: Sequence[Clip]) -> list[Take]:
 
 def _labelled(sources: Sources) -> Iterator[_Entry]:
     found = [path for place in sources.places for path in utkinect.takes_in(place) or find_recordings([place])]
-    for path in dict.fromkeys(found):
-        segments = segments_beside(path)
+    paths = list(dict.fromkeys(found))
+    if sources.labels and len(sources.labels) != len(paths):
+        raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
+    for index, path in enumerate(paths):
+        segments = read_labels(sources.labels[index]) if sources.labels else segments_beside(path)
         named = hdm05.read_clip_name(path)
         if segments or utkinect.is_take(path):
             yield _Entry(path, segments or ())
-        elif sources.clips or (named and named.class_name):
+        elif not sources.labels and (sources.clips or (named and named.class_name)):
             yield _Entry(path, None)
         else:
             raise FileNotFoundError(
-                f"{path.with_suffix('.csv')}: no labels for {path.name}; --clips says that it is one motion"
+                f"{path.with_suffix('.csv')}: no labels for {path.name}; --labels says where they are, --clips that it "
+                "is one motion"
             )
+
+
+def _unknown(sources: Sources) -> Iterator[_Entry]:
+    for path in find_recordings(sources.unknown) if sources.unknown else ():
+        yield _Entry(path, contains=(NOTHING,))
 
 
 def _listed(table: Path) -> Iterator[_Entry]:

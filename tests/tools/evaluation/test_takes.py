@@ -120,7 +120,7 @@ def test_other_clips_are_of_their_folders_class(tmp_path: Path) -> None:
         ("ann_01", {"clap"}, "ann"),
         ("ann_01 (2)", {"row"}, "ann"),
     ]
-    with pytest.raises(FileNotFoundError, match=r"ann_01.csv: no labels for ann_01.amc; --clips "):
+    with pytest.raises(FileNotFoundError, match=r"ann_01.csv: no labels for ann_01.amc; --labels .* --clips "):
         read_takes(Sources([tmp_path]), BY_NAME)
 
 
@@ -132,6 +132,16 @@ def test_motions_of_a_library_are_takes() -> None:
     for take, motion in zip(takes, motions, strict=False):
         assert take.segments == (Segment(0.0, motion.duration, motion.class_name),)
         assert (take.person, take.clip.positions is motion.positions) == (motion.actor, True)
+
+
+# --- takes in which nothing known happens ------------------------------------------------------------------------
+
+
+def test_unknown_takes_show_nothing_known(folder: Path) -> None:
+    """An unknown take is labelled `nothing` throughout; labels beside it are ignored."""
+    takes = read_takes(Sources(unknown=[folder / "ann_01.amc", folder / "ben_01.amc"]), BY_NAME)
+    assert [take.segments for take in takes] == [(Segment(0.0, 2.0, NOTHING),), (Segment(0.0, 1.0, NOTHING),)]
+    assert not any(take.is_known or take.labels for take in takes)
 
 
 # --- tables ------------------------------------------------------------------------------------------------------
@@ -178,9 +188,9 @@ def test_a_table_that_says_nothing_is_refused(folder: Path, text: str, message: 
 
 
 def test_all_kinds_are_read_together(folder: Path) -> None:
-    """Labelled and listed takes come one after the other; a take that is there twice has two names."""
-    table = _table(folder, HEADER + "ann_01.amc,7,1,,\nann_02.amc,7,1,row,\n")
-    takes = read_takes(Sources([folder / "ann_01.amc"], tables=[table]), BY_NAME)
+    """Labelled, unknown and listed takes come one after the other; a take that is there twice has two names."""
+    table = _table(folder, HEADER + "ann_02.amc,7,1,row,\n")
+    takes = read_takes(Sources([folder / "ann_01.amc"], unknown=[folder / "ann_01.amc"], tables=[table]), BY_NAME)
     assert _names(takes) == ["ann_01", "ann_01 (2)", "ann_02"]
     assert [take.is_known for take in takes] == [True, False, False]
 

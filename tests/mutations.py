@@ -111,7 +111,7 @@ def stages(path: Path, *, near: bool) -> list[tuple[str, ...]]:
     """Give the tests that are run for a file, one set after another, until a set finds the change."""
     folder = Path("tests") / path.parent
     sets = [(str(folder / f"test_{path.stem}.py"),), (str(folder),)]
-    sets += [] if near else [_WIDER[path.parts[0]], _ANSWERS]
+    sets += [] if near else [_WIDER.get(path.parts[0], ("tests/tools",)), _ANSWERS]
     return [tests for tests in dict.fromkeys(sets) if all((ROOT / each).exists() for each in tests)]
 
 

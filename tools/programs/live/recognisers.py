@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
     from kinespace.stream.service.loop import Source
     from kinespace.stream.service.recognising import Recognising
@@ -53,14 +52,13 @@ class Where:
     ----------
     make
         Makes the recognisers of a library by the options, the joints that senders do not name, and the order of the
-        classes; it appends to `sources` and `sinks`.
-    sources, sinks
-        Where their answers come back, and further sinks.
+        classes; it appends to `sources`.
+    sources
+        Where their answers come back.
     """
 
     make: Making = in_this_process
     sources: list[Source] = field(default_factory=list)
-    sinks: list[Sink] = field(default_factory=list)
 
     def close(self) -> None:
         """Close the sources, also when the service that would have done so was never made."""

@@ -72,7 +72,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where
         Service(
             performers,
             [*sources, *controls, *ends.sources, *where.sources],
-            [*sinks, *where.sinks, shown, *ends.sinks, *([lessons] if lessons else [])],
+            [*sinks, shown, *ends.sinks, *([lessons] if lessons else [])],
             admission=admission,
             control=lessons,
         ) as service,

@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 # Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup demo chaos figures test quick lint types pytest sanitize fuzz wheel-check clean
+.PHONY: setup demo chaos soak figures test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -29,7 +29,9 @@ $(RUNS): $(SOURCES) | $(VENV)/pyvenv.cfg
 	$(INSTALL) .
 	@touch $@
 
+# LOCKED=1 installs the packages that .ci/locked.txt names, by their hashes, in place of the newest ones.
 $(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
+	$(if $(LOCKED),$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r .ci/locked.txt)
 	$(INSTALL) '.[dev]'
 	@touch $(RUNS) $@
 
@@ -37,6 +39,10 @@ $(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
 # `make chaos TRIALS=--help` lists its options.
 chaos: setup
 	PYTHONPATH=tests:tests/support $(BIN)/python -m chaos $(TRIALS)
+
+# An hour of a stage in ten minutes: does memory grow, is a descriptor or a thread left?
+soak: setup
+	PYTHONPATH=tests:tests/support $(BIN)/python -m chaos.soak $(SOAK)
 
 # Every figure of recognition and retrieval, some minutes; `make test` measures a few. `FIGURES=--update` writes them.
 figures: setup
@@ -73,9 +79,12 @@ pytest: setup
 sanitize: setup
 	.ci/sanitize
 
-# Some two minutes of packets made to break a feed; `make test` sends ten thousand of them.
+# Some two minutes of packets made to break a feed, and some ten of files made to break their readers; `make test` sends
+# ten thousand packets, and reads some hundred files.
 PACKETS ?= 1000000
+FILES ?= 20000
 fuzz: setup
+	FILES=$(FILES) $(BIN)/python -m pytest -q -n0 tests/system/strangers/test_fuzzfiles.py
 	PYTHONPATH=tests:tests/reference:tests/support $(BIN)/python tests/support/fuzzfeeds.py --packets $(PACKETS)
 
 # A wheel, installed in an environment of its own, away from the sources, does the main job.

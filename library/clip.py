@@ -127,7 +127,7 @@ class Clip:
         if further:
             raise SkeletonMismatchError(
                 f"clip {self.name!r}: expected the other recordings' {len(skeleton.joints)} joints, "
-                f"got {', '.join(further[:5])}{' ...' if len(further) > 5 else ''} beside them"
+                f"got {', '.join(further[:5])}{' ...' if len(further) > 5 else ''} as well"
             )
         return replace(self, skeleton=skeleton, positions=self.positions[:, skeleton.order_from(self.skeleton.joints)])
 

@@ -11,7 +11,7 @@ from kinespace.library.kernels import bind
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kinespace.library.kernels import Call
+    from kinespace.library.kernels.plain import Call
     from kinespace.library.skeleton import Skeleton
 
 
@@ -45,7 +45,7 @@ def distance_rows(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArra
 
 
 def measure_into(positions: NDArray[np.float64], skeleton: Skeleton, rows: NDArray[np.float64]) -> Call:
-    """Give a function that measures the first of some frames, as many as it is told, as `distance_rows` does.
+    """Give a function that measures the first of some frames, as `distance_rows` does; it takes their number.
 
     Parameters
     ----------

@@ -113,9 +113,8 @@ class Skeleton:
 
     def places_of(self, fewer: Skeleton) -> NDArray[np.intp]:
         """Give the index, among these pairs, of each pair of a skeleton with some of these joints in the same order."""
-        places = {(int(first), int(second)): place for place, (first, second) in enumerate(self.pairs)}
-        joints = [self.joints.index(name) for name in fewer.joints]
-        return np.array([places[joints[first], joints[second]] for first, second in fewer.pairs.tolist()])
+        kept = [name in fewer.joints for name in self.joints]
+        return np.flatnonzero(np.array(kept)[self.pairs].all(axis=1))
 
     def order_from(self, joints: Sequence[str]) -> NDArray[np.intp]:
         """Give the index of each of this skeleton's joints in another list of joints.

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: The longest performer's name; a longer one is a sender's mistake and would make every answer's address long.
 MAX_PERFORMER_LENGTH = 64
+#: Characters in a joint's name, at most.
+MAX_JOINT_LENGTH = 400
 #: Metres from the origin beyond which a joint is a sender's mistake; squares of smaller numbers never overflow.
 MAX_DISTANCE = 1e8
 _MAX_DISTANCE_SQUARE = MAX_DISTANCE**2
@@ -56,7 +58,7 @@ class Frame:
         try:
             finite, kind = math.isfinite(self.time), positions.dtype
         except (AttributeError, TypeError):
-            finite, kind = _is_finite(self.time), np.dtype(object)
+            finite, kind = isinstance(self.time, Real) and math.isfinite(self.time), np.dtype(object)
         if not finite:
             raise ValueError(f"time: expected finite seconds, got {self.time!r}")
         if kind not in _FLOATS:
@@ -99,10 +101,6 @@ def _misnamed(performer: object) -> ValueError:
     return ValueError(f"performer: expected 1 to {MAX_PERFORMER_LENGTH} characters, got {got}")
 
 
-def _is_finite(time: object) -> bool:
-    return isinstance(time, Real) and math.isfinite(time)
-
-
 def _odd_joint(positions: NDArray[np.floating]) -> str:
     """Describe the joint whose position is impossible; lost joints, NaN throughout, are ignored."""
     for number, joint in enumerate(positions.tolist()):
@@ -118,7 +116,7 @@ class Announcement:
     Raises
     ------
     ValueError
-        The performer is empty or too long, a joint name is empty or appears twice, or the joints are one text.
+        The performer is empty or too long, a joint name is so or appears twice, or the joints are one text.
     """
 
     performer: str
@@ -131,6 +129,9 @@ class Announcement:
             raise ValueError(f"joints: expected several names, got the text {self.joints!r}")  # noqa: TRY004
         if not self.joints or not all(self.joints) or len(set(self.joints)) != len(self.joints):
             raise ValueError("joints: expected distinct, non-empty names")
+        # Names are compared with those of other programs, which takes the square of their length.
+        if max(map(len, self.joints)) > MAX_JOINT_LENGTH:
+            raise ValueError(f"joints: expected names of at most {MAX_JOINT_LENGTH} characters")
 
 
 @dataclass(frozen=True, slots=True)

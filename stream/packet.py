@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ipaddress import IPv4Network, IPv6Network
+from ipaddress import IPv4Network, IPv6Network, ip_address
 from typing import Protocol
 
 #: A datagram, or the parts of a ZeroMQ message.
 Packet = bytes | list[bytes]
 #: Networks whose packets are read; empty for all.
 Networks = Sequence[IPv4Network | IPv6Network]
-#: Host and port of a packet's sender; None where the transport does not tell.
+#: Host and port of a packet's sender; None where the transport does not say.
 Sender = tuple[str, int] | None
 #: In place of a host: before the name of a sender that has shown a known key.
 KEYED = "key "
@@ -24,6 +24,18 @@ def parts_of(packet: Packet) -> list[bytes]:
 def datagram_of(packet: Packet) -> bytes:
     """Give the bytes of a datagram, or the last part of a message; empty for a message without parts."""
     return packet if isinstance(packet, bytes) else packet[-1] if packet else b""
+
+
+def sender_name(sender: Sender) -> str:
+    """Write a sender as host:port, or as its host or key where it has no port; empty where the transport says none."""
+    host, port = sender or ("", 0)
+    return f"{host}:{port}" if port else host
+
+
+def is_within(host: str, networks: Networks) -> bool:
+    """Say whether an address in numbers, perhaps with a zone (`fe80::1%eth0`), belongs to one of the networks."""
+    address = ip_address(host.partition("%")[0])
+    return any(address in network for network in networks)
 
 
 class Receiver(Protocol):
@@ -43,7 +55,7 @@ class Receiver(Protocol):
 
     @property
     def waited(self) -> float:
-        """Seconds for which the last packet waited in the system; 0 where the transport does not tell."""
+        """Seconds for which the last packet waited in the system; 0 where the transport does not say."""
 
     @property
     def kernel_drops(self) -> int:

@@ -123,7 +123,8 @@ class Recognition:
         (λ₁ − λ₂) / λ₁ of the window's two leading eigenvalues, 0 to 1.
     guess
         Index of the best guess, with any outcome. Usually the class with the highest score; at a change of motion
-        the class before, until the new one has led for long enough. None: the class with the highest score.
+        the class before, until the new one has led for long enough. None: the class with the highest score; -1: no
+        class is known.
     evidence
         The evidence that the guess is known; None with the paper's signature, which does not know unknown motion.
     progress
@@ -179,7 +180,7 @@ class Recognition:
 
     @property
     def progress_index(self) -> int:
-        """Index of the class whose progress is told; -1 where no progress is told."""
+        """Index of the class whose progress is given; -1 where none is."""
         return self.classes.index(self.progress.class_name) if self.progress else -1
 
     @property
@@ -190,7 +191,7 @@ class Recognition:
     @property
     def score(self) -> float:
         """Score of the best guess."""
-        return float(self.scores[self.best])
+        return float(self.scores[self.best]) if len(self.scores) else 0.0
 
     @property
     def second_index(self) -> int:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.stream.packet import sender_name
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -129,7 +131,7 @@ class Rates(defaultdict[str, int]):
         self._since = since
 
     def read(self, now: float, performers: Sequence[str]) -> dict[str, float]:
-        """Give the rates of some performers since the last reading, and begin anew.
+        """Give the rates of some performers since the last reading, and count from 0 again.
 
         Thousands of names may have been counted for which there was no room.
         """
@@ -163,12 +165,12 @@ class Refusals:
 
     def lines(self) -> list[str]:
         """Describe the last refusal of each kind, a line each."""
-        return [f"last {kind}: {_told(*told)}" for kind, told in self._last.items()]
+        return [f"last {kind}: {_described(*refused)}" for kind, refused in self._last.items()]
 
 
-def _told(reason: str, sender: Sender, packet: Packet) -> str:
+def _described(reason: str, sender: Sender, packet: Packet) -> str:
     first = packet if isinstance(packet, bytes) else b" ".join(packet[:2])
     excerpt = ascii(first[:_MAX_EXCERPT])[1:] + ("..." if len(first) > _MAX_EXCERPT else "")
-    came_from = f", from {sender[0]}:{sender[1]}" if sender else ""
+    came_from = f", from {sender_name(sender)}" if sender else ""
     shown = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in reason)
     return f"{shown[:_MAX_REASON]}{came_from}: {excerpt}"

@@ -106,7 +106,7 @@ def _strangers(data: Path) -> list[Recognition]:
 def _depth_sensor(data: Path) -> list[Recognition]:
     take = read_take(data / "utkinect" / "joints_s01_e01.txt").clip
     library = MotionLibrary.builtin().restricted_to(take.skeleton.joints)
-    asked = take.as_of(library.skeleton) if take.skeleton.joints != library.skeleton.joints else take
+    asked = take.restricted_to(library.skeleton.joints).as_of(library.skeleton)
     return _answers(Recognizer(library, Settings(sensitivity=0.4)), _frames([asked], 30.0))
 
 
@@ -256,9 +256,9 @@ def main() -> int:
         if options.exact:
             print(name, arithmetic(), exactly(answers))  # noqa: T201 - a script
         got = summed_up(answers)
-        told = differing(before.get(name, {}), got)
-        differs |= bool(told)
-        for each in told:
+        changes = differing(before.get(name, {}), got)
+        differs |= bool(changes)
+        for each in changes:
             print(f"{name}: {each}")  # noqa: T201 - a script
         before[name] = got
     if options.update:

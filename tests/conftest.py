@@ -7,23 +7,21 @@ import os
 import pickle
 import shutil
 import signal
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import programs
 import pytest
 from hypothesis import settings
-from liblotools import LibloTools
-from programs import builtin_library
+from programs import LOOPBACK, builtin_library
 from synthetic import stick_clips
 
 from kinespace.library import kernels
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.recordings import find_recordings, read_recordings
-from kinespace.library.windows import index
 from kinespace.library.windows.index import opened
-from kinespace.stream.osc import udp
+from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.bench import recorded
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.terminal.console import console
@@ -42,7 +40,7 @@ if TYPE_CHECKING:
 settings.register_profile("kinespace", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("kinespace")
 
-#: A file system in memory. Some tests write a file anew a thousand times, and a disk would write out each.
+#: A file system in memory. Some tests write a file a thousand times, and a disk would write out each.
 _MEMORY = Path("/dev/shm")  # noqa: S108 - pytest makes a folder of its own there
 if os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free > 2e9:
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(_MEMORY))
@@ -104,15 +102,6 @@ def width(request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def liblo_tools() -> LibloTools:
-    """Give the programs of liblo, an implementation of OSC that is not ours."""
-    found = {name: shutil.which(name) for name in LibloTools._fields}
-    if missing := [name for name, path in found.items() if path is None]:
-        _without(f"no {missing[0]} here; Debian's liblo-tools has it", "liblo-tools")
-    return LibloTools(**{name: Path(path) for name, path in found.items() if path is not None})
-
-
-@pytest.fixture(scope="session")
 def pyliblo() -> ModuleType:
     """Give liblo's Python module."""
     try:
@@ -138,12 +127,6 @@ def hdm05_folder(data_folder: Path) -> Path:
 def cmu_folder(data_folder: Path) -> Path:
     """Give the folder of CMU's recordings."""
     return _folder(data_folder / "cmu")
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _teacher() -> None:
-    """Load the built-in library as a teacher before a test puts another one in its place, because it is kept."""
-    index._builtin()  # noqa: SLF001 - nothing else keeps it
 
 
 @pytest.fixture(scope="session")
@@ -215,6 +198,13 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
 def played() -> NDArray[np.float32]:
     """Give the bench's positions: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
     return recorded.positions()
+
+
+@pytest.fixture
+def stage() -> Iterator[OscReceiver]:
+    """Open a UDP port that receives replayed packets."""
+    with closing(OscReceiver(LOOPBACK, 0)) as receiver:
+        yield receiver
 
 
 @pytest.fixture

@@ -34,6 +34,13 @@ _SWAPS = {each: other for pair in (*_PAIRS, *_PAIRS_TOO) for each, other in (pai
 #: answers, which show a constant that is a little different.
 _WIDER = {"library": ("tests/library", "tests/stream/recognizer"), "stream": ("tests/stream",)}
 _ANSWERS = ("tests/system/recognition",)
+#: Tests that cover a room and do not lie in its mirror.
+_ELSEWHERE = {
+    "stream/osc": "tests/stream/test_codecs.py",
+    "stream/zeromq": "tests/stream/test_codecs.py",
+    "stream/inputs": "tests/tools/programs/test_listen.py",
+    "library/recordings/formats/markers": "tests/library/recordings/formats",
+}
 _NOT_COPIED = ".venv", ".git", "*_cache", "build", "__pycache__", "*.egg-info"
 #: Bytes of memory that tests may take.
 _MEMORY = 8 << 30
@@ -53,7 +60,7 @@ def _changed(node: ast.AST) -> str | None:
     if isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float)):
         value = node.value
         return str(not value if isinstance(value, bool) else value * 1.5 + 1e-3 if value % 1 else value + 1)
-    if isinstance(node, ast.Return) and node.value is not None:
+    if isinstance(node, ast.Return) and node.value is not None and ast.unparse(node.value) != "None":
         return "return None"
     if isinstance(node, (ast.AugAssign, ast.Raise)) or (
         isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
@@ -111,6 +118,7 @@ def stages(path: Path, *, near: bool) -> list[tuple[str, ...]]:
     """Give the tests that are run for a file, one set after another, until a set finds the change."""
     folder = Path("tests") / path.parent
     sets = [(str(folder / f"test_{path.stem}.py"),), (str(folder),)]
+    sets += [(test,) for room, test in _ELSEWHERE.items() if path.is_relative_to(room)]
     sets += [] if near else [_WIDER.get(path.parts[0], ("tests/tools",)), _ANSWERS]
     return [tests for tests in dict.fromkeys(sets) if all((ROOT / each).exists() for each in tests)]
 
@@ -151,8 +159,8 @@ def _run(tree: Path, tests: tuple[str, ...], seconds: float) -> bool:
         process.wait()
 
 
-def _found(mutant: Mutant, trees: queue.Queue[Path], seconds: dict[tuple[str, ...], float]) -> bool:
-    """Try a change in one of the copies; tests that are not in `seconds` are not run."""
+def _found(mutant: Mutant, trees: queue.Queue[Path], seconds: dict[tuple[str, ...], float], *, near: bool) -> bool:
+    """Try a change in one of the copies."""
     tree = trees.get()
     file = tree / mutant.path
     before = file.read_bytes()
@@ -160,8 +168,7 @@ def _found(mutant: Mutant, trees: queue.Queue[Path], seconds: dict[tuple[str, ..
         file.write_bytes(mutant.text)
         # Compiled modules are known by their time: another one for each change.
         os.utime(file, ns=(time.time_ns(), time.time_ns()))
-        tests = [each for each in stages(mutant.path, near=False) if each in seconds]
-        return not all(_run(tree, each, seconds[each]) for each in tests)
+        return not all(_run(tree, each, seconds[each]) for each in stages(mutant.path, near=near))
     finally:
         file.write_bytes(before)
         trees.put(tree)
@@ -172,7 +179,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     for name, usual in (("count", 30), ("seed", 1), ("jobs", 1)):
         parser.add_argument(f"--{name}", type=int, default=usual)
-    parser.add_argument("--near", action="store_true", help="only a file's own tests and its folder's, which is quick")
+    parser.add_argument(
+        "--near", action="store_true", help="only the tests of a file, its folder and its room, which is quick"
+    )
     parser.add_argument("--room", action="append", help="a folder or file of library or stream; by default both")
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))
@@ -188,7 +197,8 @@ def main() -> int:
             if not _run(Path(folder) / "0", tests, 3600):
                 sys.exit(f"these tests fail without a change: {' '.join(tests)}")
             seconds[tests] = 60 + 5 * (time.monotonic() - begun)
-        for mutant, found in zip(chosen, pool.map(lambda each: _found(each, trees, seconds), chosen), strict=True):
+        results = pool.map(lambda each: _found(each, trees, seconds, near=options.near), chosen)
+        for mutant, found in zip(chosen, results, strict=True):
             by_room[str(mutant.path.parent)].append(found)
             print(f"{'found    ' if found else 'NOT FOUND'} {mutant.path}:{mutant.line}  {mutant.change}", flush=True)  # noqa: T201
     every = [each for own in by_room.values() for each in own]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, cast
 
 from kinespace.library.kernels import plain
 from kinespace.library.kernels.table import KERNELS
@@ -17,16 +17,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from kinespace.library.kernels.plain import Call
 
 #: Raised when a kernel's arguments change.
-VERSION = 3
-
-
-class Call(Protocol):
-    """A kernel with its arrays, which it reads and writes at each call."""
-
-    def __call__(self, *numbers: float) -> float:
-        """Run the kernel, with the numbers of this call."""
+VERSION = 4
 
 
 def _built() -> ModuleType | None:
@@ -36,7 +30,7 @@ def _built() -> ModuleType | None:
         built = importlib.import_module("kinespace.library.kernels._compiled")
     except ImportError:
         return None
-    # A module built from older sources is left aside until it is built anew.
+    # A module built from older sources is left aside until it is built again.
     return built if getattr(built, "VERSION", 0) == VERSION else None
 
 
@@ -45,7 +39,7 @@ compiled = _built()
 
 
 def bind(name: str, *arguments: NDArray[np.generic] | float) -> Call:
-    """Bind a kernel to its arrays, which are checked once, and to its constants.
+    """Bind a kernel to its arrays, which are checked once, and to its constants; a call takes its other numbers.
 
     Parameters
     ----------
@@ -64,9 +58,9 @@ def bind(name: str, *arguments: NDArray[np.generic] | float) -> Call:
     if len(constants) != len(kernel.constants):
         raise ValueError(f"{name}: expected {', '.join(kernel.constants) or 'no constants'}, got {constants}")
     lengths = kernel.lengths(cast("tuple[NDArray[np.generic], ...]", arrays))
-    if compiled is None or not _has_room(compiled, lengths.by_letter):
+    if compiled is None or not _has_room(compiled, lengths):
         return cast("Call", getattr(plain, name)(*arguments))
-    return cast("Call", compiled.bind(name, arrays, lengths.in_order, constants, kernel.most(lengths)))
+    return cast("Call", compiled.bind(name, arrays, tuple(lengths.values()), constants, kernel.most(lengths)))
 
 
 def _has_room(module: ModuleType, lengths: dict[str, int]) -> bool:

@@ -21,7 +21,7 @@
 #endif
 
 /* As in `kernels/__init__.py`. */
-#define VERSION 3
+#define VERSION 4
 /* Frames measured side by side. */
 #define TOGETHER 4
 /* Sizes for which the stack has room; larger ones are left to numpy. */
@@ -42,7 +42,7 @@
 #define LINE 64
 /* Points whose products are added up in registers. */
 #define SOME_POINTS 16
-/* Numbers beside a tridiagonal matrix's diagonal that count as 0, when its trace is 1; turns after which all do. */
+/* Numbers off a tridiagonal matrix's diagonal that count as 0, when its trace is 1; turns after which all do. */
 #define NO_EIGENVALUE 1e-12
 #define MAX_TURNS 60
 /* Bounds between which each eigenvalue is searched at once, and the number of searches. */
@@ -69,9 +69,8 @@ typedef uint16_t Half;
 #endif
 
 #if defined(WIDE_REGISTERS)
-#include <cpuid.h>
 #include <immintrin.h>
-/* clang ignores a whole target attribute with an option it does not know, and uses 512-bit registers without being told. */
+/* clang ignores a whole target attribute with an option it does not know, and uses 512-bit registers by itself. */
 #if defined(__clang__)
 #define PREFERRED ""
 #else
@@ -100,8 +99,8 @@ typedef uint16_t Half;
 /* A kernel: arrays, their lengths, numbers. */
 typedef double Kernel(void *const *array, const Py_ssize_t *n, const double *x);
 #define KERNELS(X)                                                                                                      \
-    X(distances) X(follow) X(follow_products) X(read_parts) X(read_eigen) X(eigenpairs) X(place) X(flatten) X(compare)  \
-    X(scores) X(follow_phase) X(moving) X(steps)
+    X(distances) X(follow) X(follow_products) X(read_parts) X(read_eigen) X(eigenpairs) X(place) X(compare) X(scores)   \
+     X(follow_phase) X(moving) X(steps)
 #if defined(WIDE_REGISTERS)
 #define OF_EACH_KIND(name) {#name, {name##_any, name##_avx2, name##_avx512}},
 #else
@@ -117,19 +116,11 @@ static const char *const kinds[] = {"any", "avx2", "avx512"};
 /* The kind in use. */
 static int in_use = 0;
 
-#if defined(WIDE_REGISTERS)
-/* Whether the processor can widen halves: __builtin_cpu_supports knows the name in recent compilers only. */
-static int can_widen(void) {
-    unsigned int a, b, c, d;
-    return __get_cpuid(1, &a, &b, &c, &d) && (c & bit_F16C) != 0;
-}
-#endif
-
-/* Whether the processor has the instructions of a kind of loops. */
+/* Whether the processor has the instructions of a kind of loops; one with AVX2 widens halves, too. */
 static int can(const char *kind) {
 #if defined(WIDE_REGISTERS)
     __builtin_cpu_init();
-    const int avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && can_widen();
+    const int avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
     if (strcmp(kind, "avx2") == 0) {
         return avx2;
     }

@@ -12,14 +12,14 @@
 #define KERNEL(name)                                                                                                    \
     LOOP static double KIND(name)(void *const *restrict array, const Py_ssize_t *restrict n, const double *restrict x)
 
-/* The bytes and floats of a register, and the sums of four products each that fit into the registers side by side. */
+/* The bytes and floats of a register, and the sums of four products each that fit into registers at once. */
 #if REGISTER == 0
 #define BYTES 16
 #else
 #define BYTES REGISTER
 #endif
 #define FLOATS (BYTES / 4)
-#define BESIDE (REGISTER == 64 ? 4 : 2)
+#define REGISTERS (REGISTER == 64 ? 4 : 2)
 /* The registers that the directions of a vector fill. */
 #define WIDE (MAX_DIRECTIONS * 8 / BYTES)
 #define BLOCK_WIDE (BLOCK * 8 / BYTES)
@@ -101,7 +101,7 @@ KERNEL(distances) {
     return 0.0;
 }
 
-/* ---- sums that follow the rows of a window (stream.recognizer.windows.moments) ----------------------------------- */
+/* ---- sums that follow the rows of a window (stream.recognizer.windows.sums) -------------------------------------- */
 
 /* Add rows at their times, with a weight, to sums (4, width): the reference, and of rows relative to it the sum, the sum
  * of products with time, and the sum of squares; and to a clock: the reference, the sum, the sum of squares. */
@@ -122,20 +122,6 @@ HELPER void KIND(add_rows)(double *restrict sums, Py_ssize_t width, double *rest
             along[i] += weighed * difference;
         }
     }
-}
-
-/* The index of the largest of some numbers. */
-HELPER Py_ssize_t KIND(largest)(const double *restrict numbers, Py_ssize_t count) {
-    double most = numbers[0];
-#pragma omp simd reduction(max : most)
-    for (Py_ssize_t i = 1; i < count; i++) {
-        most = numbers[i] > most ? numbers[i] : most;
-    }
-    Py_ssize_t place = 0;
-    while (place < count - 1 && !(numbers[place] >= most)) {
-        place++;
-    }
-    return place;
 }
 
 /* Add points relative to a reference (width), with a weight, to their sum (width) and products (width, width). */
@@ -188,8 +174,12 @@ HELPER double KIND(scatter)(const KIND(Sums) *sums, double count, double *larges
     double square = 0.0;
     *largest = 0.0;
     if (sums->clock != NULL) {
-        const Py_ssize_t place = KIND(largest)(sums->sum + 2 * sums->width, sums->width);
-        *largest = sums->sum[2 * sums->width + place];
+        const double *squares = sums->sum + 2 * sums->width;
+        Py_ssize_t place = 0;
+        for (Py_ssize_t i = 1; i < sums->width; i++) {
+            place = squares[i] > squares[place] ? i : place;
+        }
+        *largest = squares[place];
         square = sums->sum[place] * sums->sum[place];
     } else {
         for (Py_ssize_t i = 0; i < sums->width; i++) {
@@ -318,7 +308,9 @@ KERNEL(read_parts) {
         trend[i] = moved > 0.0 ? rising / moved : 0.0;
     }
     for (Py_ssize_t i = 0; i < width; i++) {
-        spread[i] = spread[i] * per_size + floor;
+        const double number = spread[i] * per_size + floor;
+        /* Of nothing and of negative numbers there is no logarithm. */
+        spread[i] = number < DBL_MIN ? DBL_MIN : number;
     }
     Py_ssize_t begin = 0;
     for (; begin <= width - BYTES / 8; begin += BYTES / 8) {
@@ -369,7 +361,7 @@ HELPER double KIND(dot)(const KIND(Doubles) *restrict one, const KIND(Doubles) *
 /* Make a symmetric matrix, so many registers wide, tridiagonal by reflections I − factor v vᵀ (Householder), v in the matrix's
  * rows afterwards. */
 HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, int wide, double *restrict diagonal,
-                              double *restrict beside, double *restrict factors) {
+                              double *restrict off_diagonal, double *restrict factors) {
     for (int c = 0; c < size - 1; c++) {
         double *restrict v = a[c], numbers[MAX_DIRECTIONS];
         const KIND(Doubles) *restrict along = (const KIND(Doubles) *)v;
@@ -380,9 +372,9 @@ HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, in
             v[i] = 0.0;
         }
         const double square = KIND(dot)(along, along, wide), first = v[c + 1], length = sqrt(square);
-        beside[c] = first > 0.0 ? -length : length;
-        factors[c] = square > 0.0 ? 1.0 / (square - first * beside[c]) : 0.0;
-        v[c + 1] -= beside[c];
+        off_diagonal[c] = first > 0.0 ? -length : length;
+        factors[c] = square > 0.0 ? 1.0 / (square - first * off_diagonal[c]) : 0.0;
+        v[c + 1] -= off_diagonal[c];
         for (int j = c + 1; j < size; j++) {
             const KIND(Doubles) *restrict row = (const KIND(Doubles) *)a[j];
             for (int q = 0; q < wide; q++) {
@@ -402,7 +394,7 @@ HELPER void KIND(tridiagonal)(double (*restrict a)[MAX_DIRECTIONS], int size, in
         }
     }
     diagonal[size - 1] = a[size - 1][size - 1];
-    beside[size - 1] = 0.0;
+    off_diagonal[size - 1] = 0.0;
 }
 
 /* Whether no eigenvalue of a tridiagonal matrix lies above a bound (Sturm; Givens 1954). */
@@ -563,18 +555,18 @@ KERNEL(eigenpairs) {
     return 1.0;
 }
 
-/* Multiply a symmetric matrix (size, size) with some vectors side by side (size, BLOCK); rows of which some sums are in
- * registers at once. */
-HELPER void KIND(multiply)(const double *restrict matrix, int size, double (*restrict vectors)[BLOCK],
+/* Multiply a matrix (size, width) with some vectors side by side (width, BLOCK); rows of which some sums are in registers
+ * at once. */
+HELPER void KIND(multiply)(const double *restrict matrix, int size, int width, double (*restrict vectors)[BLOCK],
                            double (*restrict products)[BLOCK]) {
     for (int begin = 0; begin < size; begin += ROWS) {
-        const int step = begin + ROWS <= size ? size : 0;
+        const int step = begin + ROWS <= size ? width : 0;
         KIND(Doubles) sums[ROWS][BLOCK_WIDE] = {{{0.0}}};
-        for (int j = 0; j < size; j++) {
+        for (int j = 0; j < width; j++) {
             const KIND(Doubles) *restrict row = (const KIND(Doubles) *)vectors[j];
             for (int r = 0; r < ROWS; r++) {
                 for (int q = 0; q < BLOCK_WIDE; q++) {
-                    sums[r][q] += matrix[begin * size + r * step + j] * row[q];
+                    sums[r][q] += matrix[begin * width + r * step + j] * row[q];
                 }
             }
         }
@@ -598,21 +590,6 @@ HELPER void KIND(products)(double (*one)[BLOCK], double (*other)[BLOCK], int siz
     memcpy(products, sums, sizeof sums);
 }
 
-/* Combine the vectors in a block (size, BLOCK): what each gives to each new one is in `columns`, as for a matrix product. */
-HELPER void KIND(combine)(double (*restrict block)[BLOCK], int size, double (*restrict columns)[BLOCK],
-                          double (*restrict combined)[BLOCK]) {
-    for (int i = 0; i < size; i++) {
-        KIND(Doubles) sums[BLOCK_WIDE] = {{0.0}};
-        for (int j = 0; j < BLOCK; j++) {
-            const KIND(Doubles) *restrict column = (const KIND(Doubles) *)columns[j];
-            for (int q = 0; q < BLOCK_WIDE; q++) {
-                sums[q] += block[i][j] * column[q];
-            }
-        }
-        memcpy(combined[i], sums, sizeof sums);
-    }
-}
-
 /* Make a block (size, BLOCK) orthonormal, to `vectors`, by the Cholesky factor of its inner products; 0 where the vectors are
  * dependent. */
 HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (*restrict vectors)[BLOCK]) {
@@ -621,7 +598,7 @@ HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (
     for (int k = 0; k < BLOCK; k++) {
         inverse[k][k] = 1.0;
     }
-    /* Elimination turns the products into the factor, and what was 1 into its inverse. */
+    /* Elimination turns the products into the factor, and what was 1 into its inverse, column by column. */
     for (int k = 0; k < BLOCK; k++) {
         if (!(products[k][k] > 0.0)) {
             return 0;
@@ -629,39 +606,33 @@ HELPER int KIND(orthonormal)(double (*restrict block)[BLOCK], int size, double (
         const double factor = 1.0 / sqrt(products[k][k]);
         for (int i = 0; i < BLOCK; i++) {
             products[k][i] *= factor;
-            inverse[k][i] *= factor;
+            inverse[i][k] *= factor;
         }
         for (int m = k + 1; m < BLOCK; m++) {
             const double along = products[k][m];
             for (int i = 0; i < BLOCK; i++) {
                 products[m][i] -= along * products[k][i];
-                inverse[m][i] -= along * inverse[k][i];
+                inverse[i][m] -= along * inverse[i][k];
             }
         }
     }
-    double columns[BLOCK][BLOCK];
-    for (int k = 0; k < BLOCK; k++) {
-        for (int i = 0; i < BLOCK; i++) {
-            columns[i][k] = inverse[k][i];
-        }
-    }
-    KIND(combine)(block, size, columns, vectors);
+    KIND(multiply)(block[0], size, BLOCK, inverse, vectors);
     return 1;
 }
 
 /* The largest eigenvalues of a covariance and their eigenvectors, as `eigenpairs` finds them, from a block (size, BLOCK) that
  * held those of a covariance much like it: subspace iteration (Rutishauser 1969). 0 where this does not find them: the
- * residuals stay large, or the trace leaves room for a larger eigenvalue beside them. */
+ * residuals stay large, or the trace leaves room for another eigenvalue as large. */
 HELPER int KIND(iterate)(const double *restrict covariance, int size, double trace, double *restrict values,
                          double *restrict vectors, double (*restrict block)[BLOCK]) {
     double now[MAX_DIRECTIONS][BLOCK], next[MAX_DIRECTIONS][BLOCK], inside[BLOCK][BLOCK], few[EIGENVECTORS][BLOCK];
     double columns[BLOCK][BLOCK] = {{0.0}}, found[MAX_DIRECTIONS][BLOCK], images[MAX_DIRECTIONS][BLOCK];
     memcpy(now, block, sizeof(double) * (size_t)(size * BLOCK));
     for (int turn = 1; turn <= MAX_ITERATIONS; turn++) {
-        KIND(multiply)(covariance, size, now, next);
+        KIND(multiply)(covariance, size, size, now, next);
         if (turn == ITERATIONS || turn == MAX_ITERATIONS) {
             KIND(products)(now, next, size, inside);
-            double left = trace, squares[BLOCK] = {0.0}, largest = 0.0;
+            double left = trace, largest = 0.0;
             for (int b = 0; b < BLOCK; b++) {
                 left -= inside[b][b];
             }
@@ -673,17 +644,16 @@ HELPER int KIND(iterate)(const double *restrict covariance, int size, double tra
                     columns[b][k] = few[k][b];
                 }
             }
-            KIND(combine)(now, size, columns, found);
-            KIND(combine)(next, size, columns, images);
-            for (int i = 0; i < size; i++) {
-                for (int k = 0; k < EIGENVECTORS; k++) {
+            KIND(multiply)(now[0], size, BLOCK, columns, found);
+            KIND(multiply)(next[0], size, BLOCK, columns, images);
+            for (int k = 0; k < EIGENVECTORS; k++) {
+                double square = 0.0;
+                for (int i = 0; i < size; i++) {
                     const double residual = images[i][k] - values[k] * found[i][k];
-                    squares[k] += residual * residual;
+                    square += residual * residual;
                     vectors[k * size + i] = found[i][k];
                 }
-            }
-            for (int k = 0; k < EIGENVECTORS; k++) {
-                largest = squares[k] > largest ? squares[k] : largest;
+                largest = square > largest ? square : largest;
             }
             if (left <= values[EIGENVECTORS - 1] && largest <= NO_RESIDUAL * trace * (NO_RESIDUAL * trace)) {
                 memcpy(block, now, sizeof(double) * (size_t)(size * BLOCK));
@@ -700,60 +670,40 @@ HELPER int KIND(iterate)(const double *restrict covariance, int size, double tra
     return 0;
 }
 
-/* The largest eigenvalues of a covariance and their eigenvectors, again and again: a block (size, BLOCK), at first 0, takes
- * what is found over to the next time. */
-HELPER int KIND(eigenpairs_again)(const double *restrict covariance, int size, int count, double trace,
-                                  double *restrict values, double *restrict vectors, double (*restrict block)[BLOCK]) {
-    if (size < 2 * BLOCK || count < EIGENVECTORS || !(trace > 0.0)) {
-        return KIND(pairs)(covariance, size, WIDE, count, values, vectors);
-    }
-    if (KIND(iterate)(covariance, size, trace, values, vectors, block)) {
-        return 1;
-    }
-    if (!KIND(pairs)(covariance, size, WIDE, count, values, vectors)) {
-        return 0;
-    }
-    /* The other vectors of a new block may be any. */
-    for (int i = 0; i < size; i++) {
-        for (int b = 0; b < BLOCK; b++) {
-            block[i][b] = b < EIGENVECTORS ? vectors[b * size + i] : i == b ? 1.0 : 0.0;
-        }
-    }
-    return 1;
-}
-
-/* Covariance of `count` points with these sums and products, to covariance (size, size); gives its trace. Nothing of it is
- * left where there is hardly any. */
-HELPER double KIND(covariance)(const double *restrict sum, const double *restrict products, int size, double count,
-                               double none, double *restrict covariance) {
-    const double each = 1.0 / count;
-    double trace = 0.0;
-    for (int i = 0; i < size; i++) {
-        for (int j = 0; j < size; j++) {
-            covariance[i * size + j] = products[i * size + j] * each - sum[i] * each * (sum[j] * each);
-        }
-        trace += covariance[i * size + i];
-    }
-    if (trace <= none) {
-        memset(covariance, 0, sizeof(double) * (size_t)(size * size));
-        return 0.0;
-    }
-    return trace;
-}
-
 /* The eigenpairs of a window and its part `eigen`, scaled; gives the covariance's trace, NaN where a number is not finite.
  * sum (size), products (size, size), places (2) and drift (2) as in `follow_products`; values (k), vectors and scaled (k,
  * size); block (size, BLOCK), at first 0; n: size, k. */
 KERNEL(read_eigen) {
     const int size = (int)n[0], most = (int)n[1];
     const Py_ssize_t *places = array[2];
-    const double *drift = array[3];
-    double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], total = 0.0;
-    double *values = array[4], *vectors = array[5], *scaled = array[6];
+    const double *sum = array[0], *products = array[1], *drift = array[3], each = 1.0 / (double)(places[1] - places[0]);
+    double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], trace = 0.0, total = 0.0;
+    double *restrict values = array[4], *restrict vectors = array[5], *restrict scaled = array[6];
+    double(*block)[BLOCK] = array[7];
     (void)x;
-    const double trace = KIND(covariance)(array[0], array[1], size, (double)(places[1] - places[0]), drift[1], covariance);
-    if (!KIND(eigenpairs_again)(covariance, size, most, trace, values, vectors, array[7])) {
-        return (double)NAN;
+    for (int i = 0; i < size; i++) {
+        for (int j = 0; j < size; j++) {
+            covariance[i * size + j] = products[i * size + j] * each - sum[i] * each * (sum[j] * each);
+        }
+        trace += covariance[i * size + i];
+    }
+    /* Nothing of it is left where there is hardly any. */
+    if (trace <= drift[1]) {
+        memset(covariance, 0, sizeof covariance);
+        trace = 0.0;
+    }
+    /* The block takes what is found over to the next time. */
+    const int again = size >= 2 * BLOCK && most >= EIGENVECTORS && trace > 0.0;
+    if (!again || !KIND(iterate)(covariance, size, trace, values, vectors, block)) {
+        if (!KIND(pairs)(covariance, size, WIDE, most, values, vectors)) {
+            return (double)NAN;
+        }
+        /* The other vectors of a new block may be any. */
+        for (int i = 0; i < size && again; i++) {
+            for (int b = 0; b < BLOCK; b++) {
+                block[i][b] = b < EIGENVECTORS ? vectors[b * size + i] : i == b ? 1.0 : 0.0;
+            }
+        }
     }
     for (int k = 0; k < most; k++) {
         total += values[k] > 0.0 ? values[k] : 0.0;
@@ -796,30 +746,6 @@ KERNEL(place) {
     return 0.0;
 }
 
-/* Write the matrix Σᵢ sᵢ sᵢᵀ of scaled eigenvectors as a vector. scaled (vectors, size), vector (size (size + 1) / 2); n:
- * vectors, size. */
-KERNEL(flatten) {
-    const double *restrict scaled = array[0];
-    double *restrict vector = array[1];
-    const Py_ssize_t count = n[0], size = n[1];
-    (void)x;
-    for (Py_ssize_t i = 0; i < size; i++) {
-        float sums[MAX_DIRECTIONS] = {0.0F};
-        for (Py_ssize_t k = 0; k < count; k++) {
-            const double *restrict row = scaled + k * size;
-            const float one = (float)(row[i] * sqrt(2.0));
-            for (Py_ssize_t j = i; j < size; j++) {
-                sums[j - i] += one * (float)row[j];
-            }
-        }
-        sums[0] *= (float)sqrt(0.5);
-        for (Py_ssize_t j = i; j < size; j++) {
-            *vector++ = (double)sums[j - i];
-        }
-    }
-    return 0.0;
-}
-
 /* Parts compared as one vector of so many axes, or as the matrices of so many scaled eigenvectors (0: a vector). */
 typedef struct {
     Py_ssize_t axes, eigenvectors;
@@ -845,13 +771,13 @@ HELPER void KIND(distances_to)(const KIND(Group) *group, Py_ssize_t lane, const 
 /* The same of scaled eigenvectors (count, axes), whose matrix is of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩². */
 HELPER void KIND(distances_between)(const KIND(Group) *group, int count, Py_ssize_t lane, const float *restrict scaled,
                                     float *restrict squared) {
-    for (int begin = 0; begin < LANE / FLOATS; begin += BESIDE) {
+    for (int begin = 0; begin < LANE / FLOATS; begin += REGISTERS) {
         const Half *windows = group->windows + lane * count * group->axes * LANE + FLOATS * begin;
-        KIND(Floats) squares[BESIDE] = {{0.0F}};
+        KIND(Floats) squares[REGISTERS] = {{0.0F}};
         for (int i = 0; i < count; i++) {
-            KIND(Floats) products[EIGENVECTORS][BESIDE] = {{{0.0F}}};
+            KIND(Floats) products[EIGENVECTORS][REGISTERS] = {{{0.0F}}};
             for (Py_ssize_t k = 0; k < group->axes; k++, windows += LANE) {
-                for (int j = 0; j < BESIDE; j++) {
+                for (int j = 0; j < REGISTERS; j++) {
                     const KIND(Floats) window = KIND(widen)(windows + FLOATS * j);
                     for (int q = 0; q < count; q++) {
                         products[q][j] += scaled[q * group->axes + k] * window;
@@ -859,12 +785,12 @@ HELPER void KIND(distances_between)(const KIND(Group) *group, int count, Py_ssiz
                 }
             }
             for (int q = 0; q < count; q++) {
-                for (int j = 0; j < BESIDE; j++) {
+                for (int j = 0; j < REGISTERS; j++) {
                     squares[j] += products[q][j] * products[q][j];
                 }
             }
         }
-        for (int j = 0; j < BESIDE; j++) {
+        for (int j = 0; j < REGISTERS; j++) {
             const Py_ssize_t place = lane * LANE + FLOATS * (begin + j);
             const KIND(Floats) lengths = *(const KIND(Floats) *)(group->lengths + place);
             *(KIND(Floats) *)(squared + FLOATS * (begin + j)) = 1.0F + lengths - 2.0F * squares[j];
@@ -872,31 +798,14 @@ HELPER void KIND(distances_between)(const KIND(Group) *group, int count, Py_ssiz
     }
 }
 
-/* The smaller of two, number by number. */
-HELPER KIND(Floats) KIND(smaller)(KIND(Floats) one, KIND(Floats) other) {
-    const KIND(Ints) below = one < other;
-    return (KIND(Floats))(((KIND(Ints))one & below) | ((KIND(Ints))other & ~below));
-}
-
-/* The least of numbers from `begin` to before `end`, at least one; as many as a register has may be read beyond. */
+/* The least of numbers from `begin` to before `end`, at least one. */
 HELPER float KIND(least)(const float *restrict numbers, Py_ssize_t begin, Py_ssize_t end) {
-    KIND(Ints) places;
-    for (int i = 0; i < FLOATS; i++) {
-        places[i] = i;
+    float least = INFINITY;
+#pragma omp simd reduction(min : least)
+    for (Py_ssize_t i = begin; i < end; i++) {
+        least = numbers[i] < least ? numbers[i] : least;
     }
-    const KIND(Floats) none = {0.0F}, infinite = none + INFINITY;
-    KIND(Floats) least = infinite;
-    for (; begin < end; begin += FLOATS) {
-        const KIND(Ints) inside = places < (int32_t)(end - begin);
-        const KIND(Ints) some = *(const KIND(Ints) *)(numbers + begin);
-        least = KIND(smaller)((KIND(Floats))((some & inside) | ((KIND(Ints))infinite & ~inside)), least);
-    }
-    float smallest = INFINITY;
-#pragma omp simd reduction(min : smallest)
-    for (int i = 0; i < FLOATS; i++) {
-        smallest = least[i] < smallest ? least[i] : smallest;
-    }
-    return smallest;
+    return least;
 }
 
 /* Compare a live window with all windows of a library. groups (groups, 4): axes, eigenvectors or 0, where its vector and its
@@ -1024,87 +933,12 @@ HELPER KIND(Floats) KIND(float_exps)(KIND(Floats) numbers) {
     const KIND(Floats) whole = __builtin_convertvector(n, KIND(Floats));
     const KIND(Floats) r = (x - whole * 0.693359375F) + whole * 2.12194440e-4F;
     KIND(Floats) series = r * 0 + 1.0F / 5040.0F;
-    series = series * r + 1.0F / 720.0F;
-    series = series * r + 1.0F / 120.0F;
-    series = series * r + 1.0F / 24.0F;
-    series = series * r + 1.0F / 6.0F;
-    series = series * r + 0.5F;
-    series = series * r + 1.0F;
-    series = series * r + 1.0F;
+    for (int place = 6; place >= 0; place--) {
+        static const float terms[] = {1.0F, 1.0F, 0.5F, 1.0F / 6.0F, 1.0F / 24.0F, 1.0F / 120.0F, 1.0F / 720.0F};
+        series = series * r + terms[place];
+    }
     power.bits = (n + 127) << 23;
     return series * power.whole;
-}
-
-/* The moments of the recordings of one class, through which a body is followed, and the constants of a step. */
-typedef struct {
-    Py_ssize_t count, recordings, axes;
-    const double *phases, *beginning, *rounds, *alike; /* (count) each */
-    const Py_ssize_t *bins, *order, *starts;           /* (count), (count), (recordings) */
-    const float *vectors, *lengths;                    /* (axes, count), (count) */
-    double stay, one, two, changes, begins, again, sharpness, near;
-} KIND(Course);
-
-/* Move the probability of every moment on by one step, to `after`. */
-LOOP static void KIND(go_on)(const KIND(Course) *course, const double *restrict before, double *restrict after) {
-    const Py_ssize_t count = course->count;
-    const double stay = course->stay, one = course->one, two = course->two;
-    double mass[MAX_BINS] = {0.0}, beyond = 0.0;
-    for (Py_ssize_t r = 0; r < course->recordings; r++) {
-        const Py_ssize_t begin = course->starts[r], end = r + 1 < course->recordings ? course->starts[r + 1] : count;
-        const Py_ssize_t last = end - 1;
-        after[begin] = stay * before[begin];
-        if (last > begin) {
-            after[begin + 1] = stay * before[begin + 1] + one * before[begin];
-        }
-        for (Py_ssize_t i = begin + 2; i < end; i++) {
-            after[i] = stay * before[i] + one * before[i - 1] + two * before[i - 2];
-        }
-        const double over = (one + two) * before[last] + (last > begin ? two * before[last - 1] : 0.0);
-        after[last] += over * (1.0 - course->again);
-        beyond += over;
-    }
-    beyond *= course->again;
-    for (Py_ssize_t i = 0; i < count; i++) {
-        after[i] += beyond * course->rounds[i];
-        mass[course->bins[i]] += after[i];
-    }
-    const double keeps = 1.0 - course->changes - course->begins;
-    for (Py_ssize_t i = 0; i < count; i++) {
-        after[i] = keeps * after[i] + course->changes * course->alike[i] * mass[course->bins[i]] +
-                   course->begins * course->beginning[i];
-    }
-}
-
-/* Weigh every moment by how alike the live one is; gives what the probabilities add up to. `room` has room for as many
- * floats as there are moments, and a register more. */
-LOOP static double KIND(weigh)(const KIND(Course) *course, const float *restrict live, double *restrict belief,
-                          float *restrict room) {
-    const Py_ssize_t count = course->count;
-    memcpy(room, course->lengths, sizeof(float) * (size_t)count);
-    for (Py_ssize_t k = 0; k < course->axes; k++) {
-        const float *restrict axis = course->vectors + k * count;
-        const float factor = -2.0F * live[k];
-        for (Py_ssize_t i = 0; i < count; i++) {
-            room[i] += factor * axis[i];
-        }
-    }
-    float least = INFINITY;
-#pragma omp simd reduction(min : least)
-    for (Py_ssize_t i = 0; i < count; i++) {
-        least = room[i] < least ? room[i] : least;
-    }
-    const float sharpness = -0.5F * (float)course->sharpness;
-    for (Py_ssize_t i = 0; i < count; i += FLOATS) {
-        KIND(Floats) *some = (KIND(Floats) *)(room + i);
-        *some = KIND(float_exps)(sharpness * (*some - least));
-    }
-    double total = 0.0;
-#pragma omp simd reduction(+ : total)
-    for (Py_ssize_t i = 0; i < count; i++) {
-        belief[i] *= (double)room[i];
-        total += belief[i];
-    }
-    return total;
 }
 
 /* Take one step of the filter. course (4, moments): phases, the probabilities of beginning there and of a next round, one
@@ -1114,36 +948,77 @@ LOOP static double KIND(weigh)(const KIND(Course) *course, const float *restrict
  * (moments), after (moments) and room (moments + a register) to work on; found (2 + rows): the phase below which half the
  * probability lies, the probability near it, and the means of the rows; n: moments, recordings, axes, rows. */
 KERNEL(follow_phase) {
-    const Py_ssize_t count = n[0], *indices = array[1];
-    const double *numbers = array[0], *constants = array[6], *expected = array[5];
-    const float *live = array[7];
+    const Py_ssize_t count = n[0], recordings = n[1], *restrict bins = array[1], *restrict order = bins + count;
+    const Py_ssize_t *restrict starts = array[2];
+    const double *restrict phases = array[0], *restrict beginning = phases + count, *restrict rounds = beginning + count;
+    const double *restrict alike = rounds + count, *restrict expected = array[5], *restrict constants = array[6];
+    const double stay = constants[0], one = constants[1], two = constants[2], changes = constants[3], begins = constants[4];
+    const double again = constants[5], far = constants[7], keeps = 1.0 - changes - begins;
+    const float *restrict vectors = array[3], *restrict lengths = array[4], *restrict live = array[7];
+    const float sharpness = -0.5F * (float)constants[6];
     double *restrict belief = array[8], *restrict after = array[9], *restrict found = array[11];
-    float *restrict room = array[10];
-    const KIND(Course) course = {
-        .count = count, .recordings = n[1], .axes = n[2], .phases = numbers, .beginning = numbers + count,
-        .rounds = numbers + 2 * count, .alike = numbers + 3 * count, .bins = indices, .order = indices + count,
-        .starts = array[2], .vectors = array[3], .lengths = array[4], .stay = constants[0], .one = constants[1],
-        .two = constants[2], .changes = constants[3], .begins = constants[4], .again = constants[5],
-        .sharpness = constants[6], .near = constants[7]};
+    float *restrict room = array[10], least = INFINITY;
+    double mass[MAX_BINS] = {0.0}, beyond = 0.0, total = 0.0, below = 0.0, near = 0.0;
     (void)x;
-    KIND(go_on)(&course, belief, after);
-    const double total = KIND(weigh)(&course, live, after, room);
+    /* The probability of every moment goes on by one step. */
+    for (Py_ssize_t r = 0; r < recordings; r++) {
+        const Py_ssize_t begin = starts[r], last = (r + 1 < recordings ? starts[r + 1] : count) - 1;
+        after[begin] = stay * belief[begin];
+        if (last > begin) {
+            after[begin + 1] = stay * belief[begin + 1] + one * belief[begin];
+        }
+        for (Py_ssize_t i = begin + 2; i <= last; i++) {
+            after[i] = stay * belief[i] + one * belief[i - 1] + two * belief[i - 2];
+        }
+        const double over = (one + two) * belief[last] + (last > begin ? two * belief[last - 1] : 0.0);
+        after[last] += over * (1.0 - again);
+        beyond += over;
+    }
+    beyond *= again;
+    for (Py_ssize_t i = 0; i < count; i++) {
+        after[i] += beyond * rounds[i];
+        mass[bins[i]] += after[i];
+    }
+    for (Py_ssize_t i = 0; i < count; i++) {
+        after[i] = keeps * after[i] + changes * alike[i] * mass[bins[i]] + begins * beginning[i];
+    }
+    /* Every moment is weighed by how alike the live one is. */
+    memcpy(room, lengths, sizeof(float) * (size_t)count);
+    for (Py_ssize_t k = 0; k < n[2]; k++) {
+        const float *restrict axis = vectors + k * count;
+        const float factor = -2.0F * live[k];
+        for (Py_ssize_t i = 0; i < count; i++) {
+            room[i] += factor * axis[i];
+        }
+    }
+#pragma omp simd reduction(min : least)
+    for (Py_ssize_t i = 0; i < count; i++) {
+        least = room[i] < least ? room[i] : least;
+    }
+    for (Py_ssize_t i = 0; i < count; i += FLOATS) {
+        KIND(Floats) *some = (KIND(Floats) *)(room + i);
+        *some = KIND(float_exps)(sharpness * (*some - least));
+    }
+#pragma omp simd reduction(+ : total)
+    for (Py_ssize_t i = 0; i < count; i++) {
+        after[i] *= (double)room[i];
+        total += after[i];
+    }
     const double factor = total > 0.0 ? 1.0 / total : 0.0;
     for (Py_ssize_t i = 0; i < count; i++) {
-        belief[i] = total > 0.0 ? after[i] * factor : course.beginning[i];
+        belief[i] = total > 0.0 ? after[i] * factor : beginning[i];
     }
-    double below = 0.0, near = 0.0;
     Py_ssize_t place = 0;
     for (; place < count - 1; place++) {
-        below += belief[course.order[place]];
+        below += belief[order[place]];
         if (below >= 0.5) {
             break;
         }
     }
-    const double phase = course.phases[course.order[place]], far = course.near;
+    const double phase = phases[order[place]];
 #pragma omp simd reduction(+ : near)
     for (Py_ssize_t i = 0; i < count; i++) {
-        near += fabs(course.phases[i] - phase) <= far ? belief[i] : 0.0;
+        near += fabs(phases[i] - phase) <= far ? belief[i] : 0.0;
     }
     found[0] = phase;
     found[1] = near;
@@ -1246,7 +1121,7 @@ KERNEL(steps) {
 #undef KERNEL
 #undef BYTES
 #undef FLOATS
-#undef BESIDE
+#undef REGISTERS
 #undef WIDE
 #undef BLOCK_WIDE
 #undef ROWS

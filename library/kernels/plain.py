@@ -6,7 +6,6 @@ The arguments are described in `kernels.table`; they are checked before they com
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -177,14 +176,8 @@ def _following(  # noqa: PLR0913, PLR0917 - the pieces of one call
 
 def _weighed(rows: Numbers, entered: slice, left: slice) -> tuple[Numbers, Numbers]:
     """Copy the rows that entered and left to one array, and give their signs, 1 and -1."""
-    return np.concatenate([rows[entered], rows[left]]), _signs(entered.stop - entered.start, left.stop - left.start)
-
-
-@lru_cache(256)
-def _signs(entered: int, left: int) -> Numbers:
-    weights = np.repeat((1.0, -1.0), (entered, left))
-    weights.flags.writeable = False
-    return weights
+    signs = np.repeat((1.0, -1.0), (entered.stop - entered.start, left.stop - left.start))
+    return np.concatenate([rows[entered], rows[left]]), signs
 
 
 # --- parts of a signature ----------------------------------------------------------------------------------------
@@ -288,16 +281,6 @@ def place(numbers: Numbers, origin: Floats, axes: Halves, vector: Numbers) -> Ca
 
     def call() -> float:
         vector[:] = np.subtract(numbers, origin, dtype=np.float32) @ whole
-        return 0.0
-
-    return call
-
-
-def flatten(scaled: Numbers, vector: Numbers) -> Call:
-    """Write the matrix Σᵢ sᵢ sᵢᵀ of scaled eigenvectors as a vector."""
-
-    def call() -> float:
-        vector[:] = parts.flattened(scaled)
         return 0.0
 
     return call

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -24,19 +24,12 @@ if TYPE_CHECKING:
 LANE = 64
 #: Vectors that `read_eigen` takes over from one window to the next.
 BLOCK = 8
-#: Numbers that `follow_phase` needs beside those of the moments: a register of floats.
+#: Numbers that `follow_phase` needs in addition to those of the moments: a register of floats.
 REGISTER = 16
 #: A number without a limit of its own.
 _UNLIMITED = 1e15
 _ARRAY = re.compile(r"(\w+):([a-z0-9]+)(?:\.([iHef]))?(?:<(\w))?(_?)(!?)$")
 _DTYPES: dict[str | None, type] = {None: np.float64, "i": np.intp, "H": np.uint16, "e": np.float16, "f": np.float32}
-
-
-class Lengths(NamedTuple):
-    """The lengths of a kernel's arrays: by letter, and as the compiled kernel gets them."""
-
-    by_letter: dict[str, int]
-    in_order: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +48,9 @@ class _Array:
 
     def check(self, array: NDArray[np.generic], lengths: dict[str, int]) -> None:
         """Check one array against the lengths of the arrays before it, and add its own."""
-        if not isinstance(array, np.ndarray) or array.dtype != self.dtype or array.ndim != len(self.shape):
-            got = f"{array.ndim} of {array.dtype}" if isinstance(array, np.ndarray) else repr(array)
+        if array.dtype != self.dtype or array.ndim != len(self.shape):
             expected = f"{len(self.shape)} dimensions of {np.dtype(self.dtype)}"
-            raise ValueError(f"{self.name}: expected {expected}, got {got}")
+            raise ValueError(f"{self.name}: expected {expected}, got {array.ndim} of {array.dtype}")
         for letter, length in zip(self.shape, array.shape, strict=True):
             expected_length = int(letter) if letter.isdigit() else lengths.setdefault(letter, length)
             if length != expected_length:
@@ -96,8 +88,8 @@ class Kernel:
         limits = (each.partition("<")[2] for each in numbers.split())
         return cls(tuple(map(_Array.of, arrays.split())), tuple(constants.split()), tuple(limits))
 
-    def lengths(self, arrays: Sequence[NDArray[np.generic]]) -> Lengths:
-        """Check arrays.
+    def lengths(self, arrays: Sequence[NDArray[np.generic]]) -> dict[str, int]:
+        """Check arrays, and give their lengths by letter; then by name from one row to the next, where there is room.
 
         Raises
         ------
@@ -113,14 +105,13 @@ class Kernel:
             others = (other for other in arrays if other is not array)
             if described.written and any(np.may_share_memory(array, other) for other in others):
                 raise ValueError(f"{described.name}: expected memory that is in no other array")
-        apart = (
-            array.strides[0] // array.itemsize for each, array in zip(self.arrays, arrays, strict=True) if each.room
-        )
-        return Lengths(lengths, (*lengths.values(), *apart))
+            if described.room:
+                lengths[described.name] = array.strides[0] // array.itemsize
+        return lengths
 
-    def most(self, lengths: Lengths) -> tuple[float, ...]:
+    def most(self, lengths: dict[str, int]) -> tuple[float, ...]:
         """Give the largest value of each number of a call."""
-        return tuple(float(lengths.by_letter[letter]) if letter else _UNLIMITED for letter in self.numbers)
+        return tuple(float(lengths[letter]) if letter else _UNLIMITED for letter in self.numbers)
 
 
 _SUMS = "seconds most tolerance no_movement", "end<n moved"
@@ -136,7 +127,6 @@ KERNELS = {
     "read_eigen": Kernel.of("sum:d products:dd places:2.i drift:2 values:k! vectors:kd! scaled:kd! block:d8!"),
     "eigenpairs": Kernel.of("covariances:mdd values:mk! vectors:mkd!"),
     "place": Kernel.of("numbers:n origin:n.f axes:na.e vector:k!"),
-    "flatten": Kernel.of("scaled:kd vector:n!"),
     "compare": Kernel.of(
         "groups:g4.i windows:h.e lengths:gl.f weights:vg.f blocks:b.i<l classes:c.i<b vectors:n products:vl.f! "
         "logs:vk!",

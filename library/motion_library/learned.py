@@ -1,15 +1,14 @@
-"""Numbers learned from people, kept beside a library's motions."""
+"""Numbers learned from people, kept with a library's motions."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -22,15 +21,6 @@ class Learned:
     """Named arrays, each float32."""
 
     named: Mapping[str, NDArray[np.float32]] = field(repr=False)
-
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
-        """Give the arrays by name, as a library's file keeps them."""
-        return dict(self.named)
-
-    @classmethod
-    def of_arrays(cls, arrays: Mapping[str, NDArray[np.float32]]) -> Self:
-        """Make it from the arrays of a library's file."""
-        return cls({name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()})
 
     @property
     def judges(self) -> bool:

@@ -2,7 +2,7 @@
 
 The header is JSON. `positions` holds the second differences along time of all motions, one after the other, in whole
 millimetres from each motion's first root position; `starts` holds those first positions. Differences and sums wrap
-around at the integers' range, so nothing is lost. Zip's checksums tell whether a file is damaged.
+around at the integers' range, so nothing is lost. Zip's checksums show whether a file is damaged.
 """
 
 from __future__ import annotations
@@ -11,11 +11,8 @@ import errno
 import io
 import math
 import os
-import struct
 import tempfile
-import tokenize
 import zipfile
-import zlib
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NamedTuple
@@ -23,9 +20,9 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NamedTuple
 import msgspec
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library.learned import Learned
-from kinespace.library.recordings import memory
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -45,8 +42,6 @@ MAX_COORDINATES = 100_000_000
 MAX_METRES = 1000.0
 MAX_HEADER_BYTES = 16_000_000
 MAX_LEARNED_BYTES = 64_000_000
-#: Bytes of a zip file's directory, at most.
-_MAX_DIRECTORY_BYTES = 64_000
 #: Bytes in front of an array's numbers, at most: numpy's own limit.
 _MAX_PREFIX_BYTES = 10_000
 
@@ -56,11 +51,6 @@ _BYTES_READ = 16
 _MILLIMETRES = 1000.0
 _SMALL, _LARGE = np.dtype("<i2"), np.dtype("<i4")
 _LEARNED = "learned_"
-#: The errors of zipfile, zlib and numpy for a file that is cut short, overwritten in the middle, or of another kind.
-_DAMAGE = (
-    *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
-    *(EOFError, KeyError, OverflowError, RuntimeError, SyntaxError, TypeError),
-)
 
 
 class LibraryFileError(ValueError):
@@ -73,6 +63,7 @@ class Contents(NamedTuple):
     skeleton: Skeleton
     motions: tuple[Clip, ...]
     learned: Learned | None
+    guests: tuple[Clip, ...] = ()
 
 
 class _Motions(msgspec.Struct):
@@ -99,6 +90,8 @@ class _Header(msgspec.Struct):
     origins: list[tuple[str, str, str]]
     #: The shapes of the learned arrays, by name.
     learned: dict[str, tuple[Annotated[int, msgspec.Meta(ge=0, le=MAX_LEARNED_BYTES)], ...]]
+    #: So many of the last motions are guests.
+    guests: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
 class _Kind(msgspec.Struct):
@@ -137,32 +130,26 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     """
     header = msgspec.json.encode(_described(contents))
     _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
-    frames = [motion.frames for motion in contents.motions]
-    _require_sizes(len(contents.skeleton.joints), frames)
-    arrays: dict[str, Any] = _encoded(contents.motions)
+    motions = (*contents.motions, *contents.guests)
+    _require_sizes(len(contents.skeleton.joints), [motion.frames for motion in motions])
+    arrays: dict[str, Any] = _encoded(motions)
     if contents.learned:
-        arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in contents.learned.arrays().items()}
+        arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in contents.learned.named.items()}
     with replacing(path) as file:
         (np.savez_compressed if compressed else np.savez)(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
 
 
 def _described(contents: Contents) -> _Header:
-    motions = contents.motions
+    motions = (*contents.motions, *contents.guests)
     origins = [(motion.source, motion.licence, motion.attribution) for motion in motions]
     places = {origin: place for place, origin in enumerate(dict.fromkeys(origins))}
-    learned = contents.learned.arrays() if contents.learned else {}
-    columns = _Motions(
-        class_name=[motion.class_name for motion in motions],
-        actor=[motion.actor for motion in motions],
-        take=[motion.take for motion in motions],
-        name=[motion.name for motion in motions],
-        frame_rate=[float(motion.frame_rate) for motion in motions],
-        frames=[motion.frames for motion in motions],
-        origin=[places[origin] for origin in origins],
-    )
+    learned = contents.learned.named if contents.learned else {}
+    named = ("class_name", "actor", "take", "name", "frame_rate", "frames")
+    columns = {name: [getattr(motion, name) for motion in motions] for name in named}
+    table = _Motions(**columns, origin=[places[origin] for origin in origins])
     shapes = {name: array.shape for name, array in learned.items()}
     joints, parents = contents.skeleton.joints, contents.skeleton.parents
-    return _Header(FORMAT, VERSION, list(joints), list(parents), columns, list(places), shapes)
+    return _Header(FORMAT, VERSION, list(joints), list(parents), table, list(places), shapes, len(contents.guests))
 
 
 def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
@@ -216,17 +203,15 @@ def read(path: Path) -> Contents:
         The file cannot be opened.
     """
     try:
-        with path.open("rb") as file:
-            _require_small_directory(file)
-            with zipfile.ZipFile(file) as archive:
-                return _restored(archive, _read_header(path, archive))
+        with memory.archive(path) as archive:
+            return _restored(archive, _read_header(path, archive))
     except LibraryFileError:
         raise
     except OSError as error:
         if error.filename is not None:  # the file cannot be opened
             raise
         raise LibraryFileError(f"{path}: not a motion library, or cut short") from error
-    except _DAMAGE as error:
+    except memory.DAMAGE as error:
         raise LibraryFileError(f"{path}: not a motion library, or cut short") from error
     except ValueError as error:
         raise LibraryFileError(f"{path}: not a usable motion library ({error})") from error
@@ -246,27 +231,9 @@ def _require_sizes(joints: int, frames: Sequence[int]) -> None:
     )
 
 
-def _require_small_directory(file: BinaryIO) -> None:
-    """Refuse a zip whose directory, which zipfile holds in memory, is larger than these few arrays need."""
-    file.seek(-42, os.SEEK_END)
-    end = file.read()
-    signature, size = struct.unpack("<20x4s8xL6x", end)
-    if end.startswith(b"PK\x06\x07") or signature != b"PK\x05\x06" or size > _MAX_DIRECTORY_BYTES:
-        raise zipfile.BadZipFile
-
-
 def _content(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
     """Unpack one array's file; zipfile compares its checksum."""
-    info = archive.getinfo(f"{name}.npy")
-    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise zipfile.BadZipFile
-    _require(
-        info.file_size <= most + _MAX_PREFIX_BYTES,
-        f"{name}: expected at most {most} bytes, got {info.file_size}",
-    )
-    with archive.open(info) as member:
-        # Never read more bytes than the directory says.
-        return member.read(info.file_size)
+    return memory.unpacked(archive, name, most + _MAX_PREFIX_BYTES)
 
 
 def _numbers(
@@ -290,13 +257,11 @@ def _read_header(path: Path, archive: zipfile.ZipFile) -> _Header:
     kind = msgspec.json.decode(text, type=_Kind)
     if kind.format != FORMAT:
         raise LibraryFileError(f"{path}: not a motion library")
-    if kind.version in (1, 2):
-        raise LibraryFileError(
-            f"{path}: of format version {kind.version}, which keeps no motions; build it anew from its recordings: "
-            f"kinespace build FOLDER -o {path}"
-        )
     if kind.version != VERSION:
-        raise LibraryFileError(f"{path}: format version {str(kind.version)[:20]}, this kinespace reads {VERSION}")
+        raise LibraryFileError(
+            f"{path}: format version {str(kind.version)[:20]}, this kinespace reads {VERSION}; build the library again "
+            f"from its recordings: kinespace build FOLDER -o {path}"
+        )
     return msgspec.json.decode(text, type=_Header)
 
 
@@ -307,6 +272,7 @@ def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
     memory.require(total * joints * 3 * _BYTES_READ, "frames")
     for name, column in msgspec.structs.asdict(motions).items():
         _require(len(column) == count, f"{name}: expected {count}, one for each motion, got {len(column)}")
+    _require(header.guests < count, f"guests: expected fewer than the {count} motions, got {header.guests}")
     known = len(header.origins)
     _require(all(place < known for place in motions.origin), f"origin: expected 0 to {known - 1}")
     bytes_of = {name: 4 * math.prod(shape) for name, shape in header.learned.items()}
@@ -329,7 +295,8 @@ def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
     origins = [header.origins[place] for place in motions.origin]
     each = zip(positions, motions.frame_rate, texts, origins, strict=True)
     clips = tuple(Clip(skeleton, metres, rate, *own, *origin) for metres, rate, own, origin in each)
-    return Contents(skeleton, clips, Learned.of_arrays(learned) if learned else None)
+    hosts = count - header.guests
+    return Contents(skeleton, clips[:hosts], Learned(learned) if learned else None, clips[hosts:])
 
 
 def _decoded(

@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import msgspec
 from msgspec.inspect import DictType, EnumType, StructType, UnionType, type_info
 
+from kinespace.library import memory
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
 
 _Struct = TypeVar("_Struct", bound=msgspec.Struct)
 
@@ -41,6 +44,14 @@ _NOT_BLANK = " matching regex '\\\\S'"
 #: Characters of a value in a message, at most.
 _MAX_SHOWN = 80
 _FIELD = re.compile(r"Object (?P<how>contains unknown|missing required) field `(?P<key>.*)`", re.DOTALL)
+
+
+def text_of(path: Path, error: type[ValueError]) -> str:
+    """Read a file of UTF-8 text; the error is raised for another file, OSError for one that cannot be read."""
+    try:
+        return memory.content(path).decode()
+    except UnicodeDecodeError as mistake:
+        raise error(f"{path}: expected UTF-8 text, got byte {mistake.start} of another encoding") from mistake
 
 
 def read_toml(
@@ -91,19 +102,18 @@ def _explained(message: str, table: dict[str, object], kind: type[msgspec.Struct
     places, field, came = list(_places(table, steps)), _FIELD.fullmatch(what), re.search(r", got `(\w+)`$", what)
     if field:
         unknown, key = field["how"] == "contains unknown", field["key"]
-        place, there = next(each for each in places if (key in each[1]) is unknown)  # type: ignore[operator]
-        known = _choices(kind, steps)
-        near = get_close_matches(key, known if unknown else {*there} - {*known}, n=1)  # type: ignore[misc]
-        meant = f", perhaps {near[0]!r} is meant" if near and unknown else f", but {near[0]!r}" if near else ""
-        what = f"one of {', '.join(known)}, got {key!r}{meant}" if unknown else f"a value, got nothing{meant}"
-        place = f"{place}, {key}"
+        place = next(place for place, there in places if (key in there) is unknown)  # type: ignore[operator]
+        place, known, what = f"{place}, {key}", _choices(kind, steps), "a value, got nothing"
+        if unknown:
+            near = get_close_matches(key, known, n=1)
+            what = f"one of {', '.join(known)}, got {key!r}" + (f", perhaps {near[0]!r} is meant" if near else "")
     else:
         fitting = [each for each in places if came and _TYPES.get(type(each[1])) == came[1]]
         place, value = (fitting or places)[0]
         if not what.startswith(("Expected", "Invalid")):
             return f"{place}, {what}".removeprefix(", ")
         what = re.sub(r", got .*", "", what.removeprefix("Expected ")).replace(_NOT_BLANK, "")
-        what = re.sub("`(\\w+)`", lambda each: _WORDS.get(each[1], each[1]), what)
+        what = re.sub(r"`(\w+)(?: \| null)?`", lambda each: _WORDS.get(each[1], each[1]), what)
         what = f"one of {', '.join(_choices(kind, steps))}" if what.startswith("Invalid") else what
         what = f"{what}, got {repr(value)[:_MAX_SHOWN]}"
     return f"{place}: expected {what}".removeprefix(", ")

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from kinespace.library.naming import hdm05
-from kinespace.library.naming.checked_toml import Text, read_toml
+from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _ENDING = ".toml"
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 #: The end of a namespace or a path.
-_NAMESPACE = re.compile(r".*[:|]")
+_NAMESPACE = re.compile(r"\A.*[:|]")
 #: Names that feeds and sets of joints have for a convention.
 _ALSO = {"kinect20": "kinect1", "kinectv2": "kinect2"}
 #: Stands for a side in a convention's names, and for its letter in ours.
@@ -118,10 +118,7 @@ def convention_named(text: str) -> Convention:
         The file cannot be read.
     """
     if text.endswith(_ENDING):
-        try:
-            return parse_convention(Path(text).read_text(encoding="utf-8"), text)
-        except UnicodeDecodeError as error:
-            raise ConventionError(f"{text}: expected UTF-8 text, got byte {error.start} of another encoding") from error
+        return parse_convention(text_of(Path(text), ConventionError), text)
     name = _ALSO.get(text.casefold(), text.casefold())
     found = next((each for each in conventions() if each.name == name), None)
     if found is None:

@@ -43,7 +43,7 @@ class NamedJoints(NamedTuple):
         return self.convention.title if self.convention and self.convention.name != own_convention().name else ""
 
 
-def told(title: str, joints: Sequence[str]) -> str:
+def summary(title: str, joints: Sequence[str]) -> str:
     """Say in a line which convention was applied, and how many of our joints it found."""
     ours = hdm05.SKELETON.joints
     return f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"

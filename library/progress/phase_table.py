@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MOMENTS_PER_SECOND = 15.0
 #: Seconds over which a moment's velocity is taken.
 VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
-#: Weight of a velocity beside a posture, both in the basis.
+#: Weight of a velocity relative to a posture, both in the basis.
 VELOCITY = 3.0
 #: The share of the scatter between actors that is replaced by equal scatter.
 _SHRINKAGE = 0.1
@@ -167,11 +167,6 @@ def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.hstack([points, VELOCITY * velocity])
 
 
-def moving_point(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Append to a point its movement since the point `VELOCITY_SECONDS` before, weighted, (2 × directions,)."""
-    return np.concatenate([now, VELOCITY * (now - before)])
-
-
 def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
     """Learn how recordings of a class differ at the same phase; a class of one recording is ignored."""
     scatters = []
@@ -237,12 +232,8 @@ def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArr
 def _swings(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Log of the swing over the last second at each moment; at the beginning over the time that has passed."""
     span = round(SWING_SECONDS * MOMENTS_PER_SECOND)
-    return np.array([swing_of(points[max(0, end - span) : end + 1]) for end in range(len(points))])
-
-
-def swing_of(points: NDArray[np.float64]) -> float:
-    """Log of the root mean square deviation of points from their mean, (moments, directions)."""
-    return log_swing(float(points.var(axis=0).sum()))
+    windows = (points[max(0, end - span) : end + 1] for end in range(len(points)))
+    return np.array([log_swing(float(each.var(axis=0).sum())) for each in windows])
 
 
 def log_swing(variance: float) -> float:

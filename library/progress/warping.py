@@ -116,13 +116,8 @@ def _followed_back(steps: NDArray[np.int8], sizes: Sequence[tuple[int, int]]) ->
     place = np.array(sizes) - 1
     last = np.maximum(place[:, 1], 1)
     sums, counts = np.zeros(steps.shape[:2]), np.zeros(steps.shape[:2])
-    every = np.arange(len(sizes))
-    for _ in range(steps.shape[1] + steps.shape[2]):
-        i, j = place[:, 0], place[:, 1]
-        there = (i >= 0) & (j >= 0)
-        which, i, j = every[there], i[there], j[there]
-        if not len(which):
-            break
+    while (there := (place >= 0).all(axis=1)).any():
+        which, (i, j) = np.flatnonzero(there), place[there].T
         sums[which, i] += j / last[which]
         counts[which, i] += 1
         step = steps[which, i, j]

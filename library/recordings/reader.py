@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -11,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.naming import Naming
-from kinespace.library.recordings import memory
 from kinespace.library.recordings.formats import acclaim, bvh, joint_table
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
@@ -26,20 +25,22 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.recordings.formats.labels import Segment
 
-_AMC, _C3D, _NPZ = ".amc", ".c3d", ".npz"
+_AMC, _C3D = ".amc", ".c3d"
 #: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
 RAW = ".kinerec"
-_TABLES = (".csv", _NPZ)
+_TABLES = (".csv", ".npz")
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip]] = {
     ".bvh": bvh.read_clip,
     _C3D: c3d.read_clip,
     ".trc": trc.read_clip,
 }
-_NAMED = f"{', '.join([_AMC, *_READERS, RAW])}, a table in {' or '.join(_TABLES)}"
-#: Bytes of memory for each byte in a file: a number takes two characters or more, or two bytes in a C3D, and eight in
-#: each of the arrays that are computed one from the other.
-_TIMES, _TIMES_C3D = 4, 10
+#: The endings of all files that can be read.
+ENDINGS = (_AMC, *_READERS, RAW, *_TABLES)
+_NAMED = f"{', '.join(ENDINGS[:-2])}, a table in {' or '.join(_TABLES)}"
+#: Bytes of memory for each byte in a file: a number takes two characters or more, or two bytes in a binary file, and
+#: eight in each of the arrays that are computed one from the other.
+_TIMES, _TIMES_BINARY = 4, {_C3D: 10, RAW: 10}
 
 
 class ActorIn(StrEnum):
@@ -89,19 +90,16 @@ class Reading:
     naming: Naming = field(default_factory=Naming)
     actor_in: ActorIn = ActorIn.NOWHERE
     raw: Callable[[Path], Sequence[Clip]] | None = field(default=None, compare=False)
-    metres_per_unit: float | None = field(init=False)
 
     def __post_init__(self) -> None:
-        metres = metres_of(self.unit) if self.unit else None
-        if self.unit and metres is None:
+        if self.unit and metres_of(self.unit) is None:
             raise ValueError(f"unit: expected m, cm, mm, in, ft or the metres of one, got {self.unit!r}")
-        object.__setattr__(self, "metres_per_unit", metres)
 
 
 def is_recording(path: Path) -> bool:
     """Say whether a file can be read, by its ending or a table's columns."""
     ending = path.suffix.lower()
-    return joint_table.is_joint_table(path) if ending in _TABLES else ending in (_AMC, *_READERS, RAW)
+    return joint_table.is_joint_table(path) if ending in _TABLES else ending in ENDINGS
 
 
 def instead_of_recording(path: Path) -> str:
@@ -181,8 +179,8 @@ class RecordingReader:
             return [self.clip(path)]
         if self._reading.raw is None:
             raise RecordingError(f"{path}: expected a motion file, got a raw recording: kinespace convert makes one")
-        clips = self._reading.raw(path)
         with _errors_naming(path):
+            clips = self._reading.raw(path)
             return [self._named(restricted(clip, self._reading.joints)) for clip in clips]
 
     def clip(self, path: Path) -> Clip:
@@ -201,11 +199,10 @@ class RecordingReader:
         if ending == RAW:
             clips = self.clips(path)
             if len(clips) > 1:
-                told = ", ".join(clip.actor for clip in clips)
-                raise RecordingError(f"{path}: the recording has several performers ({told})")
+                names = ", ".join(clip.actor for clip in clips)
+                raise RecordingError(f"{path}: the recording has several performers ({names})")
             return clips[0]
         with _errors_naming(path):
-            memory.require(_memory_for(path), "memory")
             reading = self._reading
             if ending == _AMC:
                 clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
@@ -214,7 +211,7 @@ class RecordingReader:
             return self._named(
                 read(
                     path,
-                    metres_per_unit=reading.metres_per_unit,
+                    metres_per_unit=metres_of(reading.unit),
                     frame_rate=reading.frame_rate,
                     joints=reading.joints,
                 )
@@ -235,14 +232,14 @@ class RecordingReader:
 
 
 def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Clip:
-    """Complete a clip whose name tells no class by its folder's name, its file's name and the actor in its path."""
+    """Complete a clip whose name holds no class by its folder's name, its file's name and the actor in its path."""
     if clip.class_name:
         return clip
     return replace(performed(clip, path, actor_in), class_name=path.absolute().parent.name, take=clip.name)
 
 
 def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
-    """Give a clip the actor that its path tells; where the path tells none, the clip keeps its actor."""
+    """Give a clip the actor that its path names; where the path names none, the clip keeps its actor."""
     match actor_in:
         case ActorIn.NOWHERE:
             return clip
@@ -253,7 +250,7 @@ def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
 
 
 def segments_beside(take: Path) -> tuple[Segment, ...] | None:
-    """Read the labels in a file beside a take that has its name; None if there are none.
+    """Read the labels in a file that has a take's name, in its folder; None if there are none.
 
     Raises
     ------
@@ -266,19 +263,13 @@ def segments_beside(take: Path) -> tuple[Segment, ...] | None:
 
 @contextmanager
 def _errors_naming(path: Path) -> Iterator[None]:
-    """Name a file in the errors that do not name it yet; numbers too large to compute with are such an error."""
+    """Name a file in the errors that do not name it yet; too large a file, or numbers to compute with, is one."""
     try:
+        memory.require(path.stat().st_size * _TIMES_BINARY.get(path.suffix.lower(), _TIMES), "memory")
         with np.errstate(over="ignore", invalid="ignore"):
             yield
     except RecordingError:
         raise
-    except ValueError as error:
-        raise RecordingError(f"{path}: {error}") from error
-
-
-def _memory_for(path: Path) -> int:
-    """Give the bytes that a file takes when it is read, at most."""
-    if path.suffix.lower() == _NPZ:
-        with zipfile.ZipFile(path) as archive:
-            return _TIMES * sum(each.file_size for each in archive.infolist())
-    return path.stat().st_size * (_TIMES_C3D if path.suffix.lower() == _C3D else _TIMES)
+    except (ValueError, *memory.DAMAGE) as error:
+        told = str(error) or type(error).__name__
+        raise RecordingError(told if told.startswith(str(path)) else f"{path}: {told}") from error

@@ -7,14 +7,13 @@
 - posture: where the joints are on average, each distance relative to the segments between its joints, so that
   proportions drop out;
 - trend: the correlation of each distance with time (the covariance of the distance with time, over the deviations of
-  both). It has a sign, so it tells sitting down from standing up, which have the same covariance.
+  both). It has a sign, so it distinguishes sitting down from standing up, which have the same covariance.
 
 The same functions serve the windows of a library and a live window, so that both are computed alike.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -80,8 +79,7 @@ def lengths_of(parts: Iterable[Part]) -> tuple[tuple[float, ...], tuple[float, .
     return tuple(sorted(of_distances)), tuple(sorted(in_basis))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Moments:
+class Moments(NamedTuple):
     """The moments of some windows' distance rows.
 
     Attributes
@@ -93,13 +91,12 @@ class Moments:
         metres: at most the deviation.
     """
 
-    mean: NDArray[np.float64] = field(repr=False)
-    deviation: NDArray[np.float64] = field(repr=False)
-    trend: NDArray[np.float64] = field(repr=False)
+    mean: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    trend: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Eigenpairs:
+class Eigenpairs(NamedTuple):
     """The leading eigenvalues and eigenvectors of some covariances, the largest first.
 
     Attributes
@@ -110,8 +107,8 @@ class Eigenpairs:
         Unit length, shape (windows, k, directions).
     """
 
-    values: NDArray[np.float64] = field(repr=False)
-    vectors: NDArray[np.float64] = field(repr=False)
+    values: NDArray[np.float64]
+    vectors: NDArray[np.float64]
 
 
 def spread(moments: Moments, body: Body) -> NDArray[np.float64]:
@@ -157,9 +154,9 @@ def flattened(scaled: NDArray[np.floating]) -> NDArray[np.float64]:
     -------
     Shape (..., directions (directions + 1) / 2).
     """
-    rows, columns, factors = _upper(scaled.shape[-1])
+    places, factors = upper_triangle(scaled.shape[-1])
     matrices = np.matmul(np.swapaxes(scaled, -1, -2), scaled)
-    vectors: NDArray[np.float64] = matrices[..., rows, columns] * factors
+    vectors: NDArray[np.float64] = matrices.reshape(*scaled.shape[:-2], -1)[..., places] * factors
     return vectors
 
 
@@ -176,7 +173,7 @@ def _positive(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @cache
-def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """Give the indices of a symmetric matrix's upper triangle, and the factors of its numbers."""
+def upper_triangle(size: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Give where the numbers of a symmetric matrix's upper triangle lie in its memory, and their factors."""
     rows, columns = np.triu_indices(size)
-    return rows, columns, np.where(rows == columns, 1.0, np.sqrt(2.0))
+    return rows * size + columns, np.where(rows == columns, 1.0, np.sqrt(2.0))

@@ -1,4 +1,4 @@
-"""Examples that a person teaches: their recordings, the library that they make, and how well they are told apart.
+"""Examples that a person teaches: their recordings, the library that they make, and how well they differ.
 
 Rosters are values: a change gives a new roster, so that undo goes back to an old one. The windows of an example are
 computed once, even if the roster changes often.
@@ -28,12 +28,14 @@ MAX_EXAMPLES = 2000
 #: Seconds between two windows of an example.
 _EVERY = 0.1
 #: Share of an example's windows that another class wins: up to the first number the example is good, and from the
-#: second number on the two classes cannot be told apart.
-_GOOD, _NOT_TOLD = 0.05, 0.5
+#: second number on the two classes do not differ.
+_GOOD, _ALIKE = 0.05, 0.5
 #: An unlike example is so many times as far from its class's other examples as these from each other.
 _UNLIKE = 2.0
-#: Examples from which on what is unknown is learned anew only when their number has changed by more than this share.
+#: Examples from which on what is unknown is learned again only when their number has changed by more than this share.
 _MANY, _FEW = 200, 0.05
+#: Examples that were undone and keep their windows, at least.
+_UNDONE = 8
 #: Other examples of a class, and windows of an example, that a check uses, at most.
 _CHECKED, _WINDOWS = 5, 60
 
@@ -77,11 +79,6 @@ class Example:
             take=f"{self.number:04d}",
             name=f"{self.class_name} {self.number}",
         )
-
-    @property
-    def whole(self) -> Example:
-        """The same example without trimming."""
-        return replace(self, begin=0.0, end=self.recording.duration)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,13 +155,13 @@ class TaughtWindows:
     Parameters
     ----------
     base
-        Windows in whose metrics examples are compared. None: the examples learn their own metrics, anew each time.
-    beside
+        Windows in whose metrics examples are compared. None: the examples learn their own metrics, each time.
+    with_base
         Whether the base's own motions take part in comparisons.
     """
 
-    def __init__(self, base: WindowIndex | None, *, beside: bool) -> None:
-        self._base, self._beside = base, beside
+    def __init__(self, base: WindowIndex | None, *, with_base: bool) -> None:
+        self._base, self._with_base = base, with_base
         self._everything = base
         self._known: dict[tuple[str, float, float, int], Clip] = {}
         #: What is unknown, as so many examples taught it.
@@ -173,7 +170,7 @@ class TaughtWindows:
     @property
     def base_classes(self) -> tuple[str, ...]:
         """Classes that are known without examples."""
-        return self._base.library.classes if self._base and self._beside else ()
+        return self._base.library.classes if self._base and self._with_base else ()
 
     def index_of(self, roster: Roster) -> WindowIndex | None:
         """Open a roster; None when there is no motion to compare with."""
@@ -181,6 +178,10 @@ class TaughtWindows:
         if self._base is None:
             library = Roster(tuple(enabled)).library()
             return WindowIndex.of(library) if library else None
+        if len(self._known) > 2 * len(enabled) + _UNDONE:
+            # Examples that were undone take room; the others are computed again.
+            self._known.clear()
+            self._everything = self._base
         new = [each for each in enabled if _key(each) not in self._known]
         if new and self._everything is not None:
             # One person is enough: all performers' examples of a class count as one person's.
@@ -195,14 +196,14 @@ class TaughtWindows:
     def _selected(self, roster: Roster, enabled: Sequence[Example]) -> WindowIndex | None:
         assert self._everything is not None and self._base is not None  # noqa: S101, PT018 - for mypy
         wanted = {id(self._known[_key(each)]) for each in enabled}
-        if self._beside:
+        if self._with_base:
             wanted |= {id(motion) for motion in self._base.library.motions if motion.class_name not in roster.disabled}
         places = [place for place, motion in enumerate(self._everything.library.motions) if id(motion) in wanted]
         if not np.isin(self._everything.motions, places).any():
             return None
-        # A base taught by strangers tells what is unknown; without one the examples do.
-        index = self._everything.of_some(places, learns=not self._beside)
-        if not self._beside:
+        # What is unknown was learned from the base's strangers; without its motions it is learned from the examples.
+        index = self._everything.of_some(places, learns=not self._with_base)
+        if not self._with_base:
             index = replace(index, judged_by=self._learned(index, len(enabled)))
         return index.prepared()
 
@@ -220,7 +221,7 @@ def _key(example: Example) -> tuple[str, float, float, int]:
 
 
 class Check(NamedTuple):
-    """How well an example can be told from other classes, and how like its own class it is.
+    """How well an example differs from other classes, and how like its own class it is.
 
     Attributes
     ----------
@@ -230,16 +231,22 @@ class Check(NamedTuple):
         The class that wins most of these windows, else the nearest class; empty when there is no other.
     to_own
         Its distance to its class's other examples, relative to theirs from each other; NaN when there are none.
+    is_first
+        Whether its class has no other example: then nothing but other classes can win.
     """
 
     share_at_risk: float
     nearest: str
     to_own: float
+    is_first: bool = False
 
     @property
     def words(self) -> str:
         """The result in words."""
-        if self.nearest and self.share_at_risk > _NOT_TOLD:
+        if self.is_first:
+            near = f"; the nearest class is {self.nearest}" if self.nearest and self.share_at_risk > _GOOD else ""
+            return f"good so far: show it again to be sure{near}"
+        if self.nearest and self.share_at_risk > _ALIKE:
             return f"cannot be told from {self.nearest}"
         if self.nearest and self.share_at_risk > _GOOD:
             return f"close to {self.nearest}"
@@ -265,11 +272,11 @@ def checked(index: WindowIndex, number: int) -> Check | None:
     -------
     The check; None when the example is not among the motions of the index.
     """
-    motions = index.library.motions
-    asked = {place for place in np.unique(index.motions).tolist() if _is_example(motions[place], number)}
-    if not asked:
+    motions = index.compared
+    numbered = (place for place, each in enumerate(motions) if each.take == f"{number:04d}")
+    place = next((each for each in numbered if motions[each].name == f"{motions[each].class_name} {number}"), None)
+    if place is None or place not in index.motions:
         return None
-    place = min(asked)
     own = index.classes.index(motions[place].class_name)
     distances = _left_out(index, place)
     others = distances.copy()
@@ -285,12 +292,13 @@ def checked(index: WindowIndex, number: int) -> Check | None:
         share_at_risk=float(risky.mean()),
         nearest=index.classes[int(votes.argmax())] if known else "",
         to_own=math.nan if alone else _likeness(index, place, own, distances[:, own]),
+        is_first=alone,
     )
 
 
 def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.float64]) -> float:
     """Compare an example's distance to its class with the distance of the class's other examples."""
-    motions = index.library.motions
+    motions = index.compared
     name = motions[place].class_name
     others = [each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each != place]
     usual = [float(np.median(_left_out(index, each)[:, own])) for each in others[-_CHECKED:]]
@@ -308,7 +316,3 @@ def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
     windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]
     named, ask = index.comparison.weighing.named, index.asking()
     return np.array([named(ask(window, mine)) for window in windows.tolist()])
-
-
-def _is_example(motion: Clip, number: int) -> bool:
-    return motion.take == f"{number:04d}" and motion.name == f"{motion.class_name} {number}"

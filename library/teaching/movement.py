@@ -11,7 +11,7 @@ import numpy as np
 from kinespace.library.distances import distance_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -24,6 +24,13 @@ STILLNESS = 0.01
 _BEGINS = 2.0
 #: Seconds that movement must last to begin a motion, and stillness to end one.
 BEGINS_AFTER, ENDS_AFTER = 0.1, 0.5
+#: The movement of a joint that crosses a body's size in a second; and for how many seconds it must go on, because a
+#: depth sensor's joints jump.
+_LIMB, _LASTS = 0.0465, 0.1
+#: A motion begins with so many times the movement of a performer who stands, but not below this share of the usual.
+_TREMBLINGS, _LEAST = 4.0, 0.3
+#: Seconds for which a performer must have stood before the trembling counts.
+_STOOD = 0.5
 #: Seconds of stillness kept before and after a motion.
 MARGIN = 0.1
 #: Seconds that a motion lasts at least.
@@ -31,7 +38,7 @@ MIN_SECONDS = 0.4
 #: Seconds over which movement is measured, and how often a second it is measured.
 WINDOW = 0.2
 _MEASURED_AT = 30.0
-#: Seconds without a frame after which the meter begins anew.
+#: Seconds without a frame after which the meter begins again.
 _MAX_PAUSE = 0.5
 #: The variance of second differences of white noise, relative to the noise's variance.
 _SECOND_DIFFERENCE = 6.0
@@ -39,12 +46,24 @@ _SECOND_DIFFERENCE = 6.0
 _TIE = 1e-6
 
 
-class MovementMeter:
-    """Measures how much a body moves, frame by frame.
+class Movement(NamedTuple):
+    """How much a body moves.
 
-    The movement is the root mean square deviation of the distances over the last fifth of a second, relative to their
-    root mean square (as `windows.parts.movement`). The variance of white noise, estimated from the second differences
-    of the distances, is subtracted: a sensor's trembling is no movement.
+    Attributes
+    ----------
+    body
+        Of the whole body (`relative_movement`).
+    limb
+        Of the joint that moves most against the centre of the body (`limb_speed`), as far as it goes on for a tenth of
+        a second; scaled so that it begins a motion with the same number.
+    """
+
+    body: float
+    limb: float = 0.0
+
+
+class MovementMeter:
+    """Measures how much a body moves in the last fifth of a second, frame by frame; joints not seen are left out.
 
     Parameters
     ----------
@@ -54,10 +73,12 @@ class MovementMeter:
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
-        self._rows: deque[tuple[float, NDArray[np.float64]]] = deque()
+        #: The times of the window, the positions, and their distance rows.
+        self._rows: deque[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = deque()
+        self._limbs: deque[tuple[float, float]] = deque()
         self._due = -math.inf
 
-    def push(self, time: float, positions: NDArray[np.floating]) -> float | None:
+    def push(self, time: float, positions: NDArray[np.floating]) -> Movement | None:
         """Take in a frame.
 
         Parameters
@@ -75,17 +96,52 @@ class MovementMeter:
             return None
         if self._rows and time - self._rows[-1][0] > _MAX_PAUSE:
             self._rows.clear()
+            self._limbs.clear()
         self._due = time + 1 / _MEASURED_AT if time - self._due > 1 / _MEASURED_AT else self._due + 1 / _MEASURED_AT
-        self._rows.append((time, distance_rows(positions, self._skeleton)))
-        while time - self._rows[1][0] >= WINDOW - _TIE if len(self._rows) > 1 else False:
+        self._rows.append((time, np.array(positions, np.float64), distance_rows(positions, self._skeleton)))
+        while len(self._rows) > 1 and time - self._rows[1][0] >= WINDOW - _TIE:
             self._rows.popleft()
         if len(self._rows) < 3 or time - self._rows[0][0] < WINDOW / 2:
             return None
-        return relative_movement(np.array([row for _, row in self._rows]))
+        times, bodies, rows = map(np.array, zip(*self._rows, strict=True))
+        seen = ~np.isnan(rows).any(axis=0)
+        whole = relative_movement(rows if seen.all() else rows[:, seen])
+        self._limbs.append((time, limb_speed(times, bodies)))
+        while len(self._limbs) > 1 and time - self._limbs[1][0] >= _LASTS - _TIE:
+            self._limbs.popleft()
+        lasts = time - self._limbs[0][0] >= _LASTS - _TIE
+        return Movement(whole, _LIMB * min(speed for _, speed in self._limbs) if lasts else 0.0)
+
+
+def limb_speed(times: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
+    """Measure the speed of the joint that is fastest against the centre of the body, in body sizes a second.
+
+    From the mean of the first two frames to the mean of the last two. A body's size is the root mean square of its
+    distances.
+
+    Parameters
+    ----------
+    times
+        Seconds, shape (frames,), at least three.
+    positions
+        Shape (frames, joints, 3), metres; joints that are not seen in every frame are left out.
+    """
+    bodies = positions[:, ~np.isnan(positions).any(axis=(0, 2))]
+    if bodies.shape[1] < 2:
+        return 0.0
+    bodies = bodies - bodies.mean(axis=1, keepdims=True)
+    size = math.sqrt(2 * float(np.square(bodies).sum()) / (len(bodies) * (bodies.shape[1] - 1)))
+    went = np.linalg.norm(bodies[-2:].mean(axis=0) - bodies[:2].mean(axis=0), axis=1).max()
+    took = float(times[-2:].mean() - times[:2].mean())
+    return float(went) / (size * took) if size > 0 else 0.0
 
 
 def relative_movement(rows: NDArray[np.float64]) -> float:
-    """Measure the movement in evenly spaced distance rows (frames, pairs), at least three."""
+    """Measure the movement of a whole body in evenly spaced distance rows (frames, pairs), at least three.
+
+    It is the root mean square deviation of the distances, relative to their root mean square. The variance of white
+    noise, estimated from the second differences of the distances, is subtracted: a sensor's trembling is no movement.
+    """
     mean = rows.mean(axis=0)
     bends = rows[2:] - 2 * rows[1:-1] + rows[:-2]
     noise = float(np.square(bends).sum()) / (len(bends) * _SECOND_DIFFERENCE)
@@ -106,8 +162,27 @@ class Stretch(NamedTuple):
         return self.end - self.start
 
 
+def stillness_of(standing: Sequence[tuple[float, Movement]], usual: float = STILLNESS) -> float:
+    """Give the movement below which a performer stands still, from the movement while standing.
+
+    Parameters
+    ----------
+    standing
+        Times in seconds, and the movement at these times.
+    usual
+        The movement that counts where nobody stood for half a second; also the most.
+    """
+    if not standing or standing[-1][0] - standing[0][0] < _STOOD:
+        return usual
+    trembling = max(max(movement) for _, movement in standing)
+    return min(max(trembling * _TREMBLINGS / _BEGINS, _LEAST * usual), usual)
+
+
 class StretchFinder:
     """Finds where a motion begins and ends, by hysteresis: it begins with twice the movement that ends it.
+
+    A motion begins with the movement of the body or of a limb. It ends with the stillness of the body if the body moved
+    as much as usual motions do, for people fidget between motions; else when the limbs are still, too.
 
     Parameters
     ----------
@@ -118,28 +193,33 @@ class StretchFinder:
     ----------
     began
         When the motion that goes on began, seconds; None while the body stands still.
+    needed
+        The movement that begins a motion.
     """
 
     def __init__(self, stillness: float = STILLNESS) -> None:
-        self._stillness = stillness
+        self._stillness, self.needed = stillness, _BEGINS * stillness
         self.clear()
 
     def clear(self) -> None:
         """Forget all movements."""
         self.began: float | None = None
         self._rising = self._moved = math.nan
+        self._is_large = False
 
-    def push(self, time: float, movement: float) -> Stretch | None:
+    def push(self, time: float, movement: Movement) -> Stretch | None:
         """Take in the movement at a time; give a motion, with its margins, when it has ended."""
+        self._is_large |= movement.body >= _BEGINS * STILLNESS
         if self.began is None:
-            if movement < _BEGINS * self._stillness:
+            if max(movement) < self.needed:
+                self._is_large = False
                 self._rising = math.nan
             elif math.isnan(self._rising):
                 self._rising = time
             elif time - self._rising >= BEGINS_AFTER - _TIE:
                 self.began, self._moved = self._rising, time
             return None
-        if movement > self._stillness:
+        if (movement.body if self._is_large else max(movement)) > self._stillness:
             self._moved = time
             return None
         return self.end() if time - self._moved >= ENDS_AFTER - _TIE else None
@@ -156,10 +236,11 @@ class StretchFinder:
 
 def stretches_of(clip: Clip, stillness: float = STILLNESS) -> list[Stretch]:
     """Find the motions of a take that lie between stillnesses, in seconds from its beginning; none in its gaps."""
-    return [found for found in _stretches(clip, stillness) if found.duration >= MIN_SECONDS]
+    return [found for found in moved_in(clip, stillness) if found.duration >= MIN_SECONDS]
 
 
-def _stretches(clip: Clip, stillness: float) -> Iterator[Stretch]:
+def moved_in(clip: Clip, stillness: float = STILLNESS) -> Iterator[Stretch]:
+    """Find all times at which the body of a take moves, also too short ones; as `stretches_of`."""
     edges = [0.0, *(edge for gap in clip.gaps for edge in gap), clip.duration]
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         meter, finder = MovementMeter(clip.skeleton), StretchFinder(stillness)
@@ -171,6 +252,19 @@ def _stretches(clip: Clip, stillness: float) -> Iterator[Stretch]:
                 yield _within(found, begin, end)
         if found := finder.end():
             yield _within(found, begin, end)
+
+
+def moved_at_all(clip: Clip, stillness: float = STILLNESS) -> Stretch | None:
+    """Find the movement in a take, from its first to its last motion; None when it is too short.
+
+    Where nothing moves by the usual measure, a small gesture before a quiet feed may: it is looked for, too.
+    """
+    for still in (stillness, _LEAST * stillness):
+        if found := [*moved_in(clip, still)]:
+            kept = Stretch(found[0].start, found[-1].end)
+            if kept.duration >= MIN_SECONDS:
+                return kept
+    return None
 
 
 def _within(found: Stretch, begin: float, end: float) -> Stretch:

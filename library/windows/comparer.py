@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from kinespace.library.kernels import bind
-from kinespace.library.kernels.table import LANE, REGISTER
-from kinespace.library.signature.parts import Kind
+from kinespace.library.kernels.table import LANE
+from kinespace.library.signature.parts import Kind, upper_triangle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from kinespace.library.kernels import Call
     from kinespace.library.signature.parts import Part
     from kinespace.library.windows.comparison import Comparison, Group
     from kinespace.library.windows.metric import Metric
@@ -100,8 +99,8 @@ class Laid(NamedTuple):
 
 
 def _in_lanes(rows: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Lay windows (windows, numbers) out as (lanes, numbers, LANE), with room for a register behind the last one."""
-    lanes = -(-(len(rows) + REGISTER) // LANE)
+    """Lay windows (windows, numbers) out as (lanes, numbers, LANE)."""
+    lanes = -(-len(rows) // LANE)
     padded = np.zeros((lanes * LANE, rows.shape[1]), dtype=rows.dtype)
     padded[: len(rows)] = rows
     return np.ascontiguousarray(padded.reshape(lanes, LANE, -1).transpose(0, 2, 1))
@@ -178,7 +177,9 @@ class Comparer:
             for group, vector in of_groups.items()
             if group[0] not in comparison.parts
         }
-        placed = self._joined(comparison, of_groups)
+        # Where a group is a part alone, the part's vector is the group's.
+        placed = {part: np.zeros(metric.axes.shape[1]) for part, metric in comparison.parts.items()}
+        placed |= {group[0]: vector for group, vector in of_groups.items() if len(group) == 1}
         self._steps: list[Callable[[], object]] = [
             step for part in comparison.parts for step in self._placing(part, laid.metrics[part], placed[part])
         ]
@@ -199,21 +200,23 @@ class Comparer:
             self._steps.append(partial(np.minimum.reduce, self.logs[: len(weighing.views)], out=self.named))
             self._steps.append(bind("scores", laid.eigenvectors, products[0], laid.starts, leading, self.scores))
 
-    @staticmethod
-    def _joined(comparison: Comparison, of_groups: Mapping[Group, Numbers]) -> dict[Part, Numbers]:
-        """Give the memory of each part's vector: the group's where a group is the part alone."""
-        placed = {part: np.zeros(metric.axes.shape[1]) for part, metric in comparison.parts.items()}
-        return placed | {group[0]: vector for group, vector in of_groups.items() if len(group) == 1}
-
     def _placing(
         self, part: Part, metric: tuple[NDArray[np.float32], NDArray[np.float16]], vector: Numbers
-    ) -> list[Call]:
+    ) -> list[Callable[[], object]]:
         """Map a part's numbers by its metric to its vector."""
         numbers = self.numbers[part]
         if part.kind is not Kind.EIGEN:
             return [bind("place", numbers, *metric, vector)]
-        flat = np.zeros(len(metric[0]))
-        return [bind("flatten", numbers, flat), bind("place", flat, *metric, vector)]
+        # As `flattened`, without new memory.
+        size = len(numbers.T)
+        places, factors = upper_triangle(size)
+        matrix, flat = np.zeros((size, size)), np.zeros(len(places))
+        return [
+            partial(np.dot, numbers.T, numbers, out=matrix),
+            partial(matrix.reshape(-1).take, places, out=flat, mode="clip"),
+            partial(np.multiply, flat, factors, out=flat),
+            bind("place", flat, *metric, vector),
+        ]
 
     def compare(self) -> None:
         """Compare the windows whose numbers and eigenvectors were written: gives `logs`, `named` and `scores`."""

@@ -42,8 +42,8 @@ NEAREST = 0.01
 _SAME_PRODUCT = 1e-3
 #: Axes that are kept of each part, and of a group of several parts.
 _PART_AXES, MAX_AXES = 64, 128
-#: Axes of such a group that tell the very classes apart that taught them: the other axes differ between people. Classes
-#: that taught nothing may differ in any axis.
+#: Axes of such a group that distinguish the very classes that taught them: the other axes differ between people.
+#: Classes that taught nothing may differ in any axis.
 _TAUGHT_AXES = 32
 #: The share of the learned scatter that is replaced by equal scatter. The eigen part is compared by plain inner
 #: products.
@@ -72,7 +72,7 @@ class Weighing:
     by_products
         Whether persons agree by their |inner products|, as in the paper, and not by their log distances.
     judges
-        Whether known motion is told from unknown; if not, a guess is named unless its eigenvector is arbitrary.
+        Whether unknown motion is recognised as such; if not, a guess is named unless its eigenvector is arbitrary.
 
     Raises
     ------
@@ -107,7 +107,7 @@ class Weighing:
         views = [tuple(view[place] for place in left) for view in self.views]
         scaled = tuple(tuple(weight / sum(view) for weight in view) for view in views if sum(view) > 0)
         if not scaled:
-            raise ValueError(f"kind: expected some parts beside {kind}, got none")
+            raise ValueError(f"kind: expected some parts other than {kind}, got none")
         return replace(self, groups=tuple(groups[place] for place in left), views=scaled)
 
     @property

@@ -71,6 +71,11 @@ class CutWindows:
         The body and the basis of the skeleton.
     parts, eigenvectors
         The parts that are wanted, and the eigenvectors of an eigen part.
+
+    Attributes
+    ----------
+    moments, eigenpairs
+        Of all windows, by the seconds of a window.
     """
 
     def __init__(  # noqa: PLR0913, PLR0917 - motions, and how windows are read
@@ -93,23 +98,19 @@ class CutWindows:
             points = rows @ basis.directions
             for seconds, each in pairs.items():
                 each.append(eigenpairs_of(window_covariances(points, clip, end, seconds), eigenvectors))
-        self._moments = {
-            seconds: Moments(*_joined(each, ("mean", "deviation", "trend"))) for seconds, each in moments.items()
+        self.moments = {
+            seconds: Moments(*map(np.concatenate, zip(*each, strict=True))) for seconds, each in moments.items()
         }
         self.eigenpairs = {
-            seconds: Eigenpairs(*_joined(each, ("values", "vectors"))) for seconds, each in pairs.items()
+            seconds: Eigenpairs(*map(np.concatenate, zip(*each, strict=True))) for seconds, each in pairs.items()
         }
-
-    def moments(self, seconds: float) -> Moments:
-        """Give the moments over one of the lengths of distances."""
-        return self._moments[seconds]
 
     def numbers(self) -> dict[Part, NDArray[np.float64]]:
         """Give the numbers of the parts, each (windows, numbers)."""
         return {
             part: eigen(self.eigenpairs[part.seconds])
             if part.kind is Kind.EIGEN
-            else _OF_DISTANCES[part.kind](self._moments[part.seconds], self._body)
+            else _OF_DISTANCES[part.kind](self.moments[part.seconds], self._body)
             for part in self._parts
         }
 
@@ -197,8 +198,3 @@ def window_covariances(
 def _starts(ends: NDArray[np.intp], frame_rate: float, seconds: float) -> NDArray[np.intp]:
     """Say where windows of so many seconds start."""
     return np.maximum(ends - round(seconds * frame_rate), 0)
-
-
-def _joined(several: Sequence[Moments | Eigenpairs], names: Sequence[str]) -> list[NDArray[np.float64]]:
-    """Concatenate the numbers of several motions' windows."""
-    return [np.concatenate([getattr(each, name) for each in several]) for name in names]

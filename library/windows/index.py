@@ -22,7 +22,7 @@ from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LAB
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
 from kinespace.library.windows.kept import WEIGHINGS, kept_of, with_kept
 from kinespace.library.windows.metric import Lessons
-from kinespace.library.windows.rejection import Rejection, learned_rejection, typical_evidence
+from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.segments import Segments
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
     from kinespace.library.signature.parts import Part
-    from kinespace.library.skeleton import Skeleton
 
 #: Seconds between two windows that are kept of a motion: in a library of one person, and of several persons.
 _EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4
@@ -64,7 +63,8 @@ class WindowIndex:
     eigenvectors
         The leading eigenvector of each window over two seconds, in the basis, shape (windows, directions), float32.
     motions
-        Index of each window's motion, ascending, shape (windows,).
+        Index of each window's motion, shape (windows,), below 0 for guests, counted from their end; the windows of a
+        class lie together, and in it the windows of a person.
     judged_by
         The rejection of unknown motions; None when it is learned from the motions at first use.
     origin
@@ -107,7 +107,8 @@ class WindowIndex:
             comparison = kept.comparison.of_taught_classes() if library is teacher else kept.comparison
             measured = Measured.of(library, _every(library), weighing.first)
             placed = measured.placed(comparison, body, kept.basis)
-            return cls(library, body, kept.basis, comparison, placed.vectors, placed.eigenvectors, measured.motions)
+            found = placed.vectors, placed.eigenvectors, measured.motions
+            return cls(library, body, kept.basis, comparison, *found).with_guests()
         basis = learned_basis(teacher, weighted=weighing.is_weighted)
         taught = Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
         lessons = taught.thinned(_MAX_LESSONS)
@@ -121,7 +122,8 @@ class WindowIndex:
         else:
             taught = taught if again else Measured.of(library, _every(library), weighing.first)
             placed = taught.placed(comparison, body, basis)
-        return cls(library, body, basis, comparison, placed.vectors, placed.eigenvectors, taught.motions)
+        found = placed.vectors, placed.eigenvectors, taught.motions
+        return cls(library, body, basis, comparison, *found).with_guests()
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -134,8 +136,13 @@ class WindowIndex:
     @cached_property
     def _whose(self) -> list[tuple[str, str]]:
         """The class and the person of each window."""
-        motions = self.library.motions
-        return [(motions[place].class_name, motions[place].actor) for place in self.motions.tolist()]
+        compared = self.compared
+        return [(compared[place].class_name, compared[place].actor) for place in self.motions.tolist()]
+
+    @property
+    def compared(self) -> tuple[Clip, ...]:
+        """The motions and, behind them, the guests: `motions` counts in them."""
+        return (*self.library.motions, *self.library.guests)
 
     @cached_property
     def laid(self) -> Laid:
@@ -151,9 +158,10 @@ class WindowIndex:
         # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
         if learned is None or not self.library.judged_by_strangers or weighing != usual_weighing(self.library):
             return learned_rejection(self)
-        rejection = Rejection.of_kept(learned, len(weighing.groups))
+        few = _is_few(self.library)
+        rejection = Rejection.of_kept(learned, len(weighing.groups), few=few)
         fewer = len(self.library.skeleton.joints) < rejection.joints
-        return rejection.moved_to(typical_evidence(self)) if fewer else rejection
+        return replace(rejection, typical=typical_evidence(self)) if few or fewer else rejection
 
     @cached_property
     def phases(self) -> PhaseTable:
@@ -209,17 +217,19 @@ class WindowIndex:
         else:
             weighing = self.comparison.weighing
             view = WindowIndex.of(self.library.restricted_to(joints), weighing=weighing)
-        bare = (replace(motion, positions=motion.positions[:2].copy()) for motion in view.library.motions)
-        view = replace(
-            view, library=replace(view.library, motions=tuple(bare)), origin=Origin(self, joints=joints)
-        ).prepared()
+        motions, guests = (
+            tuple(replace(clip, positions=clip.positions[:2].copy()) for clip in clips)
+            for clips in (view.library.motions, view.library.guests)
+        )
+        bare = replace(view.library, motions=motions, guests=guests)
+        view = replace(view, library=bare, origin=Origin(self, joints=joints)).prepared()
         give_back_memory()
         return view
 
     def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
         """Add clips to the library, each as one motion, and cut their windows.
 
-        Basis, metrics and rejection stay the same; `of` learns them anew. So adding clips is quick, and a feed goes on
+        Basis, metrics and rejection stay the same; `of` learns them again. So adding clips is quick, and a feed goes on
         without a pause (`stream.recognizer.Recognizer.exchange`).
 
         Parameters
@@ -246,19 +256,40 @@ class WindowIndex:
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
         measured = Measured.of(taught, every or _every(library), self.comparison.weighing.first)
         placed = measured.placed(self.comparison, self.body, self.basis)
-        motions = np.concatenate([before[self.motions], added[measured.motions]])
-        order = np.argsort(motions, kind="stable")
+        moved = np.where(self.motions < 0, self.motions, before[np.maximum(self.motions, 0)])
         # Motions that are added one after another are all added to the first index, so that no chain grows.
         origin = self.origin if self.origin and self.origin.added and self.origin.every == every else None
-        return replace(
+        index = replace(
             self,
             library=library,
+            motions=moved,
+            judged_by=self.rejection if self.comparison.weighing.judges else None,
+            origin=Origin(origin.source, (*origin.added, *clips), every) if origin else Origin(self, clips, every),
+        )
+        return index.joined_by(placed, added[measured.motions]).prepared()
+
+    def with_guests(self) -> Self:
+        """Add the windows of the guests, where a body has few joints; basis, metrics and rejection stay the same."""
+        library, weighing = self.library, self.comparison.weighing
+        if not (library.guests and _is_few(library)) or weighing != usual_weighing(library):
+            return self
+        guests = replace(library, motions=library.guests, guests=())
+        measured = Measured.of(guests, _every(library), weighing.first)
+        placed = measured.placed(self.comparison, self.body, self.basis)
+        return replace(self, judged_by=self.rejection).joined_by(placed, measured.motions - len(library.guests))
+
+    def joined_by(self, placed: Placed, motions: NDArray[np.intp]) -> Self:
+        """Add windows of some of the compared motions, and put all in order."""
+        clips, motions = self.compared, np.concatenate([self.motions, motions])
+        whose = [(clip.class_name, clip.actor) for clip in clips]
+        ranks = {each: rank for rank, each in enumerate(sorted(set(whose)))}
+        order = np.argsort(np.array([ranks[each] for each in whose])[motions], kind="stable")
+        return replace(
+            self,
             vectors=tuple(np.concatenate(each)[order] for each in zip(self.vectors, placed.vectors, strict=True)),
             eigenvectors=np.concatenate([self.eigenvectors, placed.eigenvectors])[order],
             motions=motions[order],
-            judged_by=self.rejection if self.comparison.weighing.judges else None,
-            origin=Origin(origin.source, (*origin.added, *clips), every) if origin else Origin(self, clips, every),
-        ).prepared()
+        )
 
     def without(self, motions: Sequence[int]) -> WindowIndex:
         """Give the index without the windows of some motions; the metrics stay the same."""
@@ -275,14 +306,17 @@ class WindowIndex:
             Whether these motions teach what is unknown; else the rejection stays the same.
         """
         places = np.unique(motions)
-        kept = self._kept(np.isin(self.motions, places))
-        learned = self.library.learned
+        learned, own = self.library.learned, set(places.tolist())
         some = tuple(self.library.motions[place] for place in places.tolist())
+        # Guests stay where all motions of their class stay: a class that was switched off has none.
+        left = {each.class_name for place, each in enumerate(self.library.motions) if place not in own}
+        stay = [place < 0 and self.compared[place].class_name not in left for place in self.motions.tolist()]
+        kept = self._kept(np.isin(self.motions, places) | np.array(stay, dtype=bool))
         library = replace(self.library, motions=some, learned=learned and learned.for_other_motions())
         return replace(
             kept,
             library=library,
-            motions=np.searchsorted(places, kept.motions),
+            motions=np.where(kept.motions < 0, kept.motions, np.searchsorted(places, kept.motions)),
             judged_by=None if learns else self.judged_by,
             origin=Origin(self, kept=tuple(places.tolist()), learns=learns),
         )
@@ -299,23 +333,9 @@ class WindowIndex:
         """Give a comparer for the windows of one performer."""
         return Comparer(self.comparison, self.laid, *self.basis.directions.shape)
 
-    def log_distances(self, numbers: Mapping[Part, NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Compare one window with every window of the library, as `Comparer` does at each hop.
-
-        Parameters
-        ----------
-        numbers
-            The numbers of each part, (numbers,).
-        """
-        comparer = self.comparer()
-        for part, written in comparer.numbers.items():
-            written[...] = numbers[part]
-        comparer.compare()
-        return comparer.logs
-
     def prepared(self) -> Self:
         """Compute now what is otherwise computed at first use, so that the first hop need not wait; give itself."""
-        _ = self.laid, self.rejection if self.comparison.weighing.judges else None
+        _ = self.laid, self.segments, self.rejection if self.comparison.weighing.judges else None
         return self
 
     def asking(self) -> Callable[[int, NDArray[np.bool_]], NDArray[np.float64]]:
@@ -397,23 +417,15 @@ def teacher_of(library: MotionLibrary) -> MotionLibrary:
     people = {actor for _, actor in performed}
     if len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed}):
         return library
-    builtin = _builtin()
+    builtin = MotionLibrary.builtin()
     if set(library.skeleton.joints) <= set(builtin.skeleton.joints):
-        taught = builtin.restricted_to(library.skeleton.joints)
-        return _in_order(taught, library.skeleton)
+        taught, skeleton = builtin.restricted_to(library.skeleton.joints), library.skeleton
+        if taught.skeleton.joints == skeleton.joints:
+            return taught
+        motions = tuple(clip.as_of(skeleton) for clip in taught.motions)
+        # Guests teach nothing.
+        return replace(taught, skeleton=skeleton, motions=motions, guests=())
     return library
-
-
-@lru_cache(maxsize=1)
-def _builtin() -> MotionLibrary:
-    return MotionLibrary.builtin()
-
-
-def _in_order(library: MotionLibrary, skeleton: Skeleton) -> MotionLibrary:
-    """Put a library's joints in the order of a skeleton."""
-    if library.skeleton.joints == skeleton.joints:
-        return library
-    return replace(library, skeleton=skeleton, motions=tuple(clip.as_of(skeleton) for clip in library.motions))
 
 
 def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
@@ -422,6 +434,11 @@ def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
     rows = ((_thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
     measured = ((distance_rows(clip.positions, clip.skeleton) for clip in clips) for clips in rows)
     return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
+
+
+def _is_few(library: MotionLibrary) -> bool:
+    """Whether a library has so few joints that numbers of their own tell unknown motion from known."""
+    return len(library.skeleton.joints) <= most_of_few(library.learned)
 
 
 def _every(library: MotionLibrary) -> float:
@@ -488,9 +505,10 @@ class Measured(NamedTuple):
         step = -(-len(self.motions) // most)
         if step == 1:
             return self
-        begins = np.cumsum([0, *map(len, self.ends)])
-        ends = [each[-int(begin) % step :: step] for begin, each in zip(begins, self.ends, strict=False)]
-        return Measured(self.clips, ends, self.motions[::step])
+        kept = np.arange(len(self.motions)) % step == 0
+        of_motions = np.split(kept, np.searchsorted(self.motions, np.arange(1, len(self.clips))))
+        ends = [each[some] for each, some in zip(self.ends, of_motions, strict=True)]
+        return Measured(self.clips, ends, self.motions[kept])
 
     def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
         """Compute the windows' vectors, some motions at a time, because their numbers take much more memory."""

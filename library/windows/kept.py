@@ -44,7 +44,7 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
     ValueError
         The file keeps an array of another shape, or more directions or axes than are ever learned.
     """
-    learned = teacher.learned.arrays() if teacher.learned else {}
+    learned = teacher.learned.named if teacher.learned else {}
     name = next((name for name, each in WEIGHINGS.items() if each == weighing), None)
     if name is None or _BY not in learned or not np.array_equal(learned[_BY], _taught_by(teacher)):
         return None
@@ -70,7 +70,7 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
 
 def with_kept(library: MotionLibrary, basis: Basis, comparisons: Mapping[str, Comparison]) -> MotionLibrary:
     """Give a library that keeps the numbers learned from its motions: the basis, and a comparison by `WEIGHINGS`."""
-    learned = library.learned.arrays() if library.learned else {}
+    learned = dict(library.learned.named) if library.learned else {}
     numbers = {"directions": basis.directions, "weights": basis.weights, "share": np.array([basis.share])}
     learned |= {f"{_BASIS}{name}": array.astype(np.float32) for name, array in numbers.items()}
     for name, comparison in comparisons.items():

@@ -1,4 +1,4 @@
-"""Metrics: they map the numbers of windows to vectors whose distances tell motions apart, but not people.
+"""Metrics: they map the numbers of windows to vectors whose distances distinguish motions, but not people.
 
 Differences between people who perform the same are learned from windows of known classes: the scatter of the
 differences between a window and the nearest window of its class by another person. The metric divides by this scatter
@@ -9,7 +9,7 @@ differences between a window and the nearest window of its class by another pers
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ _Number = TypeVar("_Number", np.float32, np.float64)
 
 #: Principal axes in which metrics are learned: the other numbers are mostly noise.
 _LEARNED_IN = 160
-#: How often the nearest windows are searched for anew, in the metric learned so far.
+#: How often the nearest windows are searched for again, in the metric learned so far.
 _ROUNDS = 2
 #: Length of an axis, relative to the longest, below which it is rounding.
 _FLAT = 1e-3
@@ -49,13 +49,7 @@ class Metric:
         return placed
 
 
-def rounded(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Round numbers to half precision: the compiled loops then read half as much, and numpy uses the same numbers."""
-    return numbers.astype(np.float16).astype(np.float32)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Lessons:
+class Lessons(NamedTuple):
     """The classes and persons of the windows from which a metric is learned.
 
     Attributes
@@ -64,8 +58,8 @@ class Lessons:
         Index of the class and of the person of each window, both of shape (windows,).
     """
 
-    classes: NDArray[np.intp] = field(repr=False)
-    people: NDArray[np.intp] = field(repr=False)
+    classes: NDArray[np.intp]
+    people: NDArray[np.intp]
 
     @property
     def shared(self) -> list[NDArray[np.intp]]:
@@ -104,7 +98,8 @@ def learned_metric(numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage:
             differences = _differences(reduced @ axes, reduced, lessons, shared)
     square = float(np.square(differences @ axes).sum(axis=1).mean())
     axes = axes / np.sqrt(square) if square > 0 else axes
-    return Metric(origin.astype(np.float32), rounded(back @ axes))
+    # Axes of half precision: the compiled loops then read half as much, and numpy uses the same numbers.
+    return Metric(origin.astype(np.float32), (back @ axes).astype(np.float16).astype(np.float32))
 
 
 def _reduced(centred: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

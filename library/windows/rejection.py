@@ -1,15 +1,15 @@
 """Rejection: whether a motion is known, by its guess's evidence and numbers learned from motions.
 
-A logistic function tells rightly named windows from other windows. A library that has to learn it from its own motions
-takes Fisher's discriminant: each person (or each recording) left out asks as known, and each class left out asks as
-unknown. Each group of parts is evaluated alone: a motion is known when all groups are near to the same class and far
-from the others, which says more than the distance of all parts together.
+A logistic function distinguishes rightly named windows from other windows. A library that has to learn it from its own
+motions takes Fisher's discriminant: each person (or each recording) left out asks as known, and each class left out
+asks as unknown. Each group of parts is evaluated alone: a motion is known when all groups are near to the same class
+and far from the others, which says more than the distance of all parts together.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from operator import mul
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -33,6 +33,8 @@ _ASKING = 600
 #: Windows of each kind without which nothing is learned.
 _MIN_WINDOWS = 10
 _BIAS, _SLOPE = "bias ", "slope "
+#: The beginning of the names of the numbers for bodies of few joints.
+_FEW = "few "
 #: Added to a variance, so that evidence that hardly varies does not get an unlimited weight.
 _RIDGE = 0.02
 #: Noise of a distance, metres, from which on it counts.
@@ -105,8 +107,8 @@ class Rejection:
         Typical distances and leads of the library's own motions, each person (or else motion) left out, shape (2
         groups,): evidence is weighed relative to them. They differ with the joints.
     joints
-        The number of joints with which the other numbers were learned; 0 when they were learned for the library as it
-        is.
+        The number of joints with which the other numbers were learned, for few joints the most of them; 0 when they
+        were learned for the library as it is.
     """
 
     weights: NDArray[np.float64] = field(repr=False)
@@ -133,8 +135,8 @@ class Rejection:
         slope = self.slopes.get(class_name, 0.0)
         return weighed + self.biases.get(class_name, 0.0) + slope * (evidence.lead - self._lead)
 
-    def kept(self) -> Learned:
-        """Give the numbers in the form of a library's file."""
+    def kept(self, *, few: bool = False) -> Learned:
+        """Give the numbers in the form of a library's file, perhaps as those for bodies of few joints."""
         numbers = {
             "weights": self.weights,
             "offset": np.array([self.offset]),
@@ -145,18 +147,22 @@ class Rejection:
         by_class = {_BIAS + name: bias for name, bias in self.biases.items()}
         by_class |= {_SLOPE + name: slope for name, slope in self.slopes.items()}
         numbers |= {name: np.array([number]) for name, number in by_class.items()}
-        return Learned({name: array.astype(np.float32) for name, array in numbers.items()})
+        begin = _FEW if few else ""
+        return Learned({begin + name: array.astype(np.float32) for name, array in numbers.items()})
 
     @classmethod
-    def of_kept(cls, learned: Learned, groups: int) -> Self:
+    def of_kept(cls, learned: Learned, groups: int, *, few: bool = False) -> Self:
         """Make it from the numbers of a library's file, for a comparison of so many groups of parts.
+
+        With `few` from the numbers for bodies of few joints (`most_of_few`).
 
         Raises
         ------
         ValueError
             A number is missing, not finite, or there are more or fewer than expected.
         """
-        named = learned.arrays()
+        begin = _FEW if few else ""
+        named = {name.removeprefix(begin): each for name, each in learned.named.items() if name.startswith(begin)}
         shapes = {"weights": 2 * groups + 1, "thresholds": len(RATES), "typical": 2 * groups, "offset": 1, "joints": 1}
         shapes |= {name: 1 for name in named if name.startswith((_BIAS, _SLOPE))}
         for name, count in shapes.items():
@@ -173,10 +179,6 @@ class Rejection:
             joints=int(numbers["joints"][0]),
         )
 
-    def moved_to(self, typical: NDArray[np.float64]) -> Rejection:
-        """Give the same rejection for other joints, with their typical distances and leads, (2 groups,)."""
-        return replace(self, typical=typical)
-
     def threshold_at(self, rate: float) -> float:
         """Give the logit above which a motion is known, when this share of unknown time may be named."""
         rate = min(max(rate, RATES[0]), RATES[-1])
@@ -185,6 +187,12 @@ class Rejection:
 
 def _of_classes(prefix: str, numbers: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
     return {name.removeprefix(prefix): float(each[0]) for name, each in numbers.items() if name.startswith(prefix)}
+
+
+def most_of_few(learned: Learned | None) -> int:
+    """Give the number of joints up to which a library's file has numbers for few joints; 0 if it has none."""
+    joints = learned.named.get(f"{_FEW}joints") if learned else None
+    return int(joints[0]) if joints is not None and joints.shape == (1,) else 0
 
 
 def stand_in(groups: int) -> Rejection:
@@ -235,7 +243,7 @@ def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64]
     Distances and leads of the windows named rightly, (known, 2 groups), and of the windows without their class,
     (unknown, 2 groups); and the classes of the latter.
     """
-    motions = index.library.motions
+    motions = index.compared
     names = np.array([motions[each].class_name for each in index.motions])
     people = np.array([motions[each].actor for each in index.motions])
     classes = np.searchsorted(index.classes, names)

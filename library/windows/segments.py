@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 #: of random orders of their joints have.
 DISORDER = 0.65
 BEYOND_LIBRARY = 1.1
+#: A segment counts by its length to this power where bodies are compared: a long segment moves all that hangs on it,
+#: and sensors and marker sets put the ends of short ones, in hands, feet and neck, where they like.
+_BY_LENGTH = 3
+#: Metres, at least: the logarithm of a segment without length.
+_MIN_LENGTH = 0.01
 #: One in so many of the library's frames is measured for lengths.
 _EVERY = 4
 
@@ -41,11 +46,14 @@ class Segments:
         between the others is, shape (crossings,).
     mean, spread
         Length of each segment in metres: mean, and the greatest change in one motion.
+    builds, stretches
+        Of each person the mean logarithm of each segment's length, shape (persons, segments), and by how much the
+        logarithms vary within a motion: the mean over segments of their standard deviation, shape (persons,).
     disorder
         The share from which segments are too long for joints that are in order (`shares_of_size`).
     mirrored
         Index of each joint on the other side of the body, a joint's own index in the middle, shape (joints,); None when
-        the names tell no sides.
+        the names have no sides.
     """
 
     parents: NDArray[np.intp]
@@ -55,6 +63,8 @@ class Segments:
     partner: NDArray[np.intp] = field(repr=False)
     mean: NDArray[np.float64] = field(repr=False)
     spread: NDArray[np.float64] = field(repr=False)
+    builds: NDArray[np.float64] = field(repr=False)
+    stretches: NDArray[np.float64] = field(repr=False)
     disorder: float
     mirrored: NDArray[np.intp] | None = field(repr=False)
 
@@ -71,6 +81,7 @@ class Segments:
         crossing = np.flatnonzero(crossed)
         some = [motion.positions[::_EVERY] for motion in library.motions]
         lengths = [_lengths(each, ends) for each in some]
+        builds, stretches = _by_person([motion.actor for motion in library.motions], list(map(logs_of, lengths)))
         largest = max(float(shares_of_size(each, ends).max()) for each in some) if len(ends) else 0.0
         return cls(
             parents=parents,
@@ -80,6 +91,8 @@ class Segments:
             partner=np.searchsorted(children[crossing], others[crossing, 0]),
             mean=np.concatenate(lengths).mean(axis=0),
             spread=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
+            builds=builds,
+            stretches=stretches,
             disorder=max(DISORDER, BEYOND_LIBRARY * largest),
             mirrored=mirrored,
         )
@@ -93,12 +106,49 @@ class Segments:
         """Measure the segments in frames (frames, joints, 3): shape (frames, segments)."""
         return _lengths(positions, self.segments)
 
+    def unlike(self, build: NDArray[np.float64], stretch: float) -> float:
+        """Say how unlike the library's bodies another body is, whatever its size.
+
+        Parameters
+        ----------
+        build, stretch
+            Of the other body, as `builds` and `stretches`.
+
+        Returns
+        -------
+        The root mean square by which the logarithms of the lengths differ, weighed by the library's lengths cubed, and
+        by how much more the segments stretch: the sum for the person nearest; 0 without segments.
+        """
+        if not len(self.children):
+            return 0.0
+        differences = build - self.builds
+        weights = np.exp(_BY_LENGTH * self.builds)
+        weights /= weights.sum(axis=1, keepdims=True)
+        differences -= (weights * differences).sum(axis=1, keepdims=True)
+        built = np.sqrt((weights * differences**2).sum(axis=1))
+        return float((built + np.maximum(stretch - self.stretches, 0.0)).min())
+
 
 def _lengths(positions: NDArray[np.float64], ends: NDArray[np.intp]) -> NDArray[np.float64]:
     along = positions[:, ends[:, 0]]
     along = along - positions[:, ends[:, 1]]
     lengths: NDArray[np.float64] = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
     return lengths
+
+
+def logs_of(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give the logarithms of lengths in metres, of a centimetre at least."""
+    return np.log(np.maximum(lengths, _MIN_LENGTH))
+
+
+def _by_person(
+    persons: Sequence[str], logs: Sequence[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Average the logarithms of motions, each (frames, segments), and their variation over each person's motions."""
+    means, varied = (np.array([of(each, axis=0) for each in logs]) for of in (np.mean, np.std))
+    own = [np.array(persons) == person for person in sorted(set(persons))]
+    builds, varying = (np.array([numbers[each].mean(axis=0) for each in own]) for numbers in (means, varied))
+    return builds, varying.sum(axis=1) / max(varying.shape[1], 1)
 
 
 def shares_of_size(positions: NDArray[np.float64], segments: NDArray[np.intp]) -> NDArray[np.float64]:

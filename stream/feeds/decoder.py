@@ -1,4 +1,4 @@
-"""The decoder of other products' OSC packets, which also tells their hosts apart."""
+"""The decoder of other products' OSC packets, which also numbers their hosts."""
 
 from __future__ import annotations
 
@@ -80,9 +80,9 @@ class FeedDecoder:
 
 
 class SenderNumbers:
-    """Tells hosts that send to one port apart; a host that has been silent gives its number back.
+    """Numbers the hosts that send to one port; a host that has been silent gives its number back.
 
-    Programs on one host are not told apart: many send each packet from another port.
+    Programs on one host share its number, because many send each packet from another port.
     """
 
     def __init__(self) -> None:
@@ -94,7 +94,7 @@ class SenderNumbers:
             number = self._numbers[host][0]
         else:
             self._numbers = {
-                name: (number, heard) for name, (number, heard) in self._numbers.items() if now - heard <= FORGET_AFTER
+                name: (number, last) for name, (number, last) in self._numbers.items() if now - last <= FORGET_AFTER
             }
             taken = {number for number, _ in self._numbers.values()}
             free = [number for number in range(1, MAX_SENDERS + 1) if number not in taken]

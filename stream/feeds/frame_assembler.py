@@ -52,8 +52,6 @@ _MAX_INTERVAL = 0.2
 #: Share of the joints that may be absent for long: their positions are NaN, and the frame is given out all the same.
 _LOST = 0.2
 _NOWHERE = (math.nan, math.nan, math.nan)
-#: Absent joints that are counted by name, at most.
-_MAX_NAMED = 256
 
 
 @dataclass(slots=True)
@@ -95,7 +93,7 @@ class _Body:
     """One performer's open frame."""
 
     sender: int
-    heard: float
+    last_message: float
     open: dict[str, Sighting] = field(default_factory=dict)
     opened: float = 0.0
     #: The sender's time of the open frame.
@@ -131,7 +129,7 @@ class FrameAssembler:
         self._bodies: dict[str, _Body] = {}
         self._out: list[Frame | Announcement] = []
         #: The last time that each sender sent for all its performers.
-        self._told: dict[int, float] = {}
+        self._sender_times: dict[int, float] = {}
         self._needed = tuple(name for name, target in preset.joint_map.items() if target)
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
@@ -139,10 +137,6 @@ class FrameAssembler:
         self._axes = np.array([axis for axis, _ in preset.axes])
         signs = np.array([sign for _, sign in preset.axes])
         self._metres = signs * np.array(preset.metres)[self._axes]
-
-    def __len__(self) -> int:
-        """Count the performers with an open frame."""
-        return len(self._bodies)
 
     def push(
         self, messages: Sequence[Message], arrival: float, *, bundle: bool = False, sender: int = 1
@@ -194,7 +188,7 @@ class FrameAssembler:
 
     def _expire(self, now: float) -> None:
         for name, body in list(self._bodies.items()):
-            silent = now - body.heard
+            silent = now - body.last_message
             if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > self._timeout(body):
                 self._close(name, body, Closing.TIMEOUT)
             if silent > FORGET_AFTER:
@@ -206,12 +200,12 @@ class FrameAssembler:
     def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
         """Take in one message; give the performers it is about."""
         if reading.performer is None and reading.means in (Means.TIME, Means.BEGIN) and reading.time is not None:
-            self._told[packet.sender] = reading.time
+            self._sender_times[packet.sender] = reading.time
         names = self._names(reading, packet.sender)
         for name in names:
             body = self._bodies.get(name) or self._new_body(name, reading, packet)
             if body is not None:
-                body.heard = packet.arrival
+                body.last_message = packet.arrival
                 self._take_for(name, body, reading, packet)
         return names
 
@@ -251,7 +245,7 @@ class FrameAssembler:
             self.counts.no_room += 1
             return None
         body = self._bodies[name] = _Body(
-            packet.sender, packet.arrival, time=self._told.get(packet.sender), interval=1 / self.preset.rate
+            packet.sender, packet.arrival, time=self._sender_times.get(packet.sender), interval=1 / self.preset.rate
         )
         return body
 
@@ -294,9 +288,7 @@ class FrameAssembler:
 
     def _is_complete(self, body: _Body) -> bool:
         # The count is quick, and excludes all but the last joints.
-        if len(body.open) < len(self._targets):
-            return False
-        return self._targets_of(body.open) >= set(self._targets)
+        return len(body.open) >= len(self._targets) and self._has_all(body.open)
 
     def _in_time(self, name: str, body: _Body, time: float) -> bool:
         """Let a joint of another time begin another frame; False for a joint that is too late for its own frame."""
@@ -320,23 +312,19 @@ class FrameAssembler:
 
     def _is_all_that_comes(self, body: _Body) -> bool:
         """Say whether the frame has every joint that came lately; False until all joints have come once."""
-        return len(body.open) >= self._coming(body) and (
-            bool(self.preset.bones) or self._targets_of(body.seen) >= set(self._targets)
-        )
+        return len(body.open) >= self._coming(body) and (bool(self.preset.bones) or self._has_all(body.seen))
 
-    def _targets_of(self, joints: Iterable[str]) -> set[str]:
-        return {self.preset.joint_map[joint] for joint in joints}
+    def _has_all(self, joints: Iterable[str]) -> bool:
+        return {self.preset.joint_map[joint] for joint in joints}.issuperset(self._targets)
 
     def _end_bundle(self, name: str) -> None:
         body = self._bodies.get(name)
         if body is None:
             return
         ended, body.ending = body.ending, False
-        if not body.open:
-            return
-        if ended:
+        if body.open and ended:
             self._close(name, body, Closing.END)
-        elif Closing.BUNDLE in self.preset.closings.by and self._is_all_that_comes(body):
+        elif body.open and Closing.BUNDLE in self.preset.closings.by and self._is_all_that_comes(body):
             self._close(name, body, Closing.BUNDLE)
 
     def _close(self, name: str, body: _Body, by: Closing) -> None:
@@ -408,9 +396,7 @@ class FrameAssembler:
 
     def _done_without(self, lacking: Sequence[str], places: dict[str, Vector]) -> dict[str, Vector] | None:
         """Give positions with NaN for missing joints; None when too many are missing for a frame."""
-        for name in lacking:
-            if name in self.counts.absent or len(self.counts.absent) < _MAX_NAMED:
-                self.counts.absent[name] += 1
+        self.counts.absent.update(lacking)
         if len(lacking) > _LOST * len(self._targets):
             return None
         return places | dict.fromkeys(lacking, _NOWHERE)

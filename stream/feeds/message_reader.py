@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.library.naming import spelling
@@ -15,12 +16,11 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds.preset import Preset
     from kinespace.stream.osc.packet import Message
 
-#: A performer's name may have 64 characters; the number that tells two senders apart is added to it.
+#: A performer's name may have 64 characters; the number of a second sender is added to it.
 MAX_PERFORMER_LENGTH = 48
 #: Addresses and names that are remembered, at most; only a sender that makes them up reaches the limit.
 _MAX_REMEMBERED = 4096
 _MAX_UNKNOWN = 64
-_NUMBERED_LENGTH = 6
 
 
 class MessageError(ValueError):
@@ -89,8 +89,8 @@ class Mapper:
         self._names = {spelling(name): name for name in preset.joint_map}
         self._order = preset.order
         self._taught: dict[tuple[str | None, str], str] = {}
-        self._ways: dict[str, list[_Way]] = {}
-        self._resolved: dict[tuple[str | None, str], str | None] = {}
+        self._ways = lru_cache(_MAX_REMEMBERED)(self._find_ways)
+        self._resolved = lru_cache(_MAX_REMEMBERED)(self._resolve)
 
     def read(self, message: Message) -> Reading | None:
         """Read one message; None for one that the preset does not know.
@@ -100,10 +100,7 @@ class Mapper:
         MessageError
             The preset knows the address, but with other arguments.
         """
-        ways = self._ways.get(message.address)
-        if ways is None:
-            ways = self._find_ways(message.address)
-        ways = [way for way in ways if way.literals_fit(message.arguments)]
+        ways = [way for way in self._ways(message.address) if way.literals_fit(message.arguments)]
         best: Reading | None = None
         for way in ways:
             try:
@@ -122,11 +119,8 @@ class Mapper:
         return best
 
     def _find_ways(self, address: str) -> list[_Way]:
-        if len(self._ways) >= _MAX_REMEMBERED:
-            self._ways.clear()
         found = [(rule, rule.pattern.fullmatch(address)) for rule in self.preset.messages]
-        ways = self._ways[address] = [_Way(rule, match.groupdict()) for rule, match in found if match]
-        return ways
+        return [_Way(rule, match.groupdict()) for rule, match in found if match]
 
     def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
         """Read arguments; None, TypeError or OverflowError when they do not fit the roles."""
@@ -140,7 +134,7 @@ class Mapper:
         sightings: list[Sighting] | None = []
         if means is Means.ORDER:
             self._order = tuple(way.group_text("joint", arguments, start) for start in way.starts(arguments))
-            self._resolved.clear()
+            self._resolved.cache_clear()
         elif means is Means.NAME:
             self._learn(performer, way, arguments)
         elif means is Means.FRAME:
@@ -157,7 +151,7 @@ class Mapper:
         if len(self._taught) >= _MAX_REMEMBERED:
             self._taught.clear()
         self._taught[performer, number] = name
-        self._resolved.clear()
+        self._resolved.cache_clear()
 
     def _time(self, way: _Way, arguments: Sequence[object]) -> float | None:
         place = way.places.get("time")
@@ -185,23 +179,11 @@ class Mapper:
 
     def _known(self, name: str | None, performer: str | None) -> str | None:
         """Give the preset's name for a joint, None when it has none."""
-        if name is None:
-            return None
-        key = performer if self._taught else None, name
-        if key not in self._resolved:
-            if len(self._resolved) >= _MAX_REMEMBERED:
-                self._resolved.clear()
-            self._resolved[key] = self._resolve(name, performer)
-        return self._resolved[key]
+        return None if name is None else self._resolved(name, performer if self._taught else None)
 
     def _resolve(self, name: str, performer: str | None) -> str | None:
         known = self._taught.get((performer, name)) or self._taught.get((None, name)) or name
-        if (
-            known.isascii()
-            and known.isdigit()
-            and len(known) <= _NUMBERED_LENGTH
-            and spelling(known) not in self._names
-        ):
+        if known.isascii() and known.isdigit() and spelling(known) not in self._names:
             index = int(known) - self.preset.order_from
             known = self._order[index] if 0 <= index < len(self._order) else known
         found = self._names.get(spelling(known))

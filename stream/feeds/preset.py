@@ -16,17 +16,15 @@ import msgspec
 from msgspec import Meta
 
 from kinespace.library.naming import spelling
-from kinespace.library.naming.checked_toml import Text, read_toml
+from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.stream.feeds.kinematics import Bone  # noqa: TC001 - msgspec reads the types
 from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:
-    from importlib.resources.abc import Traversable
     from pathlib import Path
 
-__all__ = ["Preset", "PresetError", "builtin_names", "builtin_preset", "load_preset"]
-
 _ENDING = ".toml"
+_PRESETS = resources.files("kinespace.stream.feeds") / "presets"
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
 #: The roles of an argument; a role that begins with = is a text that must be there.
@@ -337,13 +335,9 @@ class Preset(PresetFile, frozen=True, kw_only=True):
     text: str
 
 
-def _presets() -> Traversable:
-    return resources.files("kinespace.stream.feeds") / "presets"
-
-
 def builtin_names() -> tuple[str, ...]:
     """List the presets that come with kinespace, in alphabetical order: the files in the folder `presets`."""
-    names = (path.name for path in _presets().iterdir())
+    names = (path.name for path in _PRESETS.iterdir())
     return tuple(sorted(name.removesuffix(_ENDING) for name in names if name.endswith(_ENDING)))
 
 
@@ -358,7 +352,7 @@ def builtin_text(name: str) -> str:
     names = builtin_names()
     if name not in names:
         raise PresetError(f"feed: expected a .toml file or one of {', '.join(names)}, got {name!r}")
-    return (_presets() / f"{name}{_ENDING}").read_text(encoding="utf-8")
+    return (_PRESETS / f"{name}{_ENDING}").read_text(encoding="utf-8")
 
 
 def builtin_preset(name: str) -> Preset:
@@ -382,11 +376,7 @@ def load_preset(path: Path) -> Preset:
     OSError
         The file cannot be read.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise PresetError(f"{path}: expected UTF-8 text, got byte {error.start} that is none") from error
-    return parse_preset(text, path.stem, str(path))
+    return parse_preset(text_of(path, PresetError), path.stem, str(path))
 
 
 def parse_preset(text: str, name: str, file: str) -> Preset:

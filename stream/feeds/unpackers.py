@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Callable
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -22,7 +23,7 @@ from kinespace.stream.osc.answers import address_part
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Iterable, Mapping
 
 #: Numbers that wait for the others of their joint, at most; a sender that makes up names fills the memory, and empties
 #: it.
@@ -35,17 +36,8 @@ _MXTP = struct.Struct(">6sIBBIBBBB2xH")
 _SEGMENT = struct.Struct(">i3f16x")
 
 
-class Unpacker(Protocol):
-    """Makes messages of the packets of one port."""
-
-    def __call__(self, packet: bytes) -> list[Message]:
-        """Unpack one packet.
-
-        Raises
-        ------
-        PacketError
-            The packet is packed otherwise.
-        """
+#: Makes messages of the packets of one port; raises PacketError for a packet that is packed otherwise.
+Unpacker = Callable[[bytes], list[Message]]
 
 
 class _Vector(msgspec.Struct):

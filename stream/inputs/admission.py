@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.inputs.clock import SenderClock
+from kinespace.stream.packet import sender_name
 from kinespace.stream.status import AdmissionCounts
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ _MAX_NAMES = 1024
 #: Ports of one host that are known to be other programs, at most.
 _MAX_PORTS = 16
 #: Packets in a row from one port after which a sender is known to keep to it, and seconds without one of them after
-#: which it may have begun anew at another port.
-_STEADY, _BEGUN_ANEW = 3, 0.5
+#: which it may have started again at another port.
+_STEADY, _RESTARTED = 3, 0.5
 
 
 @dataclass(slots=True)
@@ -39,14 +40,15 @@ class _Owner:
 
     host: str
     port: int
-    heard: float
-    #: Where the sender hears answers; None where the transport does not tell.
+    #: When its last frame came.
+    last_seen: float
+    #: Where the sender listens for answers; None where the transport does not say.
     reply_to: Sender = None
-    #: When the owner's port was last heard.
-    port_heard: float = 0.0
+    #: When a packet last came from the owner's port.
+    port_last_seen: float = 0.0
     #: Ports of the same host that send at the same time.
     other_ports: deque[int] = field(default_factory=lambda: deque(maxlen=_MAX_PORTS))
-    #: The other port of the same host that was last heard.
+    #: The other port of the same host from which a packet last came.
     last_port: int = 0
     #: Packets in a row that came from the owner's port.
     in_a_row: int = 0
@@ -75,23 +77,23 @@ class Admission:
         self._silence = silence
         self._allowed = frozenset(allowed)
         self._owners: dict[str, _Owner] = {}
-        #: Announcements of senders that have sent no frame yet.
-        self._pending: dict[tuple[str, str], Announcement] = {}
-        #: By performer: the owner, the other sender, and when the other sender was last heard.
+        #: Announcements of senders that have sent no frame yet, by performer, host and port, with their arrivals.
+        self._pending: dict[tuple[str, str, int], tuple[Announcement, float]] = {}
+        #: By performer: the owner, the other sender, and when a packet last came from the other sender.
         self._conflicts: dict[str, tuple[str, str, float]] = {}
 
     def notes(self, now: float) -> list[str]:
         """List the performers that have several senders now, a line each."""
         return [
             f"two senders are called {name}: {owner}, {other}; only the first is used"
-            for name, (owner, other, heard) in self._conflicts.items()
-            if now - heard <= self._silence
+            for name, (owner, other, last_seen) in self._conflicts.items()
+            if now - last_seen <= self._silence
         ]
 
     @property
     def clocks(self) -> dict[str, str]:
         """The performers whose times are not seconds, and how they are converted."""
-        return {name: told for name, owner in self._owners.items() if (told := owner.clock.told)}
+        return {name: note for name, owner in self._owners.items() if (note := owner.clock.verdict.note)}
 
     def senders(self, performer: str | None = None) -> list[tuple[str, int]]:
         """Give the sender of a performer, or the senders of all performers, where they are known."""
@@ -99,7 +101,7 @@ class Admission:
         return [owner.reply_to for owner in owners if owner and owner.reply_to]
 
     def replies_go_to(self, events: Sequence[Admitted], sender: Sender) -> None:
-        """Note where the sender of some admitted frames hears answers."""
+        """Note where the sender of some admitted frames listens for answers."""
         for event in events:
             if owner := self._owners.get(event.performer):
                 owner.reply_to = sender
@@ -128,36 +130,40 @@ class Admission:
         return let_in
 
     def _announcement(self, event: Announcement, arrival: float, host: str, port: int) -> Sequence[Admitted]:
-        """Admit an announcement of the performer's sender; another sender's waits for its frames."""
+        """Admit an announcement of the performer's sender; another sender's waits for frames from the same port."""
         owner = self._owners.get(event.performer)
-        if owner and self._is_owner(owner, arrival, host, port):
+        # The owner of one port may have begun again at another, but only its frames say so.
+        elsewhere = owner and owner.host == host and port != owner.port and owner.in_a_row >= _STEADY
+        restarted = owner and elsewhere and arrival - owner.port_last_seen > _RESTARTED
+        if owner and not elsewhere and self._is_owner(owner, arrival, host, port):
             return (event,)
-        if owner and arrival - owner.heard <= self._silence:
+        if owner and not restarted and arrival - owner.last_seen <= self._silence:
             self._refuse(event.performer, owner, arrival, host, port)
             return ()
         if len(self._pending) >= _MAX_NAMES:
             del self._pending[next(iter(self._pending))]
-        self._pending[event.performer, host] = event
+        self._pending[event.performer, host, port] = event, arrival
         return ()
 
     def _frame(self, frame: Frame, arrival: float, host: str, port: int) -> Sequence[Admitted]:
         name = frame.performer
         owner = self._owners.get(name)
         first: list[Admitted] = []
-        if owner is None or arrival - owner.heard > self._silence:
-            if owner and owner.host != host:
+        if owner is None or arrival - owner.last_seen > self._silence:
+            if owner and (owner.host != host or (owner.port != port and owner.in_a_row >= _STEADY)):
                 first.append(NewSender(name))
             if len(self._owners) >= _MAX_NAMES:
                 del self._owners[next(iter(self._owners))]
             # Names are ordered by their last change of sender.
             self._owners.pop(name, None)
-            owner = self._owners[name] = _Owner(host, port, arrival, port_heard=arrival)
+            owner = self._owners[name] = _Owner(host, port, arrival, port_last_seen=arrival)
         elif not self._is_owner(owner, arrival, host, port):
             self._refuse(name, owner, arrival, host, port)
             return ()
-        if announced := self._pending.pop((name, host), None):
-            first.append(announced)
-        owner.heard = arrival
+        announced = self._pending.pop((name, host, port), None)
+        if announced and arrival - announced[1] <= self._silence:
+            first.append(announced[0])
+        owner.last_seen = arrival
         # Several senders' times are not converted, because mixed they look like no clock at all.
         seconds = owner.clock.read(frame.time, arrival)
         if seconds != frame.time:
@@ -167,7 +173,7 @@ class Admission:
     def _is_owner(self, owner: _Owner, arrival: float, host: str, port: int) -> bool:
         """Tell the performer's sender from other senders; some programs send each packet from another port.
 
-        Another port of the same host belongs to another program if the first port is heard again after it, or is heard
+        Another port of the same host belongs to another program if packets come from the first port again after it, or
         all the time.
         """
         if host != owner.host:
@@ -176,16 +182,16 @@ class Admission:
             if owner.last_port:
                 owner.other_ports.append(owner.last_port)
                 owner.last_port = 0
-            owner.port_heard = arrival
+            owner.port_last_seen = arrival
             owner.in_a_row += 1
             return True
-        if owner.in_a_row >= _STEADY and arrival - owner.port_heard <= _BEGUN_ANEW:
+        if owner.in_a_row >= _STEADY and arrival - owner.port_last_seen <= _RESTARTED:
             return False
         owner.in_a_row = 0
-        if port in owner.other_ports and arrival - owner.port_heard <= self._silence:
+        if port in owner.other_ports and arrival - owner.port_last_seen <= self._silence:
             return False
-        if arrival - owner.port_heard > self._silence:
-            owner.port, owner.port_heard, owner.last_port = port, arrival, 0
+        if arrival - owner.port_last_seen > self._silence:
+            owner.port, owner.port_last_seen, owner.last_port = port, arrival, 0
             owner.other_ports.clear()
         else:
             owner.last_port = port
@@ -195,7 +201,7 @@ class Admission:
         self.counts.other_sender += 1
         if name not in self._conflicts and len(self._conflicts) >= _MAX_PORTS:
             del self._conflicts[next(iter(self._conflicts))]
-        self._conflicts[name] = _named(owner.host, owner.port), _named(host, port), arrival
+        self._conflicts[name] = sender_name((owner.host, owner.port)), sender_name((host, port)), arrival
 
     def _in_time(self, owner: _Owner, frame: Frame, arrival: float) -> Sequence[Frame]:
         """Admit a frame whose time follows the last one; admit one that jumps with the next one that agrees."""
@@ -216,7 +222,3 @@ def _goes_on(time: float, arrival: float, later: float, later_arrival: float) ->
     """Say whether a frame's time follows another's: closely, or with the distance of the arrivals."""
     step = later - time
     return abs(step) <= MAX_JUMP or abs(step - (later_arrival - arrival)) <= MAX_JUMP
-
-
-def _named(host: str, port: int) -> str:
-    return f"{host}:{port}" if port else host

@@ -42,12 +42,12 @@ class Verdict(NamedTuple):
     ----------
     seconds
         Seconds of one unit; 0: the times mean nothing, and the arrivals are used.
-    told
+    note
         A note for a person; empty for seconds.
     """
 
     seconds: float
-    told: str = ""
+    note: str = ""
 
 
 SECONDS = Verdict(1.0)
@@ -76,8 +76,8 @@ class SenderClock:
         self.verdict = verdict or SECONDS
         self._time: float | None = None
         self._arrival = 0.0
-        self._steps: list[float] = []
-        self._gaps: list[float] = []
+        #: The steps of the sender's clock since the last verdict, each with the time between the arrivals.
+        self._steps: list[tuple[float, float]] = []
         #: A new verdict, until it is believed.
         self._perhaps: Verdict | None = None
         self._has_judged = verdict is not None
@@ -85,11 +85,6 @@ class SenderClock:
         self._origin = 0.0, 0.0
         #: The time and the arrival from which on the rate of frame numbers is measured.
         self._measured_from = 0.0, 0.0
-
-    @property
-    def told(self) -> str:
-        """A note on the times for a person; empty while they are seconds."""
-        return self.verdict.told
 
     def read(self, time: float, arrival: float) -> float:
         """Convert the time of one frame.
@@ -124,33 +119,28 @@ class SenderClock:
     def _look(self, step: float, gap: float) -> None:
         """Take in a step of the sender's clock and the time since the frame before; perhaps give a verdict."""
         if gap > _PAUSE or len(self._steps) > _MAX_RATE:
-            self._forget()
+            self._steps.clear()
             return
-        self._steps.append(step)
-        self._gaps.append(gap)
-        if len(self._steps) >= _MIN_FRAMES and (span := sum(self._gaps)) >= _SPAN:
-            verdict = _judged(self._steps, self._gaps, span)
-            self._forget()
+        self._steps.append((step, gap))
+        if len(self._steps) >= _MIN_FRAMES and (span := sum(gap for _, gap in self._steps)) >= _SPAN:
+            verdict = _judged(self._steps, span)
+            self._steps.clear()
             if verdict is not None:
                 self._believe(verdict)
 
-    def _forget(self) -> None:
-        self._steps.clear()
-        self._gaps.clear()
-
     def _believe(self, verdict: Verdict) -> None:
         """Believe a verdict: the first one at once, another one when it is given twice in a row."""
-        same = verdict.told == self.verdict.told
-        if same or (self._has_judged and (self._perhaps is None or self._perhaps.told != verdict.told)):
+        same = verdict.note == self.verdict.note
+        if same or (self._has_judged and (self._perhaps is None or self._perhaps.note != verdict.note)):
             self._perhaps = None if same else verdict
-            if same and verdict.told == _NUMBERS:
+            if same and verdict.note == _NUMBERS:
                 self._measure()
             return
         self._has_judged, self._perhaps = True, None
         self.verdict = verdict
         if self._time is not None:
             self._measured_from = self._time, self._arrival
-            self._origin = (self._time, self._arrival) if verdict.told == _NUMBERS else (0.0, 0.0)
+            self._origin = (self._time, self._arrival) if verdict.note == _NUMBERS else (0.0, 0.0)
 
     def _measure(self) -> None:
         """Measure the rate of frame numbers over all frames since they were first believed to be frame numbers."""
@@ -165,17 +155,17 @@ class SenderClock:
         self.verdict = Verdict((self._arrival - since) / (self._time - begun), _NUMBERS)
 
 
-def _judged(steps: list[float], gaps: list[float], span: float) -> Verdict | None:
-    """Name the unit of times that advanced by these steps in so many seconds; None when it is not clear."""
+def _judged(steps: list[tuple[float, float]], span: float) -> Verdict | None:
+    """Name the unit of times that advanced by these steps, each in its time; None when it is not clear."""
     count = len(steps)
     if count / span > _MAX_RATE:
         return None
     # A packet that comes twice comes twice at once; a clock that stands still does so for a frame's duration.
-    waited = [step for step, gap in zip(steps, gaps, strict=True) if 2 * gap * count > span]
+    waited = [step for step, gap in steps if 2 * gap * count > span]
     still = sum(step == 0 for step in waited)
     if still >= max(_STILL * len(waited), 1):
-        return _COARSE if any(steps) else _STANDS_STILL
-    step = sorted(steps)[count // 2]
+        return _COARSE if any(step for step, _ in steps) else _STANDS_STILL
+    step = sorted(steps)[count // 2][0]
     return _of_pace(step, step * count / span)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import ipaddress
+from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
-from kinespace.stream.packet import KEYED, datagram_of
+from kinespace.stream.packet import KEYED, datagram_of, is_within
 from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import Asked, CommandError
 
@@ -15,28 +15,12 @@ if TYPE_CHECKING:
     from kinespace.stream.packet import Networks, Packet, Sender
 
 _TEACH = wire.TEACH.encode()
+_THIS_MACHINE = ip_network("127.0.0.0/8"), ip_network("::1/128")
 
 
-class Allowed:
-    """The senders that may command: this machine, hosts in the given networks, and owners of known keys.
-
-    Parameters
-    ----------
-    networks
-        Networks whose senders may command, beside this machine.
-    """
-
-    def __init__(self, networks: Networks = ()) -> None:
-        self._networks = tuple(networks)
-
-    def __call__(self, sender: Sender) -> bool:
-        """Whether a sender may command; never, if the transport does not tell the sender."""
-        if sender is None:
-            return False
-        if sender[0].startswith(KEYED):
-            return True
-        address = ipaddress.ip_address(sender[0].partition("%")[0])
-        return address.is_loopback or any(address in network for network in self._networks)
+def may_command(sender: Sender, networks: Networks) -> bool:
+    """Say whether a sender may command: from this machine, from the given networks, or as the owner of a known key."""
+    return sender is not None and (sender[0].startswith(KEYED) or is_within(sender[0], (*_THIS_MACHINE, *networks)))
 
 
 class CommandReader:
@@ -44,8 +28,8 @@ class CommandReader:
 
     Parameters
     ----------
-    allowed
-        The senders that may command.
+    networks
+        Networks whose senders may command, as this machine may.
 
     Attributes
     ----------
@@ -53,8 +37,8 @@ class CommandReader:
         Packets with commands, and packets of senders that may not command.
     """
 
-    def __init__(self, allowed: Allowed) -> None:
-        self._allowed = allowed
+    def __init__(self, networks: Networks = ()) -> None:
+        self._networks = networks
         self.received = self.refused = 0
 
     def read(self, packet: Packet, sender: Sender) -> Sequence[Asked] | None:
@@ -64,7 +48,7 @@ class CommandReader:
         if not (in_bundle or datagram.startswith(_TEACH)):
             return None
         self.received += 1
-        if not self._allowed(sender):
+        if not may_command(sender, self._networks):
             self.refused += 1
             return [Asked(None, f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from")]
         try:

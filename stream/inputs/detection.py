@@ -20,7 +20,7 @@ from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import OscDecoder
 from kinespace.stream.osc.frames import SKELETON, decode
 from kinespace.stream.osc.packet import PacketError
-from kinespace.stream.packet import datagram_of
+from kinespace.stream.packet import datagram_of, sender_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from kinespace.stream.osc.packet import Message
     from kinespace.stream.packet import Packet, Sender
 
-#: Kinds of messages that are told apart, at most; only a sender that makes up addresses reaches the limit.
+#: Kinds of messages that are counted, at most; only a sender that makes up addresses reaches the limit.
 MAX_KINDS = 200
 _MAX_SENDERS = 50
 #: Messages and packets that are kept for reading by each preset, at most.
@@ -144,7 +144,7 @@ class Survey:
     senders: dict[str, int] = field(default_factory=dict)
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
-    _kept: list[tuple[bytes, float, str]] = field(default_factory=list)
+    _kept: list[tuple[bytes, float, Sender]] = field(default_factory=list)
     #: The kept packets as each packing reads them, and how many there were then.
     _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
@@ -152,32 +152,24 @@ class Survey:
     note = ""
 
     def keep(self, packet: Packet, arrival: float, sender: Sender) -> None:
-        """Take in a packet as a source's recorder."""
-        host, port = sender or ("", 0)
-        self.see(datagram_of(packet), f"{host}:{port}", arrival)
-
-    def see(self, datagram: bytes, sender: str, arrival: float) -> None:
-        """Take in one datagram from `host:port`, at a moment in seconds."""
+        """Take in a packet as a source's recorder, at a moment in seconds."""
+        datagram, name = datagram_of(packet), sender_name(sender)
         self.packets += 1
         self.largest = max(self.largest, len(datagram))
-        if sender in self.senders or len(self.senders) < _MAX_SENDERS:
-            self.senders[sender] = self.senders.get(sender, 0) + 1
+        if name in self.senders or len(self.senders) < _MAX_SENDERS:
+            self.senders[name] = self.senders.get(name, 0) + 1
+        if len(self._kept) < _MAX_KEPT:
+            self._kept.append((datagram, arrival, sender))
         read = (_unpacked(UNPACKERS[packing](), datagram) for packing in _PACKINGS)
         messages = next((each for each in read if each is not None), None)
         if messages is None:
             self.undecodable += 1
-            self._keep(datagram, sender, arrival)
             return
         self.bundles += datagram[:1] == b"#"
         for message in messages:
             self._count(message, arrival)
             if message.address == SKELETON and all(isinstance(each, str) for each in message.arguments):
                 self.announced = tuple(map(str, message.arguments[1:]))
-        self._keep(datagram, sender, arrival)
-
-    def _keep(self, datagram: bytes, sender: str, arrival: float) -> None:
-        if len(self._kept) < _MAX_KEPT:
-            self._kept.append((datagram, arrival, sender))
 
     def _count(self, message: Message, arrival: float) -> None:
         types = shortened("".join(_TAGS.get(type(argument), "?") for argument in message.arguments))
@@ -256,8 +248,7 @@ class Survey:
         clocks: dict[str, SenderClock] = {}
         lengths: dict[str, list[NDArray[np.float64]]] = {}
         for datagram, arrival, sender in self._kept:
-            host, _, port = sender.rpartition(":")
-            for event in decoder.decode(datagram, arrival, (host, int(port))):
+            for event in decoder.decode(datagram, arrival, sender):
                 name = event.performer
                 if isinstance(event, Announcement):
                     joints[name] = Naming().read(event.joints).joints
@@ -267,7 +258,7 @@ class Survey:
                 if len(named := joints.get(name, hdm05.SKELETON.joints)) == len(event.positions):
                     lengths.setdefault(name, []).append(_segment_lengths(named, event.positions))
         return Findings(
-            {name: clock.told for name, clock in clocks.items() if clock.told},
+            {name: clock.verdict.note for name, clock in clocks.items() if clock.verdict.note},
             tuple(name for name, rows in lengths.items() if _stretches(np.array(rows))),
             tuple(decoder.refusals.lines()),
         )
@@ -344,9 +335,7 @@ def _joints_in(mapper: Mapper, message: Message) -> list[str] | None:
         reading = mapper.read(message)
     except MessageError:
         return None
-    if reading is None:
-        return None
-    if reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings:
+    if reading is None or (reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings):
         return None
     return [sighting.joint for sighting in reading.sightings if sighting.position is not None]
 

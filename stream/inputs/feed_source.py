@@ -1,23 +1,27 @@
-"""The source of a feed whose sender needs messages before and while it sends."""
+"""The source of another product's feed, and the messages that some senders need before and while they send."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds.decoder import FeedDecoder
-from kinespace.stream.feeds.handshake import NEVER, farewells, is_due, questions
 from kinespace.stream.inputs.source import Source
+from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-    from kinespace.stream.feeds.preset import Preset
+    from kinespace.stream.feeds.preset import AskedMessage, Asking, Preset
     from kinespace.stream.frame import Admitted
     from kinespace.stream.inputs.admission import Admission
-    from kinespace.stream.inputs.recording.recorder import Recorder
+    from kinespace.stream.inputs.recording.kinerec import Recorder
     from kinespace.stream.packet import Receiver
     from kinespace.stream.teaching.commands import Asked
+
+#: Seconds without a frame after which a sender is silent.
+SILENCE = 1.0
 
 
 class FeedSource(Source):
@@ -56,7 +60,7 @@ class FeedSource(Source):
         super().__init__(receiver, FeedDecoder(preset), recorder, admission)
         self.preset = preset
         self.unasked = 0
-        self._asked = self._heard = NEVER
+        self._asked = self._last_frame = -math.inf
         self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None
 
     def __str__(self) -> str:
@@ -66,25 +70,61 @@ class FeedSource(Source):
         """Take in one packet; give its commands, and the frames that it completed; None when no packet waits."""
         made = super().take(arrival)
         if made:
-            self._heard = arrival
+            self._last_frame = arrival
         return made
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Close frames that wait for too long, and send the sender its messages when they are due."""
         asking = self.preset.asking
-        if asking and is_due(asking, now, self._asked, self._heard):
+        if asking and is_due(asking, now, self._asked, self._last_frame):
             self._asked = now
-            self._tell(questions)
+            self._send(asking.messages)
         return super().tend(now)
 
-    def _tell(self, encoded: Callable[[Preset, int], list[bytes]]) -> None:
+    def _send(self, messages: Sequence[AskedMessage]) -> None:
         if self._sender is None or not isinstance(self.receiver, OscReceiver):
             return
         target = self._sender.address
-        packets = encoded(self.preset, self.receiver.address[1])
+        packets = packets_for_sender(self.preset, messages, self.receiver.address[1])
         self.unasked += sum(target is None or not self.receiver.send_to(packet, target) for packet in packets)
 
     def close(self) -> None:
-        """Tell the sender to stop and close the socket."""
-        self._tell(farewells)
+        """Ask the sender to stop, and close the socket."""
+        if self.preset.asking:
+            self._send(self.preset.asking.farewell)
         super().close()
+
+
+def is_due(asking: Asking, now: float, asked: float, last_frame: float) -> bool:
+    """Say whether messages to the sender are due.
+
+    Parameters
+    ----------
+    asking
+        The messages for the sender, and how often they are due.
+    now, asked, last_frame
+        Seconds on one clock: now, when messages were last sent, and when the last frame came; -inf for never.
+    """
+    return now - asked >= asking.every and not (asking.while_silent and now - last_frame <= SILENCE)
+
+
+def packets_for_sender(preset: Preset, messages: Sequence[AskedMessage], port: int) -> list[bytes]:
+    """Encode messages for the sender, those with `{joint}` once for each joint; `port` is the port we listen on."""
+    packets = list[bytes]()
+    for each in messages:
+        asks_for_joints = "{joint}" in each.address + "".join(map(str, each.arguments))
+        joints = [name for name, target in preset.joint_map.items() if target] if asks_for_joints else [""]
+        packets += [_message(each, joint, port) for joint in joints]
+    return packets
+
+
+def _message(asked: AskedMessage, joint: str, port: int) -> bytes:
+    filled = [
+        port
+        if argument == "{port}"
+        else argument.replace("{joint}", joint).replace("{port}", str(port))
+        if isinstance(argument, str)
+        else argument
+        for argument in asked.arguments
+    ]
+    return encode_message(asked.address.replace("{joint}", joint), *filled)

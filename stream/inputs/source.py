@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kinespace.stream.inputs.turns import Turns, Waiting
-from kinespace.stream.packet import datagram_of
+from kinespace.stream.packet import datagram_of, sender_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.commands import CommandReader
     from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.inputs.detection import Survey
-    from kinespace.stream.inputs.recording.recorder import Recorder
+    from kinespace.stream.inputs.recording.kinerec import Recorder
     from kinespace.stream.packet import Receiver, Sender
     from kinespace.stream.status import InputCounts
     from kinespace.stream.teaching.commands import Asked
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: Seconds between two turns of most sources that have work to do even when no packet comes.
 TENDING = 0.02
 #: Senders that are named in the notes, at most.
-_MAX_TOLD = 3
+_MAX_NAMED = 3
 #: Packets of senders served last that are searched for a packet of another sender, at most.
 _MAX_LOOKED_THROUGH = 256
 #: Seconds that a packet's decoding is charged with, at most: a busy machine takes more, and no sender is to pay for it.
@@ -75,7 +75,7 @@ class Source:
         self._turns, self.has_put_aside = Turns(), False
         self._last_was_aside = False
         self._now = 0.0
-        #: The sender's name for transports that do not tell senders apart, or have done so themselves.
+        #: The sender's name where the transport names none, or the decoder has numbered the senders itself.
         self._itself = str(receiver), 0
 
     def __str__(self) -> str:
@@ -108,8 +108,9 @@ class Source:
     def notes(self) -> list[str]:
         """Notes on this source for a person, a line each."""
         recording = [self.recorder.note] if self.recorder and self.recorder.note else []
-        last = [f"{_named(sender)} sends more than its share: served last" for sender in self._turns.last(self._now)]
-        return [*recording, *last[:_MAX_TOLD], *self.decoder.refusals.lines()]
+        last = [sender_name(sender) or "a sender" for sender in self._turns.last(self._now)[:_MAX_NAMED]]
+        greedy = [f"{name} sends more than its share: served last" for name in last]
+        return [*recording, *greedy, *self.decoder.refusals.lines()]
 
     def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
         """Take in one packet; give its commands and frames in order, or None when no packet waits. Never raises."""
@@ -121,7 +122,7 @@ class Source:
         known = None if self.decoder.expires else sender
         begun = time.perf_counter()
         asked = self.commands.read(packet, sender) if self.commands else None
-        # A bundle may hold frames beside commands.
+        # A bundle may hold both commands and frames.
         has_frames = asked is None or datagram_of(packet).startswith(b"#bundle")
         decoded = self.decoder.decode(packet, arrival, sender) if has_frames else ()
         self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
@@ -167,7 +168,3 @@ class Source:
     def close(self) -> None:
         """Close the socket."""
         self.receiver.close()
-
-
-def _named(sender: Sender) -> str:
-    return f"{sender[0]}:{sender[1]}" if sender else "a sender"

@@ -15,12 +15,5 @@ from kinespace.stream.osc.answers import (
     encode_status,
 )
 from kinespace.stream.osc.frames import MAX_FRAMES, SKELETON, Received, decode, encode_announcement, encode_frame
-from kinespace.stream.osc.packet import (
-    Message,
-    PacketError,
-    decode_message,
-    decode_packet,
-    encode_bundle,
-    encode_message,
-)
+from kinespace.stream.osc.packet import Message, PacketError, decode_packet, encode_bundle, encode_message
 from kinespace.stream.osc.udp import OscReceiver, OscSender, is_ours

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200
-_SIZE, _CLASS, _EVENT = struct.Struct(">i"), struct.Struct(">iff"), struct.Struct(">iff")
+_CLASS, _SIZE, _EVENT = struct.Struct(">iff"), struct.Struct(">i"), struct.Struct(">iff")
 _PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: The largest number that OSC holds as a float.
@@ -50,53 +50,37 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
     In a library of more than some 200 classes the scores do not fit and are left out; class and label always fit.
     """
-    class_head, guess_head, label_head, scores_head, progress_head = _answer_heads(
-        recognition.performer, len(recognition.scores)
-    )
-    label = _label(recognition.label)
-    parts = [
-        BUNDLE_START,
-        _SIZE.pack(len(class_head) + _CLASS.size),
-        class_head,
-        _CLASS.pack(recognition.class_index, recognition.score, recognition.margin),
-        _SIZE.pack(len(guess_head) + _SIZE.size),
-        guess_head,
-        _SIZE.pack(recognition.guess_index),
-        _SIZE.pack(len(label_head) + len(label)),
-        label_head,
-        label,
+    heads = _answer_heads(recognition.performer, len(recognition.scores))
+    class_head, guess_head, label_head, scores_head, _ = heads
+    messages = [
+        class_head + _CLASS.pack(recognition.class_index, recognition.score, recognition.margin),
+        guess_head + _SIZE.pack(recognition.guess_index),
+        label_head + _label(recognition.label),
     ]
     if recognition.progress:
-        parts += [_SIZE.pack(len(progress_head) + _PROGRESS.size), progress_head, _progress(recognition)]
-    scores = recognition.scores.astype(">f4").tobytes()
-    size = sum(map(len, parts)) + _SIZE.size + len(scores_head) + len(scores)
-    if size <= MAX_ANSWER:
-        parts += [_SIZE.pack(len(scores_head) + len(scores)), scores_head, scores]
-    return b"".join(parts)
+        messages.append(encode_progress(recognition))
+    messages.append(scores_head + recognition.scores.astype(">f4").tobytes())
+    if len(BUNDLE_START) + sum(_SIZE.size + len(message) for message in messages) > MAX_ANSWER:
+        messages.pop()
+    return BUNDLE_START + b"".join(_SIZE.pack(len(message)) + message for message in messages)
 
 
 @lru_cache(maxsize=1024)
-def _answer_heads(performer: str, classes: int) -> tuple[bytes, bytes, bytes, bytes, bytes]:
+def _answer_heads(performer: str, classes: int) -> tuple[bytes, ...]:
     """Give the bytes before the arguments of an answer's messages; all of a performer's answers share them."""
     start = f"/motion/{address_part(performer)}"
     layouts = {"class": ",iff", "guess": ",i", "label": ",s", "scores": "," + "f" * classes, "progress": ",ifffffi"}
-    heads = [padded(f"{start}/{last}") + padded(types) for last, types in layouts.items()]
-    return heads[0], heads[1], heads[2], heads[3], heads[4]
-
-
-def _progress(recognition: Recognition) -> bytes:
-    """Pack the arguments of the progress message; nothing when no motion is followed."""
-    told = recognition.progress
-    if told is None:
-        return b""
-    numbers = (told.phase, told.speed, told.amplitude, told.sure, told.scrub)
-    return _PROGRESS.pack(recognition.progress_index, *numbers, told.cycles)
+    return tuple(padded(f"{start}/{last}") + padded(types) for last, types in layouts.items())
 
 
 def encode_progress(recognition: Recognition) -> bytes:
     """Encode `/motion/<performer>/progress` by itself; empty when no motion is followed."""
-    head = _answer_heads(recognition.performer, len(recognition.scores))[4]
-    return head + _progress(recognition) if recognition.progress else b""
+    progress = recognition.progress
+    if progress is None:
+        return b""
+    head = _answer_heads(recognition.performer, len(recognition.scores))[-1]
+    numbers = (progress.phase, progress.speed, progress.amplitude, progress.sure, progress.scrub)
+    return head + _PROGRESS.pack(recognition.progress_index, *numbers, progress.cycles)
 
 
 def encode_gone(performer: str) -> bytes:

@@ -132,9 +132,8 @@ class _Layouts:
         start = (19 + floats) // 4 * 4 + 4
         end = datagram.find(b"\0", start)
         place = end // 4 * 4 + 4
-        if floats < 6 or floats % 3 or end < 0 or len(datagram) != place + 8 + 4 * floats:
-            return None
-        if datagram.count(b"f", 19, 19 + floats) != floats:
+        whole = end >= 0 and len(datagram) == place + 8 + 4 * floats
+        if floats < 6 or floats % 3 or not whole or datagram.count(b"f", 19, 19 + floats) != floats:
             return None
         try:
             layout = _Layout(datagram[start:end].decode(), floats, place, len(datagram))

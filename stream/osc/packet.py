@@ -123,17 +123,6 @@ def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tup
     return found
 
 
-def decode_message(packet: bytes) -> Message:
-    """Decode one OSC message.
-
-    Raises
-    ------
-    PacketError
-        The bytes are not an OSC message, or hold a type that OSC 1.0 does not know.
-    """
-    return _decode_message(packet, MAX_VALUES)[0]
-
-
 def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
     """Decode a message of at most so many values that are not floats; give it and the number of these values."""
     address, place = _string(packet, 0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import socket
 import struct
 import sys
@@ -11,15 +10,17 @@ import time
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from kinespace.stream.packet import is_within
+
 if TYPE_CHECKING:
     from kinespace.stream.packet import Networks
 
 #: Bytes of waiting datagrams that the system keeps; the usual default holds 0.2 s of a busy feed.
 RECEIVE_BUFFER = 4 << 20
-#: With this option Linux tells how many datagrams it dropped before each one; Python has no name for it.
+#: With this option Linux says how many datagrams it dropped before each one; Python has no name for it.
 _SO_RXQ_OVFL = 40
 _COUNTS_DROPS = sys.platform == "linux"
-#: With this option Linux tells when each datagram arrived, on the clock of the day; Python has no name for it.
+#: With this option Linux says when each datagram arrived, on the clock of the day; Python has no name for it.
 _SO_TIMESTAMPNS = 35
 _TIMESPEC = struct.Struct("@ll")
 #: Seconds that no datagram waits: a longer wait means that the clock of the day was set.
@@ -79,7 +80,7 @@ class OscReceiver:
     Parameters
     ----------
     host, port
-        Where to listen; port 0 lets the system choose (`address` tells).
+        Where to listen; port 0 lets the system choose (then `address` holds it).
     networks
         Networks whose datagrams are read; empty for all.
 
@@ -103,7 +104,7 @@ class OscReceiver:
     def __init__(self, host: str, port: int, networks: Networks = ()) -> None:
         family, kind, address = _resolved(host, port)
         self._networks = networks
-        self._let_in = lru_cache(maxsize=1024)(self._is_let_in)
+        self._let_in = lru_cache(maxsize=1024)(lambda host: is_within(host, networks))
         self.strangers = 0
         self.socket = socket.socket(family, kind)
         try:
@@ -165,10 +166,6 @@ class OscReceiver:
             return b""
         return datagram
 
-    def _is_let_in(self, host: str) -> bool:
-        address = ipaddress.ip_address(host.partition("%")[0])
-        return any(address in network for network in self._networks)
-
     def send_to(self, datagram: bytes, target: tuple[Any, ...]) -> bool:
         """Send from the port listened on to a numeric address; False when the system does not send it."""
         try:
@@ -202,9 +199,13 @@ class OscSender:
     ------
     OSError
         The host's name cannot be resolved, or the place is not in reach.
+    ValueError
+        The port is 0, at which nobody listens.
     """
 
     def __init__(self, host: str, port: int, *, asks: bool = False) -> None:
+        if not port:
+            raise ValueError(f"address: expected HOST:PORT, the port from 1 to 65535, got '{host}:0'")
         family, kind, address = _resolved(host, port)
         self.target: tuple[Any, ...] = address
         self.socket = socket.socket(family, kind)
@@ -242,7 +243,7 @@ class OscSender:
 
     @property
     def unheard(self) -> int:
-        """Datagrams known to have reached no program, where it `asks`; other machines may keep silent about them."""
+        """Datagrams known to have reached no program, where it `asks`; other machines may send no notice of them."""
         if self._asks and self.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             self._unheard += 1
         return self._unheard

@@ -84,7 +84,7 @@ class NativeLayout(Layout):
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Class, guess, label and scores in one bundle."""
-        # A sender whose clock began anew begins anew: no time is below 0.
+        # After a sender's clock has begun again, its times count from its new beginning: none is below 0.
         if recognition.time < self._since.get(recognition.performer, math.inf):
             _remember(self._since, recognition.performer, recognition.time)
         return answers.encode_recognition(recognition)
@@ -129,12 +129,12 @@ class TouchDesignerLayout(NativeLayout):
         changed = self._last.get(recognition.performer, -1) != recognition.class_index
         _remember(self._last, recognition.performer, recognition.class_index)
         start = f"/motion/{answers.address_part(recognition.performer)}"
-        told = encode_message(
+        named = encode_message(
             f"{start}/class", recognition.class_index, recognition.score, recognition.margin, int(changed)
         )
         followed = (answers.encode_progress(recognition),) if recognition.progress else ()
-        whole = encode_bundle(told, *followed, encode_message(f"{start}/scores", *map(float, recognition.scores)))
-        return whole if len(whole) <= answers.MAX_ANSWER else encode_bundle(told, *followed)
+        whole = encode_bundle(named, *followed, encode_message(f"{start}/scores", *map(float, recognition.scores)))
+        return whole if len(whole) <= answers.MAX_ANSWER else encode_bundle(named, *followed)
 
     def event(self, event: Event) -> bytes | None:
         """`/motion/<performer>/going i index`, -1 when a motion ended."""
@@ -145,8 +145,8 @@ class TouchDesignerLayout(NativeLayout):
         """Class -1, and -1 going on."""
         changed = self._last.pop(performer, -1) != -1
         start = f"/motion/{answers.address_part(performer)}"
-        told = encode_message(f"{start}/class", -1, 0.0, 0.0, int(changed))
-        return encode_bundle(told, encode_message(f"{start}/going", -1))
+        none = encode_message(f"{start}/class", -1, 0.0, 0.0, int(changed))
+        return encode_bundle(none, encode_message(f"{start}/going", -1))
 
     def classes(self, classes: Sequence[str]) -> bytes | None:
         """Nothing: names are no numbers."""
@@ -159,59 +159,55 @@ class WekinatorLayout(Layout):
     port = 12000
 
     def __init__(self) -> None:
-        #: Each performer's last class from 1; 0 in the place of a performer who has left, which the next newcomer
-        #: takes.
-        self._outputs: list[float] = []
-        #: In the same places phase, speed and amplitude, zeros while no motion is followed; sent once one was.
-        self._progress: list[tuple[float, float, float]] = []
+        #: The performer in each place; empty for one who has left, whose place the next newcomer takes.
+        self._performers: list[str] = []
+        #: In the same places the last class from 1, or 0, and phase, speed and amplitude, or zeros.
+        self._numbers: list[tuple[float, ...]] = []
+        #: Whether a motion was ever followed: then phase, speed and amplitude are sent, too.
         self._follows = False
-        self._places: dict[str, int] = {}
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """`/wek/outputs f*performers`, class counted from 1, 0 for none; each performer keeps a place.
 
-        With progress beside it `/wek/progress f*3*performers`: phase, speed and amplitude, as continuous outputs.
+        With progress also `/wek/progress f*3*performers`: phase, speed and amplitude, as continuous outputs.
         """
-        place = self._places.get(recognition.performer)
-        if place is None:
-            place = self._place_for(recognition.performer)
-        self._outputs[place] = float(recognition.class_index + 1)
-        told = recognition.progress
-        self._follows = self._follows or told is not None
-        self._progress[place] = (told.phase, told.speed, told.amplitude) if told else _NOT_FOLLOWED
-        return self._told()
+        progress = recognition.progress
+        self._follows = self._follows or progress is not None
+        followed = (progress.phase, progress.speed, progress.amplitude) if progress else _NOT_FOLLOWED
+        self._numbers[self._place_of(recognition.performer)] = (float(recognition.class_index + 1), *followed)
+        return self._outputs()
 
-    def _told(self) -> bytes:
-        outputs = encode_message("/wek/outputs", *self._outputs)
+    def _outputs(self) -> bytes:
+        classes = encode_message("/wek/outputs", *(each[0] for each in self._numbers))
         if not self._follows:
-            return outputs
-        return encode_bundle(outputs, encode_message("/wek/progress", *chain.from_iterable(self._progress)))
+            return classes
+        followed = chain.from_iterable(each[1:] for each in self._numbers)
+        return encode_bundle(classes, encode_message("/wek/progress", *followed))
 
-    def _place_for(self, performer: str) -> int:
-        taken = set(self._places.values())
-        if len(taken) >= _MAX_PERFORMERS:
-            self._places.clear()
-            self._outputs.clear()
-            self._progress.clear()
-            taken = set()
-        place = next(place for place in range(len(self._outputs) + 1) if place not in taken)
-        if place == len(self._outputs):
-            self._outputs.append(0.0)
-            self._progress.append(_NOT_FOLLOWED)
-        self._places[performer] = place
-        return place
+    def _place_of(self, performer: str) -> int:
+        for wanted in (performer, ""):
+            if wanted in self._performers:
+                place = self._performers.index(wanted)
+                self._performers[place] = performer
+                return place
+        if len(self._performers) >= _MAX_PERFORMERS:
+            self._performers.clear()
+            self._numbers.clear()
+        self._performers.append(performer)
+        self._numbers.append(())
+        return len(self._performers) - 1
 
     def event(self, event: Event) -> bytes | None:
-        """`/output_<class from 1>` when a motion starts, as Wekinator tells gestures."""
+        """`/output_<class from 1>` when a motion starts, as Wekinator reports gestures."""
         return encode_message(f"/output_{event.index + 1}") if event.kind is EventKind.START else None
 
     def gone(self, performer: str) -> bytes | None:
         """`/wek/outputs` with 0 in the performer's place; the others keep theirs."""
-        if performer not in self._places:
+        if performer not in self._performers:
             return None
-        place = self._places.pop(performer)
-        self._outputs[place], self._progress[place] = 0.0, _NOT_FOLLOWED
-        return self._told()
+        place = self._performers.index(performer)
+        self._performers[place], self._numbers[place] = "", (0.0, *_NOT_FOLLOWED)
+        return self._outputs()
 
 
 class VmcThruLayout(Layout):
@@ -316,7 +312,7 @@ class LayoutSink(Sink):
         """Send a notice of teaching."""
         self._send(self.layout.notice(notice))
 
-    def _send(self, packet: bytes | None, performer: str | None = None) -> None:  # noqa: ARG002 - all hear all
+    def _send(self, packet: bytes | None, performer: str | None = None) -> None:  # noqa: ARG002 - all get all
         if packet is not None:
             self.sender.send(packet)
 

@@ -1,4 +1,4 @@
-"""A sink: the service tells it answers, frames and state. Each kind of sink overrides the methods it uses."""
+"""A sink: the service passes it answers, frames and state. Each kind of sink overrides the methods it uses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Sink:
-    """Hears everything and passes nothing on. No method of a sink may raise or wait."""
+    """Takes everything and passes nothing on. No method of a sink may raise or wait."""
 
     #: Answers that could not be sent.
     failed = 0

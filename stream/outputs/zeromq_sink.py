@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.teaching.wire import as_json
@@ -14,12 +13,11 @@ from kinespace.stream.zeromq.bodies import encode_body
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
+    from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq.sockets import ZmqSender
 
 
@@ -83,22 +81,6 @@ class ZmqSink(Sink):
         self.sender.close()
 
 
-class Followed(Protocol):
-    """The performers whose bodies are sent; `kinespace.stream.recognizer.Performers` is one."""
-
-    def skeleton_of(self, name: str) -> Skeleton | None:
-        """Give the skeleton of a performer's frames."""
-
-    def carried(self, name: str) -> Carried | None:
-        """Say which joints carry the decision on a performer."""
-
-
-@dataclass(slots=True)
-class _Sent:
-    time: float
-    count: int
-
-
 class BodySink(Sink):
     """Publishes thirty frames a second of each performer on a ZeroMQ endpoint.
 
@@ -110,27 +92,27 @@ class BodySink(Sink):
         The performers.
     """
 
-    def __init__(self, sender: ZmqSender, performers: Followed) -> None:
+    def __init__(self, sender: ZmqSender, performers: Recognising) -> None:
         self._sender, self._performers = sender, performers
-        self._sent: dict[str, _Sent] = {}
+        #: The time of each performer's last body, and how many were sent before it.
+        self._sent: dict[str, tuple[float, int]] = {}
 
     def __str__(self) -> str:
         return f"{self._sender} (bodies)"
 
     def publish_frame(self, frame: Frame) -> None:
         """Send a frame, unless one was sent less than a thirtieth of a second before."""
-        name, sent = frame.performer, self._sent.get(frame.performer)
-        if sent is None:
-            if len(self._sent) >= _MAX_PERFORMERS:
-                self._sent.clear()
-            sent = self._sent[name] = _Sent(frame.time - EVERY, -1)
-        if 0 <= frame.time - sent.time < EVERY * (1 - _EARLY):
+        name = frame.performer
+        last, before = self._sent.get(name, (frame.time - EVERY, -1))
+        if 0 <= frame.time - last < EVERY * (1 - _EARLY):
             return
-        sent.time = frame.time
-        sent.count += 1
-        carried = self._performers.carried(name) if sent.count % _CARRIED_EVERY == 0 else None
+        if before < 0 and len(self._sent) >= _MAX_PERFORMERS:
+            self._sent.clear()
+        count = before + 1
+        self._sent[name] = frame.time, count
+        carried = self._performers.carried(name) if count % _CARRIED_EVERY == 0 else None
         # One behind the first: at the first frame the performer is not known yet.
-        skeleton = self._performers.skeleton_of(name) if sent.count % _SKELETON_EVERY == 1 else None
+        skeleton = self._performers.skeleton_of(name) if count % _SKELETON_EVERY == 1 else None
         self._sender.send(encode_body(frame, skeleton, carried))
 
     def publish_gone(self, performer: str) -> None:

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer.limits import Limits
     from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 
 #: The lead after which a class becomes the guess.
@@ -171,11 +170,13 @@ class Decision:
         Lead that a class needs before a start event. More is later and surer.
     going_on
         The start of a motion that goes on already.
+    stillness
+        As in `stream.recognizer.settings.Settings`.
     """
 
-    def __init__(self, lead: float, going_on: Event | None = None) -> None:
+    def __init__(self, lead: float, going_on: Event | None = None, stillness: float = 0.0) -> None:
         self._guess, self._judgement, self._event = Hysteresis(LEAD), Judgement(), Hysteresis(lead)
-        self._active = going_on
+        self._active, self._stillness = going_on, stillness
         self._event.current = going_on.label if going_on else None
         self._decided_at = self._event_at = math.nan
 
@@ -213,15 +214,15 @@ class Decision:
             self._active = replace(self._active, index=list(classes).index(self._active.label))
         return None
 
-    def push(self, windows: LiveWindows, seen: Leading, limits: Limits, noise: float, time: float) -> Decided:
+    def push(self, windows: LiveWindows, seen: Leading, threshold: float, noise: float, time: float) -> Decided:
         """Decide for the windows that end now.
 
         Parameters
         ----------
         windows, seen
             The windows, and what they gave when they were read.
-        limits
-            What a movement needs to be named.
+        threshold
+            Evidence, as a logit, from which the guess is known.
         noise
             Standard deviation of a distance's noise, metres.
         time
@@ -235,12 +236,12 @@ class Decision:
         known, evidence = True, None
         if weighing.judges:
             evidence = Evidence.of(comparer.alone, classes.index(guess), noise)
-            self._judgement.threshold = limits.threshold
+            self._judgement.threshold = threshold
             known = self._judgement.push(index.rejection.logit(evidence, guess), elapsed)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and seen.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
-        if seen.movement < limits.stillness:
+        if seen.movement < self._stillness:
             outcome = Outcome.STILL
         return Decided(outcome, guess, lead, evidence)
 

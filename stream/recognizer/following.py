@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Announcement
     from kinespace.stream.recognition import Event
 
+#: Performers at once that may be asked for.
+MAX_PERFORMERS = 10_000
 #: The joint names, and the like, of so many times the maximum number of performers are remembered.
 _MAX_REMEMBERED = 4
 #: A performer that was not answered for so many seconds makes room for a newcomer that sent so many frames in them: an
@@ -45,7 +47,7 @@ _Value = TypeVar("_Value")
 
 
 class Following(ABC, Generic[_One]):
-    """Keeps the performers; a subclass begins with each of them, and is told of the end.
+    """Keeps the performers; a subclass begins with each of them, and retires them.
 
     Parameters
     ----------
@@ -57,12 +59,12 @@ class Following(ABC, Generic[_One]):
     Raises
     ------
     ValueError
-        Fewer than one performer, or no time of silence.
+        Fewer than one performer, too many, or no time of silence.
     """
 
     def __init__(self, most: int, silence: float) -> None:
-        if most < 1:
-            raise ValueError(f"most: expected at least 1 performer, got {most}")
+        if not 1 <= most <= MAX_PERFORMERS:
+            raise ValueError(f"most: expected 1 to {MAX_PERFORMERS} performers, got {most}")
         if not (math.isfinite(silence) and silence > 0):
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
         self.most, self.silence = most, silence
@@ -98,7 +100,7 @@ class Following(ABC, Generic[_One]):
         return self._take_ended()
 
     def end_paused(self, now: float) -> list[Event]:
-        """Give the ends of the motions of performers who send nothing for now, as their next frames would tell them."""
+        """Give the ends of the motions of performers who send nothing for now, as their next frames would show."""
         paused = (each for each in self._performers.values() if now - each.newest > MAX_PAUSE)
         return [event for each in paused if (event := each.end())]
 

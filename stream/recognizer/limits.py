@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.comparison import by_paper
@@ -35,18 +35,14 @@ def index_for(library: MotionLibrary | WindowIndex, settings: Settings) -> Windo
     ValueError
         The library is of another type, or no motion is long enough for a window.
     """
+    if not isinstance(library, MotionLibrary | WindowIndex):
+        raise ValueError(f"library: expected a MotionLibrary or its windows, got {type(library).__name__}")  # noqa: TRY004
     if settings.signature is LiveSignature.PAPER:
         weighing = by_paper(_PAPER_WINDOW if settings.window is None else settings.window)
         if isinstance(library, WindowIndex) and library.comparison.weighing == weighing:
             return library
-        return opened(library.framed if isinstance(library, WindowIndex) else _checked(library), weighing)
-    return library if isinstance(library, WindowIndex) else opened(_checked(library))
-
-
-def _checked(library: MotionLibrary) -> MotionLibrary:
-    if not isinstance(library, MotionLibrary):
-        raise ValueError(f"library: expected a MotionLibrary or its windows, got {type(library).__name__}")  # noqa: TRY004
-    return library
+        return opened(library.framed if isinstance(library, WindowIndex) else library, weighing)
+    return library if isinstance(library, WindowIndex) else opened(library)
 
 
 def usual_sensitivity(library: MotionLibrary) -> float:
@@ -69,26 +65,12 @@ def _is_one_persons(library: MotionLibrary) -> bool:
     return not library.judged_by_strangers and len(library.actors) <= 1
 
 
-class Limits(NamedTuple):
-    """What a movement needs to be named.
+def threshold_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = False) -> float:
+    """Give the evidence, as a logit, from which a guess is known; less is named where joints are left out (`of_fewer`).
 
-    Attributes
-    ----------
-    threshold
-        Evidence, as a logit, from which a guess is known; of no effect where the comparison does not judge.
-    stillness
-        As in `stream.recognizer.settings.Settings`.
+    Of no effect where the comparison does not judge.
     """
-
-    threshold: float
-    stillness: float
-
-
-def limits_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = False) -> Limits:
-    """Give the limits for a library; less is named where joints are left out (`of_fewer`)."""
-    threshold = -math.inf
-    if index.comparison.weighing.judges:
-        given = settings.sensitivity
-        sensitivity = usual_sensitivity(index.library) if given is None else given
-        threshold = index.rejection.threshold_at(sensitivity * (_FEWER if of_fewer else 1.0))
-    return Limits(threshold, settings.stillness)
+    if not index.comparison.weighing.judges:
+        return -math.inf
+    sensitivity = usual_sensitivity(index.library) if settings.sensitivity is None else settings.sensitivity
+    return index.rejection.threshold_at(sensitivity * (_FEWER if of_fewer else 1.0))

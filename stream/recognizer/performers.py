@@ -6,12 +6,11 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import hdm05
+from kinespace.library.naming import Naming, hdm05
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Announcement, NewSender
 from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.joints.carried import carried_by
-from kinespace.stream.recognizer.joints.sent import SentJoints
 from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts, require_order
 from kinespace.stream.recognizer.settings import Settings
@@ -31,6 +30,25 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.recognizer import Views
 
 
+@dataclass(frozen=True, slots=True)
+class SentJoints:
+    """The joints that senders have, as far as we know them.
+
+    Attributes
+    ----------
+    assumed
+        The joints of frames whose sender has named none, in the frames' order, by the library's names; empty for the
+        library's joints.
+    naming
+        How announced joint names are read: as HDM05's names, found by their convention unless one is given.
+    """
+
+    assumed: tuple[str, ...] = ()
+    naming: Naming = field(default_factory=Naming)
+
+
+#: The note on a body unlike the library's.
+UNLIKE = "these joints move unlike the library's: expect few right names, teach your own (--teach)"
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
 
@@ -101,7 +119,7 @@ class Performers(Following[_Performer]):
     Raises
     ------
     ValueError
-        Fewer than one performer, no time of silence, or classes that do not fit.
+        Fewer than one performer, too many, no time of silence, or classes that do not fit.
     SkeletonMismatchError
         An assumed joint is missing: one of the library's joints is not among them.
     """
@@ -212,8 +230,15 @@ class Performers(Following[_Performer]):
 
     @property
     def compared(self) -> dict[str, str]:
-        """Performers with other joints than the library's: the convention of their names, and how many are compared."""
-        return {name: each for name, performer in self._performers.items() if (each := self._told(performer))}
+        """Performers with other joints than the library's: the convention of their names, and how many are compared.
+
+        Also performers whose joints move unlike the library's.
+        """
+        notes = {
+            name: (self._described(each), UNLIKE if each.recognizer.unlike else "")
+            for name, each in self._performers.items()
+        }
+        return {name: "; ".join(filter(None, each)) for name, each in notes.items() if any(each)}
 
     def skeleton_of(self, name: str) -> Skeleton | None:
         """Give the joints of a performer's frames, by our names where they are known; None for a stranger.
@@ -254,7 +279,7 @@ class Performers(Following[_Performer]):
         if performer := self._performers.get(name):
             performer.recognizer.keep_time_with(answered)
 
-    def _told(self, performer: _Performer) -> str:
+    def _described(self, performer: _Performer) -> str:
         used, wanted = len(performer.index.library.skeleton.joints), len(self.library.skeleton.joints)
         title = self._naming.met(performer.joints, self.library.skeleton.joints).title
         if performer.is_waiting and performer.unusable:
@@ -266,7 +291,7 @@ class Performers(Following[_Performer]):
     def announce(self, announcement: Announcement, arrival: float) -> None:
         """Take in the names of the joints in a performer's frames, in their order.
 
-        A repeated announcement changes nothing; other joints start the performer's window anew, because the joints of
+        A repeated announcement changes nothing; other joints start the performer's window again, because the joints of
         the frames before may have been others.
 
         Parameters
@@ -359,15 +384,15 @@ class Performers(Following[_Performer]):
         """
         answers: list[Recognition | None] = []
         for event in events:
+            answer = None
             if isinstance(event, Announcement):
                 self.announce(event, arrival)
-                answers.append(None)
             elif isinstance(event, NewSender):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
-                answers.append(None)
             else:
-                answers.append(self.push(event, arrival))
+                answer = self.push(event, arrival)
+            answers.append(answer)
         return answers
 
     def push(self, frame: Frame, arrival: float) -> Recognition | None:
@@ -394,7 +419,7 @@ class Performers(Following[_Performer]):
             self._other_joints += 1
             if performer.refused_size != len(frame.positions):
                 performer.refused_size = len(frame.positions)
-                self._tell_refused(frame.performer, performer)
+                self._note_refused(frame.performer, performer)
             return None
         return performer.recognizer.push(_in_order(frame, performer))
 
@@ -410,7 +435,7 @@ class Performers(Following[_Performer]):
             return replace(frame, positions=frame.positions[performer.filled])
         return None if performer.unusable else _in_order(frame, performer)
 
-    def _tell_refused(self, name: str, performer: _Performer) -> None:
+    def _note_refused(self, name: str, performer: _Performer) -> None:
         """Note the reason why a performer's frames are refused."""
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 STEP = 0.5 / MOMENTS_PER_SECOND
 #: Probabilities that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
 _GOES_ON = (0.55, 0.36, 0.09)
-#: Probabilities that a step changes to another recording at the same phase, and that it begins anew.
+#: Probabilities that a step changes to another recording at the same phase, and that it begins again.
 _CHANGES, _BEGINS = 0.1, 1e-6
 #: The share that begins in the first phases, and these phases. The rest begins later, with a probability that falls
 #: towards the end, because before a motion a body often stands as it does after it.
@@ -228,8 +228,8 @@ class _Filter:
         self._usual = _SPEED_KEPT * self._usual + usual
         self._weight = _SPEED_KEPT * self._weight + 1
         floor = self._floor * self._weight
-        beside = math.sqrt((self._expected + floor) * (self._usual + floor))
-        self._speed = math.sqrt((self._squares + floor) / beside) if beside > 0 else 1.0
+        likely = math.sqrt((self._expected + floor) * (self._usual + floor))
+        self._speed = math.sqrt((self._squares + floor) / likely) if likely > 0 else 1.0
 
     def _answer(self, phase: float, sure: float) -> Progress:
         if self._cyclic and phase < self._last - 0.5:

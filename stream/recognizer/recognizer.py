@@ -21,8 +21,9 @@ from kinespace.library.signature.body import Body
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.joints.fitting import Fitting
 from kinespace.stream.recognizer.joints.mending import Joints
-from kinespace.stream.recognizer.limits import index_for, limits_for, needed_lead
+from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows
@@ -47,8 +48,8 @@ if TYPE_CHECKING:
 _SAME_HOP = 0.01
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
-#: Frames in a row that may be older than the newest before the sender is taken to have started anew. A frame older than
-#: the longest window means so at once.
+#: Frames in a row that may be older than the newest before the sender is taken to have started again. A frame older
+#: than the longest window means so at once.
 _PATIENCE = 10
 #: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
@@ -67,7 +68,7 @@ class RecognizerCounts:
     frames: int = 0
     #: Frames refused because they were not newer than the newest frame.
     out_of_order: int = 0
-    #: How often the window was started anew: after a gap, or when a sender began again.
+    #: How often the window was started again: after a gap, or when a sender began again.
     restarts: int = 0
     #: Windows answered.
     hops: int = 0
@@ -129,10 +130,10 @@ class Recognizer:
             raise ValueError(f"settings: expected Settings, got {type(settings).__name__}")  # noqa: TRY004
         index = index_for(library, self.settings)
         self._views, self._windows = views, LiveWindows(index)
-        self._limits = limits_for(index, self.settings)
+        self._threshold = threshold_for(index, self.settings)
         require_order(classes, index.library)
         self.counts = RecognizerCounts()
-        self._decision = Decision(needed_lead(index.library, self.settings))
+        self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
         self._answer_with(index, classes)
         skeleton = index.library.skeleton
@@ -144,15 +145,11 @@ class Recognizer:
         self._times: list[float] = []
         is_watched = self.settings.plausibility
         self._joints = Joints(index.segments, skeleton.joints, self._positions, is_watched=is_watched)
+        self._fitting = Fitting(index.segments)
         self._early = _EARLY * self.settings.hop
-        self._forget_fewer()
-        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
-        # gap.
-        self._newest = math.nan
+        self._clear()
         self._last = -math.inf
-        self._due = self._compared_from = -math.inf
-        self._late_in_a_row = 0
-        #: The end of a motion by a pause in the feed, until the next answer tells it.
+        #: The end of a motion by a pause in the feed, until the next answer contains it.
         self._ended: Event | None = None
         self._busy = False
         #: The performer who is followed; None before the first frame.
@@ -195,7 +192,7 @@ class Recognizer:
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> Event | None:
         """Compare with another library from the next hop on; no window and no answer is lost.
 
-        If the new library has another basis, the frames of the last two seconds are followed anew.
+        If the new library has another basis, the frames of the last two seconds are followed again.
         `WindowIndex.with_motions` keeps the basis. A library that is not opened yet is opened here, which takes long:
         open it before, in another thread if need be.
 
@@ -204,8 +201,8 @@ class Recognizer:
         library
             Its motions, or their windows, over the same joints in the same order.
         order
-            The order of the classes in answers, so that indices stay the same: all of its classes, and others beside
-            them, which are never named. By default the library's, sorted. To name fewer classes, leave their
+            The order of the classes in answers, so that indices stay the same: all of its classes, and others, which
+            are never named. By default the library's, sorted. To name fewer classes, leave their
             motions out (`MotionLibrary.without`).
 
         Returns
@@ -224,7 +221,8 @@ class Recognizer:
         require_order(order, index.library)
         with self._alone():
             self._windows.exchange(index)
-            self._limits = limits_for(index, self.settings)
+            self._fitting = Fitting(index.segments)
+            self._threshold = threshold_for(index, self.settings)
             self._answer_with(index, order)
             self._fewer, self._asked_for = None, ()
             if self._progress:
@@ -235,6 +233,11 @@ class Recognizer:
     def doubt(self) -> str:
         """A note on joints that could not be believed, in words; empty while all is well."""
         return self._joints.note
+
+    @property
+    def unlike(self) -> bool | None:
+        """Whether the body is unlike the library's, so that few names are right; None until it has moved."""
+        return self._fitting.unlike
 
     @property
     def long_ago(self) -> LongAgo | None:
@@ -260,9 +263,9 @@ class Recognizer:
         if self.settings.signature is LiveSignature.WINDOWS:
             with self._alone():
                 self.settings = replace(self.settings, sensitivity=share)
-                self._limits = limits_for(self._windows.index, self.settings)
+                self._threshold = threshold_for(self._windows.index, self.settings)
                 if self._fewer:
-                    self._fewer_limits = limits_for(self._fewer.index, self.settings, of_fewer=True)
+                    self._fewer_threshold = threshold_for(self._fewer.index, self.settings, of_fewer=True)
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
@@ -275,13 +278,17 @@ class Recognizer:
         """
         with self._alone():
             self._clear()
+            self._fitting = Fitting(self._windows.index.segments)
             self._performer = None
 
     def _clear(self) -> None:
+        self._forget_fewer()
         self._begin_again()
         self._joints.clear()
-        self._forget_fewer()
+        self._fitting.begin_again()
         self._times.clear()
+        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
+        # gap.
         self._newest, self._due, self._compared_from = math.nan, -math.inf, -math.inf
         self._late_in_a_row = 0
 
@@ -351,6 +358,8 @@ class Recognizer:
         begun = self._joints.mend(times)
         self._measure_rows(len(times))
         if begun is not None:
+            # Another body may stand elsewhere: the motion was not its own.
+            self._ended = self._end() if self._joints.is_elsewhere else self._ended
             self._begin_again()
             times, rows = times[begun:], rows[begun:]
         if self._joints.left_out or self._without:
@@ -382,13 +391,14 @@ class Recognizer:
         except ValueError:
             return  # these joints cannot be compared
         if index is not None:
-            self._fewer, self._fewer_limits = LiveWindows(index), limits_for(index, self.settings, of_fewer=True)
+            self._fewer = LiveWindows(index)
+            self._fewer_threshold = threshold_for(index, self.settings, of_fewer=True)
             self._places = self.library.skeleton.places_of(index.library.skeleton)
             times, rows = self._windows.recent()
             self._fewer.push_all(times, rows[:, self._places])
 
     def _in_time(self, time: float) -> bool:
-        """Sort out frames that come late; start anew after a gap or when the sender's clock began again."""
+        """Sort out frames that come late; start again after a gap or when the sender's clock began again."""
         behind = self._newest - time
         if behind < -self._longest_gap:
             if behind < -MAX_PAUSE:
@@ -416,8 +426,8 @@ class Recognizer:
         self.counts.hops += 1
         comparer, classes = windows.comparer, windows.index.classes
         jumped, doubted = self._joints.only_jumps(frame.time), self._joints.doubted
-        limits = self._limits if windows is self._windows else self._fewer_limits
-        decided = self._decision.push(windows, seen, limits, self._smoother.noise, frame.time)
+        threshold = self._threshold if windows is self._windows else self._fewer_threshold
+        decided = self._decision.push(windows, seen, threshold, self._smoother.noise, frame.time)
         outcome, distances = decided.outcome, comparer.named
         if jumped or (self._joints.left_out and windows is self._windows):
             outcome = Outcome.IMPLAUSIBLE
@@ -427,6 +437,12 @@ class Recognizer:
         best = int(comparer.scores.argmax())
         scores = np.exp(distances)
         scores += 1.0
+        if (
+            frame.time >= self._fitting.due
+            and outcome is not Outcome.STILL
+            and (newest := self._joints.newest) is not None
+        ):
+            self._fitting.look(frame.time, newest)
         recognition = Recognition(
             performer=frame.performer,
             time=frame.time,

@@ -11,10 +11,12 @@ from numbers import Real
 #: classes did, and where these are of one person.
 SENSITIVITY_LEARNED, SENSITIVITY_OWN, SENSITIVITY_ONE = 0.05, 0.2, 0.28
 #: Lead that a class needs before a start event, and in a library of one person that learned what is unknown from its
-#: own classes: what one example of each tells is less sure.
+#: own classes: one example of each shows less surely what is unknown.
 LEAD_USUAL, LEAD_ONE = 3.0, 3.6
 #: Seconds between answers, at most.
 MAX_HOP = 60.0
+#: Seconds between two answers, at least, unless every frame is answered (0).
+MIN_HOP = 1e-3
 
 
 class LiveSignature(StrEnum):
@@ -40,15 +42,15 @@ class Settings:
     sensitivity
         Share of the time of unknown motions that may be answered with a class. The library estimates it from the
         motions that taught it what is unknown; None is 0.05 where strangers' motions did (`kinespace learn`), and 0.2
-        where its own classes did, each left out in turn, which are harder to tell apart; 0.28 where these are of one
+        where its own classes did, each left out in turn, which are harder to distinguish; 0.28 where these are of one
         person. A larger share answers more, of known and of unknown motions. WINDOWS only.
     hop
         Seconds between answers, at most 60; 0 answers every frame.
     lead
-        How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.hysteresis`): a
+        How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.decision`): a
         larger lead makes events later and surer. None is 3, and 3.6 where the sensitivity is 0.28.
     longest_gap
-        Seconds without a frame after which the window starts anew, because the movement in between is unknown. The
+        Seconds without a frame after which the window starts again, because the movement in between is unknown. The
         longest window is an upper limit: after that time nothing is left in it.
     stillness
         Movement, relative to the body's size, below which a window is still. The default, 1 %, is about 8 mm for an
@@ -56,14 +58,15 @@ class Settings:
     progress
         Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
     plausibility
-        Whether joints that cannot be believed are left out, and windows begin anew after a jump of the body
-        (`stream.recognizer.joints.doubts`). Without it every joint of every frame is believed.
+        Whether joints that cannot be believed are left out, and windows begin again after a jump of the body
+        (`stream.recognizer.joints.mending`). Without it every joint of every frame is believed.
 
     Raises
     ------
     ValueError
         A value is of another type or not finite, window or longest_gap is not positive, another value is negative,
-        sensitivity is above 1, hop above 60, or a value is given that does not apply to the signature.
+        sensitivity is above 1, hop neither 0 nor from 0.001 to 60, or a value is given that does not apply to the
+        signature.
     """
 
     signature: LiveSignature = LiveSignature.WINDOWS
@@ -93,8 +96,8 @@ class Settings:
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")
         if self.sensitivity is not None and self.sensitivity > 1:
             raise ValueError(f"sensitivity: expected a share from 0 to 1, got {self.sensitivity}")
-        if self.hop > MAX_HOP:
-            raise ValueError(f"hop: expected at most {MAX_HOP:g} seconds, got {self.hop}")
+        if self.hop and not MIN_HOP <= self.hop <= MAX_HOP:
+            raise ValueError(f"hop: expected 0, or {MIN_HOP:g} to {MAX_HOP:g} seconds, got {self.hop}")
 
     def _check_types(self) -> None:
         if self.signature not in tuple(LiveSignature):

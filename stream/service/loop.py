@@ -7,12 +7,14 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
+import numpy as np
 import zmq
 
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching.commands import Asked
 
@@ -20,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.service.recognising import Recognising
+    from kinespace.stream.recognition import Event
+    from kinespace.stream.workers.gateway import Recognising
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
@@ -93,6 +95,10 @@ class Commanded(Protocol):
     def classes(self) -> Sequence[str]:
         """The classes that are answered."""
 
+    @property
+    def muted(self) -> str:
+        """The performer who is answered "unknown" for now, because of a lesson; empty for nobody."""
+
     def carry_out(self, asked: Asked) -> object:
         """Carry out a command. Never raises."""
 
@@ -101,14 +107,14 @@ class Commanded(Protocol):
 
 
 class _Begun(NamedTuple):
-    """A packet's times, seconds: first looked at, and waited before that, as far as its transport tells."""
+    """A packet's times, seconds: first looked at, and waited before that, as far as its transport says."""
 
     started: float
     waited: float
 
 
 class Service:
-    """Recognises the frames of some sources and tells some sinks.
+    """Recognises the frames of some sources and passes the answers to some sinks.
 
     Parameters
     ----------
@@ -149,6 +155,8 @@ class Service:
         self._over = 0.0
         #: The newest answer of each performer that is too old to be sent before it is known to be the newest.
         self._held: dict[str, Recognition] = {}
+        #: The motions whose starts were published: performer and class.
+        self._begun: set[tuple[str, str]] = set()
         #: When the loop last looked at its sources.
         self._looked = clock()
         self._stale = 0
@@ -190,8 +198,8 @@ class Service:
                     self.step(0.0)
         finally:
             self._publish_held()
-            self._publish_ended(self.performers.end())
-            self._tell_gone(self.performers.names)
+            self._publish_events(self.performers.end())
+            self._publish_gone(self.performers.names)
 
     def _is_over(self) -> bool:
         """Say whether it was stopped so long ago that waiting packets are no longer answered."""
@@ -202,7 +210,7 @@ class Service:
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for packets, and deal with all that have come."""
-        self._tell_time()
+        self._publish_on_time()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
         if self._tended_within < math.inf:
             self._tend()
@@ -253,22 +261,27 @@ class Service:
             self._control.tend(self._clock())
 
     def _deal_with(self, events: Sequence[Admitted], begun: Sequence[_Begun]) -> None:
-        """Recognise events and tell the sinks; `begun` has each event's time at which its packet was looked at."""
+        """Recognise events and publish the answers; `begun` has for each event when its packet was looked at."""
         if not events:
             return
         answers = self.performers.push_all(events, self._clock())
-        if self._answers:
-            self._publish_all(answers, begun)
+        self._publish_all([each and self._as_answered(each) for each in answers], begun)
         for event in events:
             if isinstance(event, Frame):
                 self._rates[event.performer] += 1
                 for sink in self._watching:
                     sink.publish_frame(event)
 
-    @property
-    def _answers(self) -> bool:
-        """Whether performers are answered now."""
-        return self._control is None or self._control.answers
+    def _as_answered(self, recognition: Recognition) -> Recognition:
+        """Give an answer as listeners get it: nothing is known before anything is taught, or in a quiet lesson."""
+        if self._control is None or (self._control.answers and recognition.performer != self._control.muted):
+            return recognition
+        ends = tuple(each for each in recognition.events if each.kind is EventKind.END)
+        outcome = Outcome.UNKNOWN if recognition.outcome is Outcome.NAMED else recognition.outcome
+        nothing = np.zeros(0)
+        return Recognition(
+            recognition.performer, recognition.time, outcome, (), nothing, recognition.movement, guess=-1, events=ends
+        )
 
     def _publish_all(self, answers: Sequence[Recognition | None], begun: Sequence[_Begun]) -> None:
         for recognition, (started, waited) in zip(answers, begun, strict=True):
@@ -282,14 +295,16 @@ class Service:
                 self._held[recognition.performer] = recognition
             else:
                 self._publish(recognition)
-            for happened in recognition.events:
-                for sink in self.sinks:
-                    sink.publish_event(happened)
+            self._publish_events(recognition.events)
             self._hop_times.append(time.perf_counter() - started + waited)
 
-    def _publish_ended(self, ended: Sequence[Event]) -> None:
-        """Publish the ends of motions, unless their starts were not published, either."""
-        for event in ended if self._answers else ():
+    def _publish_events(self, events: Sequence[Event]) -> None:
+        """Publish starts and ends of motions; no end of a motion whose start was not published."""
+        for event in events:
+            motion = event.performer, event.label
+            if event.kind is EventKind.END and motion not in self._begun:
+                continue
+            (self._begun.add if event.kind is EventKind.START else self._begun.discard)(motion)
             for sink in self.sinks:
                 sink.publish_event(event)
 
@@ -303,12 +318,14 @@ class Service:
         for recognition in held.values():
             self._publish(recognition)
 
-    def _tell_gone(self, performers: Sequence[str]) -> None:
+    def _publish_gone(self, performers: Sequence[str]) -> None:
+        gone = {*performers}
+        self._begun = {motion for motion in self._begun if motion[0] not in gone}
         for performer in performers:
             for sink in self.sinks:
                 sink.publish_gone(performer)
 
-    def _tell_time(self) -> None:
+    def _publish_on_time(self) -> None:
         now = self._clock()
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
@@ -317,10 +334,10 @@ class Service:
                 sink.publish_classes(classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
-            # After a stop of this process packets wait, and silent performers cannot be told from others.
+            # After a stop of this process packets wait, and nobody knows who is silent.
             paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
-            self._publish_ended([*paused, *self.performers.drop_silent(now)])
-            self._tell_gone(self.performers.take_gone())
+            self._publish_events([*paused, *self.performers.drop_silent(now)])
+            self._publish_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now, self.performers.names)
             status = self.status()
             for sink in self.sinks:
@@ -342,7 +359,7 @@ class Service:
             doubted=self.performers.doubted,
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
-            clocks={name: told for name, told in self._admission.clocks.items() if name in self.performers.names},
+            clocks={name: clock for name, clock in self._admission.clocks.items() if name in self.performers.names},
             notes=(*dict.fromkeys(notes), *self._admission.notes(self._clock())),
         )
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from kinespace.stream.recognition import GONE, Outcome
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
@@ -21,7 +23,7 @@ MAX_COUNTDOWN, MAX_LAST = 60.0, 15.0
 #: Seconds by which that time may lie back.
 MAX_AGO = 240.0
 #: Labels of answers that are no classes.
-_RESERVED = frozenset({"unknown", "still", "ambiguous"})
+_RESERVED = frozenset({GONE, *map(str, Outcome)})
 
 
 class CommandError(ValueError):
@@ -35,7 +37,7 @@ class Teach:
     Attributes
     ----------
     performer
-        The performer who shows it; empty for the performer heard last.
+        The performer who shows it; empty for the performer whose frame came last.
     class_name
         `nothing` for motions that must not be named.
     repetitions
@@ -158,7 +160,7 @@ class Sensitivity:
 
 @dataclass(frozen=True, slots=True)
 class List:
-    """Change nothing; the reply tells classes and settings, as every reply does."""
+    """Change nothing; the reply has the classes and settings, as every reply does."""
 
 
 Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | List

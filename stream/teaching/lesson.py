@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from kinespace.library.teaching.movement import ENDS_AFTER, MIN_SECONDS, STILLNESS, Stretch, StretchFinder
+from kinespace.library.teaching.movement import (
+    ENDS_AFTER,
+    MIN_SECONDS,
+    STILLNESS,
+    Stretch,
+    StretchFinder,
+    stillness_of,
+)
 from kinespace.stream.teaching.notices import State, Step
 
 if TYPE_CHECKING:
+    from kinespace.library.teaching.movement import Movement
     from kinespace.stream.teaching.commands import Teach
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
+#: Seconds at the end of a countdown that show how much the performer trembles while standing.
+_STANDING = 1.0
+#: Seconds between two notices of how much a performer moves who is waited for, and after which a way out is said.
+_SAID_EVERY, _WAY_OUT = 1.0, 5.0
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
 #: Seconds kept before the movement, so that undoing the trim shows them.
@@ -39,6 +52,9 @@ class Lesson:
         The performer's name.
     now
         Seconds on our clock.
+    stillness
+        Movement below which the performer stands still (`library.teaching.movement`); a performer who trembles less
+        in the countdown begins with less.
 
     Attributes
     ----------
@@ -48,13 +64,16 @@ class Lesson:
         Examples that are still to be recorded.
     """
 
-    def __init__(self, asked: Teach, performer: str, now: float) -> None:
+    def __init__(self, asked: Teach, performer: str, now: float, stillness: float = STILLNESS) -> None:
         self.class_name, self.performer = asked.class_name, performer
         self.left = asked.repetitions
         self.step = Step.COUNTDOWN
         self._go = now + asked.countdown
-        self._told = math.inf
-        self._finder = StretchFinder(STILLNESS)
+        self._counted = math.inf
+        self._stillness, self._finder = stillness, StretchFinder(stillness)
+        #: The movement at the end of the countdown; the most since the last notice, and when that was.
+        self._standing: deque[tuple[float, Movement]] = deque()
+        self._most, self._said = 0.0, math.nan
         self._armed = self._began = self._newest = math.nan
 
     def tick(self, now: float) -> State | None:
@@ -65,12 +84,12 @@ class Lesson:
             self.step = Step.WAITING
             return State(self.performer, Step.WAITING)
         seconds = max(math.ceil(self._go - now - _TIE), 1)
-        if seconds == self._told:
+        if seconds == self._counted:
             return None
-        self._told = seconds
+        self._counted = seconds
         return State(self.performer, Step.COUNTDOWN, float(seconds))
 
-    def push(self, time: float, movement: float | None) -> State | Recorded | None:
+    def push(self, time: float, movement: Movement | None) -> State | Recorded | None:
         """Take in a frame's time on the sender's clock, and the movement if it was measured.
 
         Returns
@@ -82,24 +101,41 @@ class Lesson:
             # A performer who is already moving is recorded from now on.
             if movement is not None:
                 self._finder.push(time, movement)
+                self._standing.append((time, movement))
+                while time - self._standing[0][0] > _STANDING:
+                    self._standing.popleft()
             return None
         if math.isnan(self._armed):
-            self._armed = time
+            self._arm(time)
         found = None if movement is None else self._finder.push(time, movement)
         if self.step is Step.WAITING:
-            return self._waited(time)
+            return self._waited(time, max(movement or (0.0,)))
         if found:
             return self._recorded(found, by_hand=False)
         return self.stop(by_hand=True) if time - self._began >= MAX_RECORDING else None
 
-    def _waited(self, time: float) -> State | None:
+    def _arm(self, time: float) -> None:
+        self._armed = self._said = time
+        self._most = 0.0
+        still = stillness_of(self._standing, self._stillness)
+        if still < self._stillness:
+            self._finder = StretchFinder(still)
+
+    def _waited(self, time: float, movement: float) -> State | None:
         if self._finder.began is not None:
             self.step = Step.RECORDING
             self._began = max(self._finder.began, self._armed)
             return State(self.performer, Step.RECORDING)
         if time - self._armed >= MAX_WAITING:
             return State(self.performer, Step.REFUSED, MAX_WAITING, f"stood still for {MAX_WAITING:g} s")
-        return None
+        self._most = max(self._most, movement)
+        if time - self._said < _SAID_EVERY - _TIE:
+            return None
+        reason = f"movement {self._most / self._finder.needed:.0%} of what is needed"
+        if time - self._armed >= _WAY_OUT - _TIE:
+            reason += "; or show it and ask for /motion/teach/last"
+        self._most, self._said = 0.0, time
+        return State(self.performer, Step.WAITING, 0.0, reason)
 
     def stop(self, *, by_hand: bool) -> State | Recorded:
         """End the recording by a command, because it has its maximal length, or because no frames come for now."""
@@ -115,9 +151,9 @@ class Lesson:
         self._finder.clear()
         self.step = Step.WAITING
         if kept.duration < MIN_SECONDS:
-            told = f"expected {MIN_SECONDS:g} s or more of movement"
+            reason = f"expected {MIN_SECONDS:g} s or more of movement"
             # A performer who takes up their place moves for a moment: this is no example.
-            # A sender's clock that begins anew gives a time below 0.
-            return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, max(kept.duration, 0.0), told)
+            # A sender's clock that begins again gives a time below 0.
+            return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, max(kept.duration, 0.0), reason)
         self.left -= 1
         return Recorded(whole, kept)

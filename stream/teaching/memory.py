@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
     from kinespace.library.skeleton import Skeleton
+    from kinespace.library.teaching.movement import Movement
 
 #: Seconds that are remembered, and frames per second.
 REMEMBERED = 300.0
@@ -63,7 +64,7 @@ class Memory:
 
     Attributes
     ----------
-    heard
+    arrived
         When the last frame arrived, seconds on our clock.
     newest
         The last frame's own time, seconds on the sender's.
@@ -72,16 +73,16 @@ class Memory:
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
         self._clear()
-        self.heard = self.newest = -np.inf
+        self.arrived = self.newest = -np.inf
 
     def _clear(self) -> None:
         self._frames: deque[tuple[float, NDArray[np.float32]]] = deque(maxlen=round(REMEMBERED * FRAME_RATE))
         self._due = -np.inf
         self._meter = MovementMeter(self._skeleton)
 
-    def push(self, time: float, positions: NDArray[np.floating], now: float) -> float | None:
+    def push(self, time: float, positions: NDArray[np.floating], now: float) -> Movement | None:
         """Take in a frame; give the movement when it is measured, else None (`library.teaching.movement`)."""
-        self.heard = now
+        self.arrived = now
         if time <= self.newest:
             if self.newest - time < _BACKWARDS:
                 return None
@@ -92,17 +93,16 @@ class Memory:
         # After a pause the next frame is due from now on.
         self._due = (max(self._due, time) if self._due >= time - 1 / FRAME_RATE else time) + 1 / FRAME_RATE
         self._frames.append((time, positions.astype(np.float32)))
+        while self._frames[0][0] < time - REMEMBERED:
+            self._frames.popleft()
         return self._meter.push(time, positions)
 
     def between(self, begin: float, end: float) -> Clip | None:
         """Give the frames between two moments on the sender's clock; None for less than three frames."""
-        remembered = self._gathered(begin, end)
-        return remembered.clip() if remembered else None
+        gathered = self.gathered(begin, end)
+        return gathered.clip() if gathered else None
 
-    def before(self, end: float) -> Remembered | None:
-        """Give all frames that are remembered before a moment; None for less than three frames."""
-        return self._gathered(end - REMEMBERED, end)
-
-    def _gathered(self, begin: float, end: float) -> Remembered | None:
+    def gathered(self, begin: float, end: float) -> Remembered | None:
+        """Gather what `between` makes a clip of, which takes its time."""
         frames = [each for each in self._frames if begin - _TIE <= each[0] <= end + _TIE]
         return Remembered(frames, self._skeleton) if len(frames) > 2 else None

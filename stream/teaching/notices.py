@@ -56,7 +56,8 @@ class Taught:
     seconds
         Seconds of the recording that are kept.
     words
-        `good`, `close to <class>`, `cannot be told from <class>` or `unlike your other examples`.
+        `good so far: show it again to be sure`, `good`, `close to <class>`, `cannot be told from <class>` or `unlike
+        your other examples`.
     would_have_started
         How often the class would have started in the performer's last five minutes, without this recording.
     """
@@ -68,13 +69,13 @@ class Taught:
     would_have_started: int
 
 
-#: What listeners are told.
+#: What listeners get.
 Notice = State | Taught
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changed:
-    """A request to open and save the library anew.
+    """A request to open and save the changed library.
 
     Attributes
     ----------

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.teaching.examples import MAX_EXAMPLES, Example, Roster
-from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, MovementMeter, Stretch, StretchFinder
+from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Stretch, moved_at_all
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import Lesson, Recorded
-from kinespace.stream.teaching.memory import Memory
+from kinespace.stream.teaching.memory import REMEMBERED, Memory
 from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught
 
 if TYPE_CHECKING:
@@ -49,6 +49,8 @@ class Teacher:
         The examples of earlier sessions.
     base_classes
         Classes that are known without examples.
+    stillness
+        Movement below which a performer stands still (`library.teaching.movement`).
 
     Attributes
     ----------
@@ -58,10 +60,12 @@ class Teacher:
         The lesson that goes on; None while there is none.
     """
 
-    def __init__(self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = ()) -> None:
+    def __init__(
+        self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = (), stillness: float = STILLNESS
+    ) -> None:
         self.roster = roster
         self.lesson: Lesson | None = None
-        self._skeleton, self._base = skeleton, tuple(base_classes)
+        self._skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
         self._memories: dict[str, Memory] = {}
         self._undone: list[Roster] = []
         self._before: list[Roster] = []
@@ -98,8 +102,8 @@ class Teacher:
         # A sender that pauses sends no stillness, which would end the recording.
         if lesson.step is Step.RECORDING and silent > MAX_PAUSE:
             return self._went(lesson, lesson.stop(by_hand=False))
-        told = lesson.tick(now)
-        return [told] if told else []
+        state = lesson.tick(now)
+        return [state] if state else []
 
     def command(self, command: Command, now: float) -> list[Notice | Changed]:  # noqa: C901, PLR0911 - a line each
         """Carry out a command about lessons and examples; a refusal is a notice, never an exception."""
@@ -150,7 +154,7 @@ class Teacher:
         """Give the performer's last minutes before an example that is being checked; None when they are not known."""
         performer, began = self._checking.get(number, ("", 0.0))
         memory = self._memories.get(performer)
-        return memory.before(began) if memory else None
+        return memory.gathered(began - REMEMBERED, began) if memory else None
 
     def _begin(self, asked: commands.Teach | commands.Last, now: float) -> list[Notice | Changed]:
         performer = self._present(asked.performer, now)
@@ -162,7 +166,7 @@ class Teacher:
             return self._take_last(asked, performer)
         if self.lesson:
             return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
-        self.lesson = Lesson(asked, performer, now)
+        self.lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
 
     def _take_last(self, asked: commands.Last, performer: str) -> list[Notice | Changed]:
@@ -172,28 +176,28 @@ class Teacher:
         clip = memory.between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{asked.seconds:g} s have not been seen")]
-        kept = _moving(clip)
+        kept = moved_at_all(clip)
         if kept is None:
             return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
         return self._add(performer, asked.class_name, clip, whole, kept)
 
-    def _went(self, lesson: Lesson, told: State | Recorded | None) -> list[Notice | Changed]:
+    def _went(self, lesson: Lesson, step: State | Recorded | None) -> list[Notice | Changed]:
         """Give the notices of a lesson's step."""
-        if told is None:
+        if step is None:
             return []
-        if isinstance(told, State):
-            if told.step is Step.REFUSED:
+        if isinstance(step, State):
+            if step.step is Step.REFUSED:
                 self.lesson = None
-            return [told]
-        clip = self._memories[lesson.performer].between(*told.whole)
+            return [step]
+        clip = self._memories[lesson.performer].between(*step.whole)
         if not lesson.left:
             self.lesson = None
         if clip is None or clip.gaps:
             self.lesson = None
             return [_refused(lesson.performer, "frames are missing in the recording")]
-        begin = max(told.kept.start - told.whole.start, 0.0)
-        kept = Stretch(begin, min(told.kept.end - told.whole.start, clip.duration))
-        notices = self._add(lesson.performer, lesson.class_name, clip, told.whole, kept)
+        begin = max(step.kept.start - step.whole.start, 0.0)
+        kept = Stretch(begin, min(step.kept.end - step.whole.start, clip.duration))
+        notices = self._add(lesson.performer, lesson.class_name, clip, step.whole, kept)
         return notices if self.lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
 
     def _add(
@@ -204,10 +208,10 @@ class Teacher:
         example = Example(number, class_name, recording, kept.start, kept.end)
         self._checking[number] = performer, whole.start
         cut = clip.duration - example.seconds
-        told = f"{kept.start:.2f} to {kept.end:.2f} of {clip.duration:.2f} s kept" if cut > _TRIMMED else ""
+        trimming = f"{kept.start:.2f} to {kept.end:.2f} of {clip.duration:.2f} s kept" if cut > _TRIMMED else ""
         self._remember()
         self.roster = self.roster.with_example(example)
-        return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, told)]
+        return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, trimming)]
 
     def _stopped(self) -> list[Notice | Changed]:
         if self.lesson is None:
@@ -238,16 +242,16 @@ class Teacher:
         if not self.roster.examples:
             return [_refused("", "nothing was taught")]
         last = max(self.roster.examples, key=lambda each: each.number)
-        kept = _moving(last.recording) if on else Stretch(0.0, last.recording.duration)
+        kept = moved_at_all(last.recording) if on else Stretch(0.0, last.recording.duration)
         if kept is None:
             return [_refused("", f"expected {MIN_SECONDS:g} s or more of movement")]
         changed = replace(last, begin=kept.start, end=kept.end)
         return self._change(self.roster.with_example(changed), f"{kept.duration:.2f} s kept")
 
-    def _change(self, roster: Roster, told: str) -> list[Notice | Changed]:
+    def _change(self, roster: Roster, change: str) -> list[Notice | Changed]:
         self._remember()
         self.roster = roster
-        return [Changed(roster), State("", Step.DONE, 0.0, told)]
+        return [Changed(roster), State("", Step.DONE, 0.0, change)]
 
     def _remember(self) -> None:
         self._before.append(self.roster)
@@ -259,38 +263,23 @@ class Teacher:
         kept_in.append(self.roster)
         self.roster = taken_from.pop()
         examples, classes = len(self.roster.examples), len(self.roster.classes)
-        told = f"{examples} example{'s' if examples != 1 else ''} of {classes} class{'es' if classes != 1 else ''}"
-        return [Changed(self.roster), State("", Step.DONE, 0.0, told)]
+        now = f"{examples} example{'s' if examples != 1 else ''} of {classes} class{'es' if classes != 1 else ''}"
+        return [Changed(self.roster), State("", Step.DONE, 0.0, now)]
 
     def _present(self, name: str, now: float) -> str | None:
-        """Find a performer who is present; without a name the performer who was heard last."""
-        there = {each: memory.heard for each, memory in self._memories.items() if self._silent(each, now) <= _GONE}
+        """Find a performer who is present; without a name the performer whose frame came last."""
+        there = {each: memory.arrived for each, memory in self._memories.items() if self._silent(each, now) <= _GONE}
         if name:
             return name if name in there else None
         return max(there, key=lambda each: there[each], default=None)
 
     def _silent(self, name: str, now: float) -> float:
         """Say for how many seconds a performer has sent nothing; the time for which we were stopped does not count."""
-        return now - max(self._memories[name].heard, self._woke)
+        return now - max(self._memories[name].arrived, self._woke)
 
     def _forget_absent(self, now: float) -> None:
-        for name in [each for each, memory in self._memories.items() if now - memory.heard > 60.0]:
+        for name in [each for each, memory in self._memories.items() if now - memory.arrived > 60.0]:
             del self._memories[name]
-
-
-def _moving(clip: Clip) -> Stretch | None:
-    """Find the movement in a recording, from its first to its last motion; None when it is too short."""
-    meter, finder, found = MovementMeter(clip.skeleton), StretchFinder(STILLNESS), list[Stretch]()
-    for time, positions in zip(clip.times.tolist(), clip.positions, strict=True):
-        movement = meter.push(time, positions)
-        if movement is not None and (each := finder.push(time, movement)):
-            found.append(each)
-    if each := finder.end():
-        found.append(each)
-    if not found:
-        return None
-    kept = Stretch(max(found[0].start, 0.0), min(found[-1].end, clip.duration))
-    return kept if kept.duration >= MIN_SECONDS else None
 
 
 def _refused(performer: str, reason: str) -> State:
@@ -298,5 +287,5 @@ def _refused(performer: str, reason: str) -> State:
 
 
 def _unknown(name: str) -> State:
-    told = "built-in classes cannot be changed" if name == NOTHING else "not a taught class"
-    return _refused("", f"{name[: commands.MAX_NAME]!a}: {told}")
+    why = "built-in classes cannot be changed" if name == NOTHING else "not a taught class"
+    return _refused("", f"{name[: commands.MAX_NAME]!a}: {why}")

@@ -63,16 +63,16 @@ def _commands(packet: bytes) -> Iterator[Command]:
 def decode_json(request: bytes) -> Command:
     """Read one command in JSON; CommandError for other text."""
     try:
-        told = json.loads(request) if len(request) <= _MAX_REQUEST else None
+        given = json.loads(request) if len(request) <= _MAX_REQUEST else None
     except (ValueError, RecursionError):
-        told = None
-    if not isinstance(told, dict) or not isinstance(word := told.pop("do", None), str):
+        given = None
+    if not isinstance(given, dict) or not isinstance(word := given.pop("do", None), str):
         raise CommandError('request: expected JSON like {"do": "teach", "performer": "ann", "class": "wave"}')
     names = _names(word)
-    for name in told:
+    for name in given:
         if name not in names:
             raise CommandError(f"{word}: expected {', '.join(names) or 'no more'}, got {ascii(name)[:40]}")
-    return _made(word, told)
+    return _made(word, given)
 
 
 def _names(word: str) -> list[str]:
@@ -82,13 +82,13 @@ def _names(word: str) -> list[str]:
     return [*_ARGUMENTS[word]]
 
 
-def _made(word: str, told: Mapping[str, Any]) -> Command:
+def _made(word: str, given: Mapping[str, Any]) -> Command:
     """Make a command of its arguments by name; CommandError where one is missing or wrong."""
     arguments, needed = _ARGUMENTS[word], [each.default is MISSING for each in fields(_COMMANDS[word])]
     for name, must in zip(arguments, needed, strict=True):
-        if must and name not in told:
+        if must and name not in given:
             raise CommandError(f"{word}: expected {', '.join(arguments)}, got no {name}")
-    return _COMMANDS[word](**{arguments[name][0]: _as(arguments[name][1], name, told[name]) for name in told})
+    return _COMMANDS[word](**{arguments[name][0]: _as(arguments[name][1], name, given[name]) for name in given})
 
 
 def _as(kind: type, name: str, value: Any) -> Any:  # noqa: ANN401 - of the kind that is asked for
@@ -104,16 +104,16 @@ def encode(notice: Notice) -> bytes:
     """Give a notice as an OSC message."""
     if isinstance(notice, State):
         return encode_message(f"{TEACH}/state", notice.performer, str(notice.step), notice.seconds, notice.reason)
-    told = notice.class_name, notice.examples, notice.seconds, notice.words, notice.would_have_started
-    return encode_message(f"{TEACH}/taught", *told)
+    described = notice.class_name, notice.examples, notice.seconds, notice.words, notice.would_have_started
+    return encode_message(f"{TEACH}/taught", *described)
 
 
 def as_json(notice: Notice) -> dict[str, object]:
     """Give a notice as a JSON object."""
     seconds = round(notice.seconds, 3)
     if isinstance(notice, State):
-        told = {"performer": notice.performer, "state": str(notice.step), "seconds": seconds}
-        return told | ({"reason": notice.reason} if notice.reason else {})
+        described = {"performer": notice.performer, "state": str(notice.step), "seconds": seconds}
+        return described | ({"reason": notice.reason} if notice.reason else {})
     return {
         "taught": notice.class_name,
         "examples": notice.examples,

@@ -7,15 +7,15 @@ import time
 import uuid
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import msgspec
 
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.status import InputCounts
 from kinespace.stream.workers import terms as agreed
-from kinespace.stream.workers.bus import Inbox, unreached
-from kinespace.stream.workers.router import Router, together
+from kinespace.stream.workers.bus import Inbox, joined, unreached
+from kinespace.stream.workers.router import Router
 from kinespace.stream.workers.wire import GATEWAYS, WORKERS, FormatError, Orders, decode_answers, encode, key, last_of
 
 if TYPE_CHECKING:
@@ -25,8 +25,12 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognizer import Performers
     from kinespace.stream.workers.terms import Terms
     from kinespace.stream.workers.wire import SentFrame
+
+    #: The recognisers as the service, the sinks and the lessons call them: in this process, or spread over workers.
+    Recognising: TypeAlias = "Performers | Gateway"
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
 MAX_SILENT = 0.8
@@ -128,6 +132,7 @@ class Gateway(Router):
         self._looked = time.monotonic()
         self._members: dict[str, _Member] = {}
         self._lost, self._last_lost = 0, ""
+        self._joined = set[str]()
         self._declare()
 
     def _declare(self) -> None:
@@ -207,9 +212,8 @@ class Gateway(Router):
     def _flush(self, member: _Member) -> None:
         """Send the frames that wait; Zenoh drops them if the way to the worker is full."""
         frames, member.held, member.sent_at = member.held, [], time.monotonic()
-        for each in together(frames):
-            member.messages += 1
-            member.sends.put(encode(Orders(member.membership, frames=each, number=member.messages)))
+        member.messages += 1
+        member.sends.put(encode(Orders(member.membership, frames=frames, number=member.messages)))
 
     def _send(self, worker: str, orders: Orders) -> None:
         member = self._members[worker]
@@ -270,7 +274,8 @@ class Gateway(Router):
             self._send(worker, Orders(let_go=True))
 
     def _say(self, worker: str, what: str) -> None:
-        self._show(f"worker {worker} {what}; workers: {len(self.ready)}")
+        new = joined(self._session, self._joined)
+        self._show(f"worker {worker} {what}; workers: {len(self.ready)}{'; joined: ' * bool(new)}{', '.join(new)}")
 
     @property
     def due_in(self) -> float:
@@ -306,17 +311,17 @@ class GatewaySource:
         Answers that were not taken yet, each with the arrival of its frame.
     waited
         Seconds since the frame of the last answer came.
+    pollable
+        The inbox, which Zenoh's threads wake.
+    counts
+        No counts: answers are not input.
     """
 
     def __init__(self, gateway: Gateway) -> None:
         self.answers = deque[tuple["Recognition", float]]()
         self.waited = 0.0
+        self.pollable, self.counts = gateway.inbox, InputCounts()
         self._gateway = gateway
-
-    @property
-    def pollable(self) -> object:
-        """The inbox, which Zenoh's threads wake."""
-        return self._gateway.inbox
 
     @property
     def tended_within(self) -> float:
@@ -327,11 +332,6 @@ class GatewaySource:
     def has_put_aside(self) -> bool:
         """Whether answers were read and not taken yet."""
         return bool(self.answers)
-
-    @property
-    def counts(self) -> InputCounts:
-        """No counts: answers are not input."""
-        return InputCounts()
 
     @property
     def notes(self) -> list[str]:

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from multiprocessing.reduction import ForkingPickler
 from typing import TYPE_CHECKING, Any
 
-from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.workers.bus import open_session
+from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.workers.gateway import Gateway
 from kinespace.stream.workers.node import Node
 from kinespace.stream.workers.terms import file_of, library_in
@@ -148,9 +148,6 @@ class LocalGateway(Gateway):
     def close(self) -> None:
         """End the workers; without effect a second time."""
         super().close()
-        self._end_workers()
-
-    def _end_workers(self) -> None:
         for each in self._workers.values():
             each.alive.close()
         for each in self._workers.values():

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recognizer.limits import index_for
-from kinespace.stream.service.background_opener import BackgroundViews
 from kinespace.stream.workers import terms as agreed
+from kinespace.stream.workers.background_opener import BackgroundViews
 from kinespace.stream.workers.bus import Inbox, unreached
 from kinespace.stream.workers.wire import (
     GATEWAYS,
@@ -209,7 +209,7 @@ class Membership:
         self._back = node.session.declare_publisher(place, congestion_control=zenoh.CongestionControl.BLOCK)
         self._subscriber = node.session.declare_subscriber(
             key(gateway, "to", node.name),
-            lambda sample: node.inbox.put(self._obey, bytes(sample.payload), time.monotonic()),
+            lambda sample: node.inbox.put(self._guarded, self._obey, bytes(sample.payload), time.monotonic()),
         )
         self.report()
 
@@ -224,17 +224,27 @@ class Membership:
         self._subscriber.undeclare()
         self._back.undeclare()
 
-    def _obey(self, message: bytes, came: float) -> None:
-        """Take in a message, if it is the gateway's."""
+    def _guarded(self, deal_with: Callable[..., None], *arguments: object) -> None:
+        """Deal with what the gateway has sent: whatever it is, the worker works on for other gateways."""
         try:
-            orders = decode_orders(message)
-            if orders.member != self._name:
-                line = f"another program publishes on the keys of gateway {self._gateway}; its messages are ignored"
-                self._node.ignore("strangers", line)
-            elif not self._is_over:
-                self._carry_out(orders, came)
+            deal_with(*arguments)
         except FormatError as error:
             self._node.ignore("unread", f"gateway {self._gateway}: {error}")
+        except Exception as error:  # noqa: BLE001 - of any kind, by terms or a library that no gateway of ours has
+            self._refuse(f"{type(error).__name__}: {error}")
+
+    def _refuse(self, why: str) -> None:
+        self._is_refused, self._worker, self._terms = True, None, None
+        self._node.ignore("refused", f"not working for gateway {self._gateway}: {why}")
+
+    def _obey(self, message: bytes, came: float) -> None:
+        """Take in a message, if it is the gateway's."""
+        orders = decode_orders(message)
+        if orders.member != self._name:
+            line = f"another program publishes on the keys of gateway {self._gateway}; its messages are ignored"
+            self._node.ignore("strangers", line)
+        elif not self._is_over:
+            self._carry_out(orders, came)
 
     def _carry_out(self, orders: Orders, came: float) -> None:
         if orders.terms:
@@ -252,8 +262,7 @@ class Membership:
         if self._is_refused:
             return
         if why := terms.refusal:
-            self._is_refused = True
-            self._node.ignore("refused", f"not working for gateway {self._gateway}: {why}")
+            self._refuse(why)
             return
         before, self._terms = self._terms, terms
         if self._index is None or terms.digest != self._digest:
@@ -296,29 +305,31 @@ class Membership:
 
     def _replied(self, terms: Terms, reply: Any) -> None:  # noqa: ANN401 - Zenoh's
         if reply.ok:
-            self._node.inbox.put(self._fetched, terms, bytes(reply.ok.payload))
+            self._node.inbox.put(self._guarded, self._fetched, terms, bytes(reply.ok.payload))
 
     def _fetched(self, terms: Terms, file: bytes) -> None:
         node = self._node
-        try:
-            if agreed.digest_of(file) != terms.digest:
-                # It may have been exchanged meanwhile.
-                raise ValueError(f"the library that came is not {terms.digest[:12]}")  # noqa: TRY301 - refused alike
-            # One library at a time is enough: the gateways of one performance share it.
-            node.libraries = {terms.digest: node.read(file)}
-        except ValueError as error:
-            node.ignore("refused", f"not working for gateway {self._gateway}: {error}")
-        else:
-            self._open_windows(terms, node.libraries[terms.digest])
+        if agreed.digest_of(file) != terms.digest:
+            # It may have been exchanged meanwhile.
+            line = f"not working for gateway {self._gateway}: the library that came is not {terms.digest[:12]}"
+            node.ignore("refused", line)
+            return
+        # One library at a time is enough: the gateways of one performance share it.
+        node.libraries = {terms.digest: node.read(file)}
+        self._open_windows(terms, node.libraries[terms.digest])
 
     def _open_windows(self, terms: Terms, library: MotionLibrary | WindowIndex) -> None:
         """Open the library's windows in a thread, so that performers get answers meanwhile."""
 
         def work() -> None:
-            index = index_for(library, terms.settings)
-            # A recogniser prepares what all recognisers share, some of which takes a second: no frame waits for it.
-            Recognizer(index, terms.settings)
-            self._node.inbox.put(self._opened, terms.digest, index)
+            try:
+                index = index_for(library, terms.settings)
+                # A recogniser prepares what all recognisers share, some of which takes a second: no frame waits for it.
+                Recognizer(index, terms.settings)
+            except Exception as error:  # noqa: BLE001 - as in `_guarded`
+                self._node.inbox.put(self._refuse, f"{type(error).__name__}: {error}")
+            else:
+                self._node.inbox.put(self._guarded, self._opened, terms.digest, index)
 
         threading.Thread(target=work, name="kinespace opening", daemon=True).start()
 
@@ -348,7 +359,11 @@ class Membership:
             return
         if any(frame.take_over for frame in orders.frames):
             self._warm = now + _MAX_WARMING
-        if answered := worker.push(orders.frames, now):
+        try:
+            answered = worker.push(orders.frames, now)
+        except Exception as error:
+            raise FormatError(f"frames: {error}") from error
+        if answered:
             self._answered_at = self._answered_at if self._answers else now
             self._answers += answered
         if time.monotonic() - self._answered_at > _MAX_TOGETHER:

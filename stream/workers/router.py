@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from abc import abstractmethod
 from collections import Counter, deque
 from dataclasses import replace
@@ -19,7 +20,7 @@ from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.limits import needed_lead, usual_sensitivity
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.workers.track import Move, Track
-from kinespace.stream.workers.wire import MAX_TOGETHER, Orders, Report
+from kinespace.stream.workers.wire import Orders, Report
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer import Settings
     from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.workers.terms import Terms
-    from kinespace.stream.workers.wire import Answers, SentFrame
+    from kinespace.stream.workers.wire import Answered, Answers, SentFrame
 
 #: Frames that a worker gets at once of a performer who moves to it while the former worker answers, at least: a few
 #: milliseconds, for which its other performers wait.
@@ -180,7 +181,7 @@ class Router(Following[Track]):
             self.unsent += 1
 
     def _begin(self, name: str, now: float) -> Track:  # noqa: ARG002 - all performers begin alike
-        track = Track(now, now, self._number, Decision(self._lead))
+        track = Track(now, now, self._number, Decision(self._lead), hop=self.settings.hop)
         if self._ready:
             load = self._load()
             track.worker = min(self._ready, key=lambda worker: load[worker])
@@ -234,7 +235,7 @@ class Router(Following[Track]):
         news = []
         for answer in answers.answered:
             recognition = answer.recognition
-            if not _is_whole(recognition):
+            if not _is_whole(answer):
                 self.unread += 1
                 continue
             track = self._performers.get(recognition.performer)
@@ -258,8 +259,8 @@ class Router(Following[Track]):
         return question
 
     def _send_all(self, worker: str, frames: Sequence[SentFrame]) -> None:
-        for each in together(frames):
-            self._send(worker, Orders(frames=each))
+        if frames:
+            self._send(worker, Orders(frames=list(frames)))
 
     def _balance(self, ready: Collection[str], alive: Collection[str]) -> None:
         """Give each performer a worker that is ready, and no worker two performers more than another.
@@ -349,11 +350,6 @@ class Router(Following[Track]):
         self._balance(ready, alive)
 
 
-def together(frames: Sequence[SentFrame]) -> list[list[SentFrame]]:
-    """Divide frames into messages."""
-    return [list(frames[first : first + MAX_TOGETHER]) for first in range(0, len(frames), MAX_TOGETHER)]
-
-
 def _summed(reports: Sequence[Report]) -> Report:
     """Add up reports: the counts that the gateway does not know itself."""
     counts = PerformerCounts()
@@ -363,7 +359,19 @@ def _summed(reports: Sequence[Report]) -> Report:
     return Report(counts, dropped=sum(each.dropped for each in reports))
 
 
-def _is_whole(recognition: Recognition) -> bool:
-    """Say whether a recognition has a score for each class, and its guess is one of them."""
-    classes = len(recognition.classes)
-    return 0 < classes == len(recognition.scores) and 0 <= (recognition.guess or 0) < classes
+def _is_whole(answer: Answered) -> bool:
+    """Say whether an answer has a score for each class, names none but these, and its numbers are finite."""
+    told, known = answer.recognition, answer.long_ago
+    classes, progress, evidence = len(told.classes), told.progress, told.evidence
+    numbers = (
+        *(told.time, told.movement, told.eigenvector_score, told.share, told.gap),
+        *((known.factor, known.tremble, known.last_jump or 0.0) if known else ()),
+        *((progress.phase, progress.scrub, progress.speed, progress.amplitude, progress.sure) if progress else ()),
+        *((*evidence.distances, *evidence.leads, evidence.noise) if evidence else ()),
+        *(answer.carried.joints if answer.carried else ()),
+        *told.scores.tolist(),
+    )
+    named = progress is None or progress.class_name in told.classes
+    # The only class of a library leads infinitely.
+    is_known = named and not math.isnan(told.lead) and all(map(math.isfinite, numbers))
+    return is_known and 0 < classes == len(told.scores) and 0 <= (told.guess or 0) < classes

@@ -13,13 +13,15 @@ import msgspec
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognizer.joints.sent import SentJoints
+from kinespace.stream.recognizer.performers import SentJoints
 from kinespace.stream.recognizer.settings import Settings  # noqa: TC001 - msgspec reads annotations
 
 #: The version of the messages.
 PROTOCOL = 7
 #: Bytes of a library's file, at most.
 MAX_LIBRARY = 1 << 28
+#: Performers of a gateway, and joints of a performer, at most.
+MAX_PERFORMERS, MAX_JOINTS = 100_000, 4096
 
 
 def own_version() -> str:
@@ -45,10 +47,11 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     settings: Settings
-    most: Annotated[int, msgspec.Meta(ge=1)]
-    assumed: tuple[str, ...] = ()
-    naming: str = "auto"
-    silence: Annotated[float, msgspec.Meta(gt=0)] = 5.0
+    most: Annotated[int, msgspec.Meta(ge=1, le=MAX_PERFORMERS)]
+    assumed: Annotated[tuple[str, ...], msgspec.Meta(max_length=MAX_JOINTS)] = ()
+    #: Never a path.
+    naming: Annotated[str, msgspec.Meta(pattern=r"^[\w-]+$")] = "auto"
+    silence: Annotated[float, msgspec.Meta(gt=0, le=1e6)] = 5.0
     classes: tuple[str, ...] = ()
     version: str = msgspec.field(default_factory=own_version)
     digest: str = ""
@@ -62,7 +65,7 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True):
     def refusal(self) -> str:
         """Why this worker cannot work for the gateway; empty when it can."""
         own = own_version()
-        return "" if self.version == own else f"the gateway has version {self.version}, this worker {own}"
+        return "" if self.version == own else f"the gateway has version {self.version[:80]}, this worker {own}"
 
 
 def file_of(library: MotionLibrary | WindowIndex) -> bytes:
@@ -76,8 +79,6 @@ def file_of(library: MotionLibrary | WindowIndex) -> bytes:
 
 def library_in(file: bytes) -> MotionLibrary:
     """Read a library's file; ValueError for any other."""
-    if len(file) > MAX_LIBRARY:
-        raise ValueError(f"library: expected {MAX_LIBRARY} bytes at most, got {len(file)}")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "library.npz"
         path.write_bytes(file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -27,6 +28,8 @@ HISTORY = 2.5
 KEPT = HISTORY + 1.5
 #: Seconds after which the joints are sent again, so that they are among the frames of the last seconds.
 _JOINTS_EVERY = 1.0
+#: Answers that may come at once: the times of hops are rounded to frames.
+_MAX_OWED = 2.5
 
 
 @dataclass(slots=True)
@@ -88,6 +91,9 @@ class Track:
     move: Move | None = None
     carried: Carried | None = None
     asks: bool = False
+    #: Seconds between two answers, and how many may come now.
+    hop: float = 0.0
+    _owed: float = 0.0
     #: The last answer.
     _answer: Answered | None = None
     #: The time of the last frame on the sender's clock, and how many frames were sent.
@@ -135,11 +141,19 @@ class Track:
 
         Returns
         -------
-        None for an answer that is no news: its frame was answered before, or was another performer's of this name.
+        None for an answer that is no news: its frame was answered before, or was another performer's of this name; or
+        answers came more often than hops.
         """
-        if not (self._recent and self.number < answer.seq <= self._recent[-1].seq):
+        time, hop = answer.recognition.time, self.hop
+        sent = next((each for each in reversed(self._recent) if each.seq <= answer.seq), None)
+        if self.number >= answer.seq or not sent or (sent.seq, sent.time, sent.at) != (answer.seq, time, answer.at):
             return None
-        self.number, self._answer = answer.seq, answer
+        # An answer a hop; one that was late may be followed at once by the next.
+        elapsed = time - self._answer.recognition.time if self._answer else math.inf
+        owed = min(self._owed + elapsed / hop, _MAX_OWED) if hop and elapsed >= 0 else _MAX_OWED
+        if owed < 1:
+            return None
+        self.number, self._answer, self._owed = answer.seq, answer, owed - 1
         self.carried = answer.carried or self.carried
         ended = None
         if self._pause and answer.seq >= self._pause[0]:

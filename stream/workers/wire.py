@@ -26,8 +26,6 @@ from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC00
 from kinespace.stream.workers.terms import Terms  # noqa: TC001 - as above
 
 GATEWAYS, WORKERS = "kin/gateway", "kin/worker"
-#: Frames in a message, at most.
-MAX_TOGETHER = 256
 #: Seconds of a sender's clock, at most: more are a mistake.
 MAX_SECONDS = 1e300
 _FLOATS: np.dtype[np.floating] = np.dtype("<f4")
@@ -138,7 +136,7 @@ class Orders(msgspec.Struct, omit_defaults=True):
     member: str = ""
     terms: Terms | None = None
     begins: bool = False
-    frames: Annotated[list[SentFrame], msgspec.Meta(max_length=MAX_TOGETHER)] = []
+    frames: list[SentFrame] = []
     number: _Count = 0
     question: _Count = 0
     let_go: bool = False

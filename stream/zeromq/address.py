@@ -15,10 +15,8 @@ if TYPE_CHECKING:
 MAX_MESSAGE = 1 << 18
 #: Bytes of a subscription, at most: the longest topic has 270. ZeroMQ keeps every subscription in memory.
 MAX_SUBSCRIPTION = 512
-#: Messages waiting in a socket, at most: eight seconds of a 120 Hz feed; then ZeroMQ drops messages.
-_HIGH_WATER_MARK = 1000
 #: Seconds of silence after which the system asks whether the other machine is still there, seconds between two further
-#: questions, and the number of unanswered questions before the connection is made anew. A sender that is switched off
+#: questions, and the number of unanswered questions before the connection is made again. A sender that is switched off
 #: sends no end, and ZeroMQ would wait for hours. These are not ZeroMQ's own heartbeats, which older peers do not know.
 _ASK_AFTER, _ASK_EVERY, _ASK_TIMES = 5, 1, 5
 #: Milliseconds in which a new connection must have shown that it speaks ZeroMQ and, with keys, its key.
@@ -83,7 +81,7 @@ class Endpoint(NamedTuple):
         OSError
             The address is taken, or impossible; the message names the address.
         ValueError
-            The keyring does not tell whom to connect to; or other machines would reach a bound socket, and nothing says
+            The keyring does not say whom to connect to; or other machines would reach a bound socket, and nothing says
             which of them may: libzmq bounds neither a stranger's unfinished message nor a stranger's subscriptions.
         """
         if self.bind and self.is_open_to_others and not (networks or keyring or self.to_anybody):
@@ -95,7 +93,6 @@ class Endpoint(NamedTuple):
         opened: zmq.Socket[bytes] = context.socket(kind)
         opened.linger = 0
         opened.setsockopt(zmq.HANDSHAKE_IVL, _MAX_HANDSHAKE)
-        opened.set_hwm(_HIGH_WATER_MARK)
         # A publisher receives subscriptions.
         opened.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION if kind in (zmq.PUB, zmq.XPUB) else MAX_MESSAGE)
         opened.setsockopt(zmq.TCP_KEEPALIVE, 1)

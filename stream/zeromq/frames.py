@@ -107,7 +107,15 @@ def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> N
     """
     if header.v != VERSION:
         raise FormatError(f"v: expected version {VERSION}, got {header.v}")
-    frame = Frame(performer, header.t or arrival, positions_of(header, buffer))
+    joints, axes = header.shape
+    if not 0 < joints <= _MAX_JOINTS or axes != 3:
+        raise FormatError(f"shape: expected 1 to {_MAX_JOINTS} joints and 3 axes, got {[joints, axes]}")
+    dtype = _TYPES.get(header.dtype)
+    if dtype is None:
+        raise FormatError(f"dtype: expected <f4 or <f8, got {header.dtype[:32]!r}")
+    if len(buffer) != joints * 3 * dtype.itemsize:
+        raise FormatError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
+    frame = Frame(performer, header.t or arrival, np.frombuffer(buffer, dtype).reshape(joints, 3))
     announcement = None if header.joints is None else Announcement(performer, tuple(header.joints))
     return NumberedFrame(frame, header.seq, announcement)
 
@@ -120,19 +128,6 @@ def _performer(topic: bytes) -> str:
     if kind != "frame" or not rest.endswith("/"):
         raise FormatError("topic: expected frame/<performer>/")
     return rest[:-1]
-
-
-def positions_of(header: Header, buffer: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.floating]]:
-    """Give the positions, (joints, 3), whose form a header describes; FormatError if they do not match it."""
-    joints, axes = header.shape
-    if not 0 < joints <= _MAX_JOINTS or axes != 3:
-        raise FormatError(f"shape: expected 1 to {_MAX_JOINTS} joints and 3 axes, got {[joints, axes]}")
-    dtype = _TYPES.get(header.dtype)
-    if dtype is None:
-        raise FormatError(f"dtype: expected <f4 or <f8, got {header.dtype[:32]!r}")
-    if len(buffer) != joints * 3 * dtype.itemsize:
-        raise FormatError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
-    return np.frombuffer(buffer, dtype).reshape(joints, 3)
 
 
 def encode_frame(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> list[bytes]:

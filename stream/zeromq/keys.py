@@ -96,7 +96,7 @@ class Keyring:
         self._public, self._secret = _keys_in(secrets[0])
         if not self._secret:
             raise ValueError(f"{secrets[0]}: expected a secret key, got a public key alone")
-        _require_own(secrets[0])
+        require_own(secrets[0])
         #: Names by public key.
         self._names = {_keys_in(path)[0]: path.name.removesuffix(PUBLIC) for path in sorted(folder.glob(f"*{PUBLIC}"))}
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -133,7 +133,7 @@ class Keyring:
         others = [key for key in self._names if key != self._public]
         if len(others) > 1:
             names = ", ".join(self._names[key] for key in others)
-            raise ValueError(f"keys: expected one key beside our own in {self._folder} to connect to, got {names}")
+            raise ValueError(f"keys: expected one key besides our own in {self._folder} to connect to, got {names}")
         return others[0] if others else self._public
 
     def _let_in_known_keys(self) -> None:
@@ -173,6 +173,7 @@ def _is_key(key: bytes) -> bool:
         return False
 
 
-def _require_own(path: Path) -> None:
+def require_own(path: Path) -> None:
+    """Refuse a file with a secret that others than its owner may read (ValueError)."""
     if os.name == "posix" and (mode := path.stat().st_mode & 0o777) & 0o077:
         raise ValueError(f"{path}: expected a file that its owner alone may read (chmod 600), got mode {mode:o}")

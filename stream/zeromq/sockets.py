@@ -42,7 +42,7 @@ _A_WHILE = 0.5
 class Connections:
     """Watches a subscriber's connections: counts the broken ones, and makes them again.
 
-    ZeroMQ ends a connection when a message above the size limit comes, and only its monitor hears of it. A sender that
+    ZeroMQ ends a connection when a message above the size limit comes, and only its monitor shows it. A sender that
     connected to us comes back by itself, without that message. A sender that we connected to does not: ZeroMQ takes the
     refused message for another protocol, and gives the connection up.
 
@@ -132,10 +132,10 @@ class ZmqReceiver:
     ----------
     sender
         The sender of the last message: host and port of the connection or, with keys, `key NAME` and the port. None
-        where ZeroMQ does not tell.
+        where ZeroMQ does not say.
     """
 
-    #: ZeroMQ tells neither which messages it dropped nor how long it kept one.
+    #: ZeroMQ says neither which messages it dropped nor how long it kept one.
     kernel_drops = 0
     waited = 0.0
 
@@ -286,10 +286,10 @@ class ZmqSender:
             self._ask(parts[0])
 
     def _ask(self, topic: bytes) -> None:
-        """Note the subscriptions until now; say whether a topic has a subscriber."""
+        """Note the subscriptions until now; count a topic without a subscriber."""
         with suppress(zmq.Again):
-            while told := self.socket.recv(_NOW):
-                (self._topics.add if told[0] else self._topics.discard)(told[1:])
+            while subscription := self.socket.recv(_NOW):
+                (self._topics.add if subscription[0] else self._topics.discard)(subscription[1:])
         self.unheard += not any(topic.startswith(each) for each in self._topics)
 
     def close(self) -> None:

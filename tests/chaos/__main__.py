@@ -41,7 +41,7 @@ def _row(outcome: Outcome) -> list[str]:
         _milliseconds(outcome.p99),
         " / ".join(f"{megabytes:.0f}" for megabytes in outcome.memory),
         "never" if math.isinf(outcome.recovered) else f"{outcome.recovered:.1f}",
-        outcome.told,
+        outcome.counted,
     ]
 
 

@@ -1,4 +1,4 @@
-"""Attacks of strangers: each runs in a process of its own until it is told to stop."""
+"""Attacks of strangers: each runs in a process of its own until it is stopped."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _BYTES = 30_000_000 / 8
 
 
 def _paced(send: Callable[[], object], rate: float, stop: Event) -> None:
-    """Send at a steady rate, in bursts, until told to stop."""
+    """Send at a steady rate, in bursts, until stopped."""
     begun, sent = time.perf_counter(), 0
     while not stop.is_set():
         due = int((time.perf_counter() - begun) * rate) - sent
@@ -114,6 +114,11 @@ def impostor() -> Iterator[bytes]:
         yield from (_body(INNOCENT, 5000.0 + number / 120), _body(INNOCENT, 1e18), other)
 
 
+def foreign_joints() -> Iterator[bytes]:
+    """Give announcements of other joints in the innocent performer's name, and no frame."""
+    return repeat(osc.encode_announcement(Announcement(INNOCENT, ("a", "b"))))
+
+
 def many_performers() -> Iterator[bytes]:
     """Give frames of 32 invented performers by turns, each a time of an eighth of a second after the one before."""
     return (_body(f"invented{number % 32}", 1.0 + number // 32 / 8) for number in count())
@@ -167,7 +172,7 @@ def large_subscriptions(place: Place, stop: Event) -> None:
 
 
 def silent_connections(place: Place, stop: Event) -> None:
-    """Open 1,300 silent connections, and open them anew when they are closed."""
+    """Open 1,300 silent connections, and open them again when they are closed."""
     opened: list[socket.socket] = []
     while not stop.is_set():
         with suppress(OSError):

@@ -46,7 +46,7 @@ class Answer(NamedTuple):
 
 
 class Performance(NamedTuple):
-    """What was sent and heard; moments as `time.perf_counter` reads them.
+    """What was sent and received; moments as `time.perf_counter` reads them.
 
     Attributes
     ----------
@@ -65,10 +65,10 @@ class Performance(NamedTuple):
     @classmethod
     def of(cls, played: Played) -> Performance:
         """Read the answers."""
-        told = [(each, json.loads(each.packet[1])) for each in played.heard if each.packet[0] != b"status/"]
+        packets = [(each, json.loads(each.packet[1])) for each in played.received if each.packet[0] != b"status/"]
         answers = [
             Answer(said["t"], each.arrival, bool(said["doubted"]) or said["outcome"] == "implausible")
-            for each, said in told
+            for each, said in packets
             if "t" in said
         ]
         return cls(played.begun, {moment: at for (_, moment), at in played.sent.items()}, answers)
@@ -115,7 +115,7 @@ class Performer:
         self._ended, self._thread = threading.Event(), ThreadPoolExecutor(1)
 
     def begin(self) -> float:
-        """Begin once answers can be heard; give the moment, by `time.perf_counter`."""
+        """Begin once answers can come; give the moment, by `time.perf_counter`."""
         # The first status says that this subscriber is known.
         while not any(each.packet[0] == b"status/" for each in self._listener.listen_until(time.perf_counter() + 0.05)):
             pass
@@ -133,7 +133,7 @@ class Performer:
             yield cue
 
     def end(self) -> Performance:
-        """Stop; give what was sent and heard."""
+        """Stop; give what was sent and received."""
         self._ended.set()
         with self._thread, closing(self._sender), closing(self._listener):
             return Performance.of(self._played.result())

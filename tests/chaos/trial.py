@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from chaos.performer import Fault
     from numpy.typing import NDArray
 
-    #: Runs until it is told to stop.
+    #: Runs until it is stopped.
     Attack = Callable[[Place, Event], None]
 
 #: Seconds a program may take to begin or end.
@@ -100,7 +100,7 @@ class Outcome(NamedTuple):
         Resident megabytes of the recogniser: before, at most, and afterwards.
     recovered
         Seconds from the end of the attack until all was well; infinite for never.
-    told
+    counted
         The recogniser's counts.
     ended
         The program's exit status: 0 when it ended on demand.
@@ -116,7 +116,7 @@ class Outcome(NamedTuple):
     p99: float
     memory: tuple[float, float, float]
     recovered: float
-    told: str
+    counted: str
     ended: int
     noticed: float | None
 
@@ -124,23 +124,30 @@ class Outcome(NamedTuple):
 def started(options: Sequence[str] = (), place: Place = _ANY) -> Program:
     """Start `kinespace live` with the usual limit of open files."""
     ends = ["--osc-in", "{}:{}".format(*place.osc), "--zmq-in", place.frames, "--zmq-out", place.answers]
-    return Program("live", *ends, "--plain", *options, prepare=_as_usual if os.name == "posix" else None)
-
-
-def _as_usual() -> None:
     import resource  # noqa: PLC0415 - there is none on Windows
 
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(1024, hard), hard))
+    try:
+        return Program("live", *ends, "--plain", *options)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def memory_of(program: Program) -> float:
-    """Give a program's resident memory in megabytes, as Linux tells; NaN elsewhere, and when it is gone."""
+    """Give a program's resident memory in megabytes, as Linux counts it; NaN elsewhere, and when it is gone."""
     try:
         pages = Path(f"/proc/{program.process.pid}/statm").read_text(encoding="ascii").split()[1]
     except (OSError, IndexError):
         return float("nan")
     return int(pages) * os.sysconf("SC_PAGE_SIZE") / (1 << 20)
+
+
+def page_of(program: Program) -> int:
+    """Give the number of the process of a program's page, as Linux tells."""
+    place = Path(f"/proc/{program.process.pid}/task/{program.process.pid}/children")
+    children = map(int, place.read_text(encoding="ascii").split())
+    return next(each for each in children if "spawn_main" in Path(f"/proc/{each}/cmdline").read_text(encoding="utf-8"))
 
 
 def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outcome:
@@ -172,7 +179,7 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outco
         _wait(begun + begin)
         before = most = memory_of(program)
         go.set()
-        told = trial.deed(program, folder, during) if trial.deed else ""
+        line = trial.deed(program, folder, during) if trial.deed else ""
         if trial.killed:
             program.process.kill()
             program.process.wait()
@@ -200,7 +207,7 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outco
             *(_p99(performance.latencies(0.5, begin)), _p99(latencies)),
             memory,
             performance.recovery(since),
-            ", ".join(filter(None, [_counted(program.printed), told, *recordings])),
+            ", ".join(filter(None, [_counted(program.printed), line, *recordings])),
             status,
             performance.noticed(begin, end) if trial.fault else None,
         )
@@ -239,8 +246,8 @@ def _p99(latencies: NDArray[np.float64]) -> float:
 def _counted(printed: str) -> str:
     """Give the counts apart from `received`: every count that is not 0."""
     summary = re.sub(r" \([^)]*\)", "", printed.rpartition("received ")[2])
-    told = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
-    found = [f"{name} {int(count):,}" for name, count in told if int(count)]
+    named = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
+    found = [f"{name} {int(count):,}" for name, count in named if int(count)]
     late, lost = (re.findall(rf"([1-9]\d*) {what}", summary) for what in ("too old to be sent", "could not be written"))
     found += [f"{int(count):,} too old to be sent" for count in late] + [
         f"{int(count):,} frames lost" for count in lost

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from contextlib import closing
@@ -13,7 +14,7 @@ import numpy as np
 from chaos import attacks
 from chaos.attacks import flood, publish
 from chaos.performer import FRAME_RATE
-from chaos.trial import Trial, kept
+from chaos.trial import Trial, kept, page_of
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
@@ -62,6 +63,13 @@ def _with(positions: NDArray[np.floating], joints: list[int], places: NDArray[np
     return changed
 
 
+def _elsewhere(cues: list[Cue]) -> list[Cue]:
+    """Put the body some metres away at each frame."""
+    places = 3.0 * np.random.default_rng(5).standard_normal((len(cues), 3)).astype(np.float32)
+    moved = [cue.frame.positions + place for cue, place in zip(cues, places, strict=True)]
+    return [replace(cue, frame=replace(cue.frame, positions=each)) for cue, each in zip(cues, moved, strict=True)]
+
+
 def _stop_and_go(program: Program, _: Path, seconds: float) -> str:
     program.process.send_signal(signal.SIGSTOP)
     time.sleep(seconds)
@@ -78,6 +86,14 @@ def _full_disk(program: Program, _: Path, seconds: float) -> str:
     time.sleep(seconds)
     resource.prlimit(program.process.pid, resource.RLIMIT_FSIZE, usual)
     return ""
+
+
+def _kill_the_page(program: Program, _: Path, seconds: float) -> str:
+    """Kill the page's process (`kill -9`), and see whether it is begun again."""
+    os.kill(page_of(program), signal.SIGKILL)
+    time.sleep(seconds)
+    program.expect(r"(?s)page: http.*page: http")
+    return "the page was begun again"
 
 
 def _kill_a_recorder(_: Program, folder: Path, seconds: float) -> str:
@@ -105,6 +121,11 @@ TRIALS: tuple[Trial, ...] = (
     Trial("20,000 right frames a second, one performer", partial(flood, attacks.right_frames, 20_000)),
     Trial("the performer's name from another port", partial(flood, attacks.impostor, 3 * 120)),
     Trial(
+        "joints announced from another port before the performer comes",
+        partial(flood, attacks.foreign_joints, 10),
+        first=True,
+    ),
+    Trial(
         "32 invented performers before the performer comes", partial(flood, attacks.many_performers, 32 * 8), first=True
     ),
     Trial("ZeroMQ: 20,000 messages of garbage a second", partial(publish, attacks.zmq_garbage, 20_000), "zmq"),
@@ -125,5 +146,7 @@ TRIALS: tuple[Trial, ...] = (
         "two wrists exchanged", fault=_posed(lambda positions, _: _with(positions, _WRISTS, positions[_WRISTS[::-1]]))
     ),
     Trial("a wrist frozen", fault=_posed(lambda positions, first: _with(positions, _WRISTS[:1], first[_WRISTS[:1]]))),
+    Trial("the whole body elsewhere at each frame", fault=_elsewhere),
+    Trial("the page's process killed (kill -9)", deed=_kill_the_page, options=("--page", "127.0.0.1:0")),
     Trial("unit changed to millimetres", fault=_posed(lambda positions, _: positions * 1000)),
 )

@@ -40,6 +40,23 @@ def stretched(posture: Posture, parents: Sequence[int]) -> float:
     return sum(lengths) / len(lengths) / math.sqrt(sum(each**2 for each in between) / len(between))
 
 
+def build_and_stretch(postures: Sequence[Posture], parents: Sequence[int]) -> tuple[list[float], float]:
+    """Average the logarithm of each segment's length over postures; and the segments' standard deviations."""
+    logs = [[math.log(max(each, 0.01)) for each in segment_lengths(posture, parents)] for posture in postures]
+    of_segments = list(zip(*logs, strict=True))
+    means = [sum(each) / len(each) for each in of_segments]
+    squares = [sum((log - mean) ** 2 for log in each) for each, mean in zip(of_segments, means, strict=True)]
+    return means, sum(math.sqrt(each / len(logs)) for each in squares) / len(squares)
+
+
+def unlike(build: Sequence[float], other: Sequence[float]) -> float:
+    """Compare two builds, segments weighed by the other's lengths cubed, after the sizes are made equal."""
+    weights = [math.exp(each) ** 3 for each in other]
+    by = [one - log for one, log in zip(build, other, strict=True)]
+    mean = sum(w * each for w, each in zip(weights, by, strict=True)) / sum(weights)
+    return math.sqrt(sum(w * (each - mean) ** 2 for w, each in zip(weights, by, strict=True)) / sum(weights))
+
+
 def step_length(before: Posture, after: Posture, jumping: int) -> float:
     """Give how far the so-many-th farthest joint steps, the body's own step, the middle one on each axis, apart."""
     steps = steps_between(before, after)

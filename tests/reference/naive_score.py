@@ -107,6 +107,7 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
         "false_starts_per_minute": begun(lambda m: m.event) / unknown_seconds * 60 if unknown else None,
         "takes_found": None,
         "doubted": 0.0,
+        "unlike": None,
     }
 
 

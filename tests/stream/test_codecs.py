@@ -355,12 +355,8 @@ def test_a_wrong_packet_is_counted_and_costs_little(
         if seconds[-1] < 0.002:
             break
     assert min(seconds) < 0.002
-    counts = reader.counts
-    assert {"malformed": counts.malformed, "foreign": counts.foreign, "missing": counts.missing} == {
-        "malformed": 0,
-        "foreign": 0,
-        "missing": 0,
-    } | {counter: 1}
+    counts = {name: getattr(reader.counts, name) for name in ("malformed", "foreign", "missing")}
+    assert {name: count for name, count in counts.items() if count} == {counter: 1}
     assert len(reader.refusals.lines()) == 1
     good: bytes | list[bytes] = wrong.osc_frame() if decoder is OscDecoder else wrong.zmq_frame()
     assert len(reader.decode(good, 1.0, None)) == 1
@@ -376,6 +372,11 @@ _FLOATS = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
     [
         (OscDecoder(), b"hello", "last malformed: neither a message nor a bundle, from 10.0.0.5:4000: 'hello'"),
         (OscDecoder(), _NOWHERE, "last malformed: /motion/frame of ann: positions: .* joint 2 of 3 at 0, 0, inf, from"),
+        (
+            OscDecoder(),
+            osc.encode_message("/motion/frame", "ann", 1.0, 1.0, 2.0),
+            "last malformed: /motion/frame of ann: positions: expected three numbers per joint, got 2, from",
+        ),
         (OscDecoder(), osc.encode_message("/VMC/Ext/OK", 1), "last foreign: /VMC/Ext/OK, from 10.0.0.5:4000: "),
         (
             ZmqDecoder(),
@@ -514,13 +515,6 @@ def test_any_bytes_are_a_value_or_the_codecs_error(name: str) -> None:
     assert refused > 0
 
 
-@given(packet=st.binary(max_size=200), start=st.sampled_from([b"", b"/motion/frame\0\0\0,sd", b"#bundle\0"]))
-def test_random_bytes_are_counted(packet: bytes, start: bytes) -> None:
-    """Any bytes give events or counts; only a bundle may be empty."""
-    received = osc.decode(start + packet, 1.0)
-    assert len(received.events) + received.malformed + received.foreign >= 1 or (start + packet)[:7] == b"#bundle"
-
-
 @given(places=st.lists(st.tuples(st.integers(0, 99), st.sampled_from([0, 1, 44, 102, 105, 112, 127, 255])), max_size=3))
 def test_a_changed_frame_is_read_alike_both_ways(places: list[tuple[int, int]]) -> None:
     """With any bytes changed, the quick reader of frames agrees with the thorough one."""
@@ -553,6 +547,7 @@ def test_beginnings_of_one_length_are_not_mistaken_for_each_other() -> None:
         # The beginning of many numbers, and as many bytes in all as the packet of few.
         assert osc.decode(many[: len(few)], 9.0) == osc.Received([], malformed=1)
         assert osc.decode(few + bytes(len(many) - len(few)), 9.0).malformed == 0
+    assert {packet[: packet.index(b"\x40\x26")] for packet in (few, many)} <= set(remembered.known)
     assert max(len(remembered.known), len(remembered.places)) <= 1024
 
 

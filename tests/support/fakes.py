@@ -66,6 +66,7 @@ class FakeSink(Sink):
 
     def __init__(self) -> None:
         self.told: list[Recognition | Event | Status | tuple[str, ...]] = []
+        self.gone: list[str] = []
         self.closed = False
 
     def publish(self, recognition: Recognition) -> None:
@@ -75,6 +76,10 @@ class FakeSink(Sink):
     def publish_event(self, event: Event) -> None:
         """Keep an event."""
         self.told.append(event)
+
+    def publish_gone(self, performer: str) -> None:
+        """Keep who has left."""
+        self.gone.append(performer)
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Keep the classes."""

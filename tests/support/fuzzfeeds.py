@@ -143,7 +143,7 @@ def check(source: FeedSource, packet: bytes, arrival: float) -> None:
         else:
             assert event == Announcement(event.performer, source.preset.joints)
     counts = source.decoder.assembler.counts
-    assert len(source.decoder.assembler) <= MAX_PERFORMERS
+    assert len(source.decoder.assembler._bodies) <= MAX_PERFORMERS  # noqa: SLF001 - unseen
     assert sum(counts.closed_by.values()) == counts.frames + counts.incomplete + counts.absurd
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -125,6 +126,31 @@ def stick_clip(  # noqa: PLR0913 - a clip has many fields
     waver = np.sin(3.0 * turns[:, None, None] + generator.uniform(0.0, 2.0 * np.pi, size=(6, 3)))
     positions = pose + phase[:, None, None] * swing + 0.01 * waver
     return Clip(skeleton, positions, rate, f"{class_name}_{seed}", class_name, actor, f"{seed:03d}")
+
+
+def gesture(name: str) -> Clip:
+    """Stand for a second, move twice in two seconds, and stand: a nod, a hand wave, or a bow, which comes once."""
+    upper, times, degrees = {
+        "nod": ("lowerneck", 2, 35.0),
+        "hand wave": ("rradius", 2, 45.0),
+        "bow": ("root", 1, 45.0),
+    }[name]
+    skeleton, time = MotionLibrary.builtin().skeleton, np.arange(240) / 60
+    joints, body = skeleton.joints, MotionLibrary.builtin().motions[40].positions[0]
+    moved: list[int] = []
+    for joint, parent in enumerate(skeleton.parents):
+        if parent in moved or (joints[parent] == upper and not joints[joint].endswith("hipjoint")):
+            moved.append(joint)
+    side = body[joints.index("lhipjoint")] - body[joints.index("rhipjoint")]
+    side /= np.linalg.norm(side)
+    arms = body[moved] - body[joints.index(upper)]
+    along = np.outer(arms @ side, side)
+    positions = np.repeat(body[None], len(time), axis=0)
+    angles = np.radians(degrees) * (1 - np.cos(np.pi * times * np.clip(time - 1, 0, 2))) / 2
+    for frame, angle in enumerate(angles):
+        turned = along + np.cos(angle) * (arms - along) + np.sin(angle) * np.cross(side, arms)
+        positions[frame, moved] = body[joints.index(upper)] + turned
+    return Clip(skeleton, positions, 60.0)
 
 
 def stick_clips(*, takes: int = 3, actors: Sequence[str] = ("aa", "bb"), frames: int = 120) -> list[Clip]:

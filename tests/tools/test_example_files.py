@@ -1,4 +1,4 @@
-"""The examples in other languages: each that can run here sends its squat to a recogniser and hears its class."""
+"""The examples in other languages: each that can run here sends its squat to a recogniser and gets its class."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _require(program: str) -> str:
     return found
 
 
-def _hears(run: Sequence[str], layout: str, environment: dict[str, str] | None = None) -> str:
+def _printed_by(run: Sequence[str], layout: str, environment: dict[str, str] | None = None) -> str:
     """Run an example against a recogniser; give its output."""
     listens, answers = free_udp_port(), free_udp_port()
     options = ("--osc-in", f"{LOOPBACK}:{listens}", "--out", f"{layout}={LOOPBACK}:{answers}", "--signature", "paper")
@@ -59,31 +59,31 @@ def _hears(run: Sequence[str], layout: str, environment: dict[str, str] | None =
         )
         assert program.interrupt() == 0
         assert "malformed 0, foreign 0" in program.output
-    told = (ran.stdout + ran.stderr).decode(errors="replace")
-    assert ran.returncode == 0, told
-    return told
+    printed = (ran.stdout + ran.stderr).decode(errors="replace")
+    assert ran.returncode == 0, printed
+    return printed
 
 
 def test_the_squat_is_named_by_default() -> None:
     """The built-in library's default signature names it in most answers, and says once that it starts."""
     recognizer = Recognizer(builtin_library())
     frames = np.tile(np.loadtxt(EXAMPLES / "squat.txt").reshape(-1, 31, 3), (2, 1, 1))
-    told = [recognizer.push(Frame("drawn", 1 + number / 30, frame)) for number, frame in enumerate(frames)]
-    answers = [each for each in told if each is not None]
+    pushed = [recognizer.push(Frame("drawn", 1 + number / 30, frame)) for number, frame in enumerate(frames)]
+    answers = [each for each in pushed if each is not None]
     assert np.mean([each.label == SQUAT for each in answers]) > 0.8
     assert [(event.kind, event.label) for each in answers for event in each.events] == [(EventKind.START, SQUAT)]
 
 
-def test_pure_data_hears() -> None:
-    """The patch runs without a window, sends its frames and prints the class it hears, and when it starts."""
+def test_pure_data_printed_by() -> None:
+    """The patch runs without a window, sends its frames and prints the class that is answered, and when it starts."""
     pd = _require("pd")
     sends = [part for each in ("listens {listens}", "answers {answers}", "times 2") for part in ("-send", each)]
-    # It is told to leave half a second after the last frame.
+    # It leaves half a second after the last frame.
     script = EXAMPLES / "puredata.pd"
-    told = _hears([sys.executable, "-c", _PD, pd, *sends, str(script)], "puredata")
-    assert f"label: {SQUAT}" in told
-    assert f"event: start {SQUAT}" in told
-    assert "error" not in told
+    printed = _printed_by([sys.executable, "-c", _PD, pd, *sends, str(script)], "puredata")
+    assert f"label: {SQUAT}" in printed
+    assert f"event: start {SQUAT}" in printed
+    assert "error" not in printed
 
 
 #: Runs Pure Data until the patch prints that it has sent all: Pure Data has no option to leave then.
@@ -98,8 +98,8 @@ with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
 """
 
 
-def test_node_hears(tmp_path: Path) -> None:
-    """The script sends its frames, prints the class it hears, and meets no type that node-osc does not know."""
+def test_node_printed_by(tmp_path: Path) -> None:
+    """The script sends its frames, prints the class that is answered, and meets no type that node-osc does not know."""
     node, modules = _require("node"), _node_modules()
     if modules is None:
         pytest.skip("node-osc is not installed: npm install node-osc")
@@ -107,30 +107,30 @@ def test_node_hears(tmp_path: Path) -> None:
     (tmp_path / "node_modules").symlink_to(modules)
     for name in ("node.mjs", "squat.txt"):
         shutil.copy(EXAMPLES / name, tmp_path)
-    told = _hears([node, str(tmp_path / "node.mjs"), "{listens}", "{answers}", "2"], "native")
-    assert f"node: {SQUAT}\n" in told
-    assert f"node: {SQUAT} starts at" in told
+    printed = _printed_by([node, str(tmp_path / "node.mjs"), "{listens}", "{answers}", "2"], "native")
+    assert f"node: {SQUAT}\n" in printed
+    assert f"node: {SQUAT} starts at" in printed
 
 
-def test_supercollider_hears() -> None:
-    """The language sends its frames from the file beside it and posts the class it hears."""
+def test_supercollider_printed_by() -> None:
+    """The language sends its frames from the file beside it and posts the class that is answered."""
     sclang = _require("sclang")
     # Without a screen; as root Qt's browser refuses to start.
     surroundings = {"QT_QPA_PLATFORM": "offscreen", "QTWEBENGINE_DISABLE_SANDBOX": "1"}
-    told = _hears(
+    printed = _printed_by(
         [sclang, "-u", "{answers}", str(EXAMPLES / "supercollider.scd"), "{listens}", "2"],
         "supercollider",
         surroundings,
     )
-    assert f"sc: {SQUAT}" in told
+    assert f"sc: {SQUAT}" in printed
 
 
-def test_python_hears() -> None:
+def test_python_printed_by() -> None:
     """The sender and the listener, in two processes, as in two terminals."""
     run = [sys.executable, "-c", _PYTHON, "{listens}", "{answers}"]
-    told = _hears(run, "native")
-    assert f"python: {SQUAT}" in told
-    assert f"python: {SQUAT} starts" in told
+    printed = _printed_by(run, "native")
+    assert f"python: {SQUAT}" in printed
+    assert f"python: {SQUAT} starts" in printed
 
 
 #: Starts the listener, waits until it has its port, runs the sender, and ends the listener.
@@ -151,8 +151,8 @@ with subprocess.Popen([sys.executable, "python_listen.py", answers]) as listener
 """
 
 
-def test_python_hears_with_keys(tmp_path: Path) -> None:
-    """The keyed client is let in and hears the class of its own motion; no other client hears the answers."""
+def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
+    """The keyed client is let in and gets the class of its own motion; no other client gets the answers."""
     stage, client = tmp_path / "stage", tmp_path / "client"
     for folder in (stage, client):
         make_keys(folder, folder.name)
@@ -163,16 +163,16 @@ def test_python_hears_with_keys(tmp_path: Path) -> None:
     with started("live", *options) as program:
         addresses = program.expect(r"listening on ZeroMQ (\S+); answering to ZeroMQ (\S+);").groups()
         script = [sys.executable, "-W", "error", EXAMPLES / "python_zeromq_keys.py", *addresses]
-        told = subprocess.run(
+        done = subprocess.run(
             [*script, client / "client.key_secret", client / "stage.key", "2"],
             capture_output=True,
             timeout=PATIENCE,
             check=False,
         )
-        assert (told.returncode, told.stderr) == (0, b"")
+        assert (done.returncode, done.stderr) == (0, b"")
         assert program.interrupt() == 0
         assert "malformed 0, foreign 0" in program.output
-    assert f"python: {SQUAT} starts" in told.stdout.decode()
+    assert f"python: {SQUAT} starts" in done.stdout.decode()
 
 
 def test_max_patch_is_whole() -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Recognition
     from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.loopback.answer_listener import Heard, Listener
+    from kinespace.tools.loopback.answer_listener import Listener, Received
 
 #: Performers whose frames come all at once, to see how many a core holds: frames do so that wait for a full core.
 CROWD = 40
@@ -64,7 +64,7 @@ class Feed(NamedTuple):
 
 
 class Played(NamedTuple):
-    """What was sent and heard; moments as `time.perf_counter` reads them.
+    """What was sent and received; moments as `time.perf_counter` reads them.
 
     Attributes
     ----------
@@ -72,13 +72,13 @@ class Played(NamedTuple):
         When the schedule began.
     sent
         When each frame was sent, by performer and the time in it; for frames sent twice the first.
-    heard
+    received
         The packets that came back.
     """
 
     begun: float
     sent: dict[tuple[str, float], float]
-    heard: list[Heard]
+    received: list[Received]
 
 
 def play(cues: Iterable[Cue], sender: FrameSender, listener: Listener) -> Played:
@@ -87,25 +87,25 @@ def play(cues: Iterable[Cue], sender: FrameSender, listener: Listener) -> Played
     played = Played(pace.moment(0.0), {}, [])
     for cue in cues:
         packet = sender.encode(cue)
-        played.heard.extend(listener.listen_until(pace.moment(cue.due)))
+        played.received.extend(listener.listen_until(pace.moment(cue.due)))
         # Before the call, because the answer may be on its way before the call returns.
         played.sent.setdefault((cue.frame.performer, cue.frame.time), time.perf_counter())
         sender.send(packet)
-    played.heard.extend(listener.listen_until(time.perf_counter() + _LINGER))
+    played.received.extend(listener.listen_until(time.perf_counter() + _LINGER))
     return played
 
 
 def core_seconds(process_id: int) -> float:
-    """Give for how many seconds a process has used a core, all its threads; NaN where the system does not tell.
+    """Give for how many seconds a process has used a core, all its threads; NaN where the system does not count it.
 
-    Only Linux tells, in `/proc`.
+    Only Linux says it, in `/proc`.
     """
     try:
-        told = Path(f"/proc/{process_id}/stat").read_text(encoding="utf-8", errors="replace")
+        status = Path(f"/proc/{process_id}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return math.nan
     # After the command's name, which may hold any character; user and system time are the 14th and 15th field.
-    fields = told.rpartition(")")[2].split()
+    fields = status.rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 

@@ -5,7 +5,7 @@ The feed is the motions of one person of the built-in library; all methods compa
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from kinespace.tools.terminal.console import progress
 
 if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
+    from kinespace.tools.bench.baselines import Alternative
     from kinespace.tools.bench.report import Plan
 
 #: The names of the other methods in the figures.
@@ -27,16 +28,6 @@ _OTHERS = {"svd": "SVD of the window", "dtw": "DTW"}
 FIGURES = (*(f"ratio_{key}" for key in _OTHERS), "accuracy", *(f"accuracy_{key}" for key in _OTHERS))
 #: The person whose motions are played.
 _PERSON = "bd"
-
-
-class Contender(Protocol):
-    """One of the methods."""
-
-    def begin(self) -> None:
-        """Forget what was seen: another motion begins."""
-
-    def push(self, frame: Frame) -> str | None:
-        """Take in a frame; name a class when an answer is due."""
 
 
 class Peer(NamedTuple):
@@ -110,7 +101,7 @@ def raced(whole: MotionLibrary, person: str) -> dict[str, Peer]:
     }
 
 
-def contenders_of(library: MotionLibrary) -> dict[str, Contender]:
+def contenders_of(library: MotionLibrary) -> dict[str, _Ours | Alternative]:
     """Make all methods for a library, ours first."""
     return {
         LiveSignature.WINDOWS: _Ours(library, Settings()),

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from kinespace.library import kernels
 from kinespace.tools.bench import peers, scale, sockets, stages
 from kinespace.tools.bench.report import Plan, rounded
-from kinespace.tools.cli.arguments import add_json, count, positive
-from kinespace.tools.terminal.console import console
+from kinespace.tools.cli.arguments import add_shared, count, positive
+from kinespace.tools.terminal.console import console, say
 
 if TYPE_CHECKING:
     import argparse
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "seconds of a run of sockets or scale (default %(default)s)"
     parser.add_argument("--seconds", type=positive, default=20.0, help=text)
     parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
-    add_json(parser)
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
         figures |= {name: rounded(value) for name, value in measured.figures.items()}
         for table in () if options.json else measured.tables:
             console.print(table, "")
-    console.print(json.dumps(figures) if options.json else f"{machine()}; {kernels.kind()}", soft_wrap=True)
+    say(json.dumps(figures) if options.json else f"{machine()}; {kernels.kind()}")
     return 0
 
 

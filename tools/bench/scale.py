@@ -138,7 +138,7 @@ def _with(happen: Callable[[], object], moment: float, cues: Sequence[Cue]) -> I
 
 
 def _children(program: Program) -> list[int]:
-    """Give the processes that a program has started, as Linux tells; none elsewhere."""
+    """Give the processes that a program has started, as Linux lists them; none elsewhere."""
     children = Path(f"/proc/{program.process.pid}/task").glob("*/children")
     return [int(number) for each in children for number in each.read_text(encoding="ascii").split()]
 
@@ -155,7 +155,7 @@ def run_of(feed: Feed, played: Played, middle: float, core_us: Sequence[float]) 
     pauses = _pauses(feed)
     lags, gap, last = list[float](), 0.0, dict[str, float]()
     events: Counter[tuple[str, str, str]] = Counter()
-    for each in played.heard:
+    for each in played.received:
         topic, encoded = (bytes(part) for part in each.packet)
         reading = json.loads(encoded)
         if topic.startswith(b"event/"):
@@ -238,7 +238,7 @@ def measure(plan: Plan) -> Measured:
 def _figures(runs: dict[str, Run]) -> dict[str, float]:
     alone, spread = runs["live"], runs["two workers"]
     held = {name: performers_a_core(run.core_us) for name, run in runs.items()}
-    # A gateway that begins again tells the start of motions that go on again.
+    # A gateway that begins again sends the start of motions that go on again.
     counted = [run for name, run in runs.items() if name != "gateway"]
     return {
         **{f"added_p{percent}_ms": spread.percentile(percent) - alone.percentile(percent) for percent in (50, 99)},

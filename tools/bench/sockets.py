@@ -25,7 +25,7 @@ _CROWD_SECONDS = 8.0
 
 
 def measure(plan: Plan) -> Measured:
-    """Measure latencies beside an echo's, and a crowd's cost, by OSC and by ZeroMQ."""
+    """Measure latencies, an echo's,, and a crowd's cost, by OSC and by ZeroMQ."""
     runs = [(transport, rate) for transport in TRANSPORTS for rate in RATES]
     latencies = [
         latency.measure(transport, rate_hz=rate, seconds=plan.seconds, settings=Settings())
@@ -55,5 +55,5 @@ def load(feed: Feed, transport: Transport) -> tuple[float, int]:
             before = core_seconds(service.process_id)
             played = play(feed.cues(at_once=True), sender, listener)
             core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent)
-    answered = sum(answer_in(each.packet) is not None for each in played.heard)
+    answered = sum(answer_in(each.packet) is not None for each in played.received)
     return core_us, max(len(feed.answers) - answered, 0)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     #: Gives its cost, microseconds per frame.
     Job = Callable[[], float]
 
-FIGURES = ("us_per_frame", "us_per_frame_numpy", "frames_per_second", "osc_decode_us", "osc_decode_python_osc_us")
 #: The steps of which none is recognition, in the order of the table; "python-osc" decodes the same by another library.
 _OTHERS = ("decode OSC", "decode OSC by python-osc", "decode ZeroMQ", "encode OSC", "encode ZeroMQ")
 #: Recognition (`Recognizer.push`) by its settings.
@@ -37,6 +36,14 @@ RECOGNISING = {
     "recognise, --signature paper": Settings(signature=LiveSignature.PAPER),
 }
 _NUMPY = ", numpy"
+#: The steps whose cost is a figure.
+_COSTS = {
+    "us_per_frame": "recognise",
+    "us_per_frame_numpy": "recognise" + _NUMPY,
+    "osc_decode_us": "decode OSC",
+    "osc_decode_python_osc_us": "decode OSC by python-osc",
+}
+FIGURES = (*_COSTS, "frames_per_second")
 #: Frames that fill every window and every cache before measuring.
 WARM_UP = 300
 #: Frames of one round: four seconds.
@@ -53,14 +60,8 @@ def measure(_: Plan) -> Measured:
         jobs[name] = pushing(library, played, settings)
         jobs[name + _NUMPY] = pushing(library, played, settings, by_numpy=True)
     us = {name: float(np.median(each)) for name, each in in_turns(jobs, ROUNDS, "Stages").items()}
-    figures = {
-        "us_per_frame": us["recognise"],
-        "us_per_frame_numpy": us["recognise" + _NUMPY],
-        "frames_per_second": 1e6 / us["recognise"],
-        "osc_decode_us": us["decode OSC"],
-        "osc_decode_python_osc_us": us["decode OSC by python-osc"],
-    }
-    return Measured(figures, [_table(us)])
+    figures = {name: us[step] for name, step in _COSTS.items()}
+    return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [_table(us)])
 
 
 def _table(us: dict[str, float]) -> Table:

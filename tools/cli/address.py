@@ -44,7 +44,7 @@ def opening(option: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise ValueError(re.sub("^address: ", f"{option}: ", str(error))) from error
+        raise ValueError(re.sub("^(address|endpoint): ", f"{option}: ", str(error))) from error
     except OSError as error:
         place = re.split(r": |$", error.strerror or str(error), maxsplit=1)[0]
         if advice := _advice(error.errno, place):

@@ -33,15 +33,15 @@ BUILT_IN = Path("built-in")
 _SHARED: dict[str, dict[str, Any]] = {
     "--osc-in": {
         "metavar": "[HOST:]PORT",
-        "help": f"listen for OSC here (default {OSC_IN}, or the port of --feed, unless --zmq-in is given)",
+        "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)",
     },
     "--zmq-in": {"metavar": "ENDPOINT", "help": "subscribe to ZeroMQ, like tcp://127.0.0.1:9320"},
     "--keys": {
         "type": Path,
         "metavar": "DIR",
-        "help": "ZeroMQ with keys, made by kinespace keys: let in only keys whose .key file is there",
+        "help": "let in only those whose .key (ZeroMQ) or .pem (Zenoh, tls/...) is there: kinespace keys makes them",
     },
-    "--open": {"action": "store_true", "help": "let anybody reach a ZeroMQ endpoint bound beyond this machine"},
+    "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
     "--page": {
         "nargs": "?",
         "const": PAGE,
@@ -52,6 +52,14 @@ _SHARED: dict[str, dict[str, Any]] = {
     "--feed": {
         "metavar": "NAME",
         "help": "read a .kinerec as this product's packets, see kinespace feeds; or FILE.toml (default: as recorded)",
+    },
+    "--library": {"type": Path, "metavar": "FILE", "help": f"a motion library (default: {BUILT_IN})"},
+    "--json": {"action": "store_true", "help": "print JSON and nothing else (.github/docs/json.md says what)"},
+    "--overwrite": {"action": "store_true", "help": "write over an existing file (default: refuse)"},
+    "--actor-in": {
+        "choices": [each.value for each in ActorIn],
+        "default": ActorIn.NOWHERE.value,
+        "help": "place of the actor's name: the file's name up to the first _, or the folder above the class's folder",
     },
 }
 
@@ -91,11 +99,6 @@ def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
     )
 
 
-def add_library(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the motion library."""
-    parser.add_argument("--library", type=Path, metavar="FILE", help=f"a motion library (default: {BUILT_IN})")
-
-
 def library_at(path: Path | None) -> MotionLibrary:
     """Load the library of a file, or the built-in one by its name or when there is no path.
 
@@ -127,10 +130,16 @@ def class_at(place: Path) -> str:
     return name
 
 
-def add_labels(parser: argparse.ArgumentParser, told: str) -> None:
-    """Add the option for files of labels; `told` says which takes they belong to."""
+def add_labels(parser: argparse.ArgumentParser, of: str) -> None:
+    """Add the option for files of labels; `of` says which takes they belong to."""
     parser.add_argument(
-        "--labels", nargs="+", action="extend", type=Path, default=[], metavar="CSV", help=f"start_s,end_s,label {told}"
+        "--labels",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="CSV",
+        help=f"start_s,end_s,label {of}",
     )
 
 
@@ -151,46 +160,8 @@ def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> Non
 
 def add_subjects(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose takes by person."""
-    for option, told in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
-        parser.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {told}")
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add `--json`, for output that another program reads."""
-    parser.add_argument(
-        "--json", action="store_true", help="print JSON and nothing else (.github/docs/json.md says what)"
-    )
-
-
-def add_clips(parser: argparse.ArgumentParser, usual: str) -> None:
-    """Add the arguments for clips; `usual` says which clips are taken when none are given."""
-    parser.add_argument(
-        "folder", nargs="*", type=Path, metavar="FOLDER", help=f"clips, or folders of them (default: {usual})"
-    )
-    add_reading(parser)
-    add_actor_in(parser)
-
-
-def add_map(parser: argparse.ArgumentParser) -> None:
-    """Add the option for labels that the library calls otherwise."""
-    parser.add_argument(
-        "--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help="rename labels"
-    )
-
-
-def add_overwrite(parser: argparse.ArgumentParser) -> None:
-    """Add `--overwrite`."""
-    parser.add_argument("--overwrite", action="store_true", help="write over an existing file (default: refuse)")
-
-
-def add_actor_in(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the place of the actor's name."""
-    parser.add_argument(
-        "--actor-in",
-        choices=[each.value for each in ActorIn],
-        default=ActorIn.NOWHERE.value,
-        help="place of the actor's name: the file's name up to the first _, or the folder above the class's folder",
-    )
+    for option, chosen in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
+        parser.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {chosen}")
 
 
 def reading_of(parsed: argparse.Namespace) -> Reading:

@@ -30,7 +30,7 @@ PROGRAMS: Programs = {
     "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
     "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.recordings.convert", "write recordings as plain numbers"),
-    "latency": ("programs.latency", "measure the time from frame to answer, beside a bare echo"),
+    "latency": ("programs.latency", "measure the time from frame to answer, and of a bare echo"),
     "cut": ("programs.recordings.cut", "propose labels for a recording: a row for each movement"),
     "build": ("programs.recordings.build", "make a motion library from recordings and other libraries"),
     "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
@@ -41,6 +41,8 @@ PROGRAMS: Programs = {
     "feeds": ("programs.feeds", "list the products whose feeds kinespace understands, and their settings"),
     "listen": ("programs.listen", "show the packets on a port, guess the feed, name the missing joints"),
 }
+#: Characters that say why a program failed, or for each of several files why, at most.
+_MAX_SAID = 280
 #: The experiments of `kinespace evaluate`.
 EXPERIMENTS: Programs = {
     "retrieval": (
@@ -54,7 +56,7 @@ EXPERIMENTS: Programs = {
     ),
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
-    "progress": ("evaluation.evaluate_progress", "measure the errors of phase, speed and amplitude, beside a clock"),
+    "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
 }
 
 
@@ -66,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
-        from kinespace.library.recordings import memory  # noqa: PLC0415 - numpy comes with it, and `--version` needs none
+        from kinespace.library import memory  # noqa: PLC0415 - numpy comes with it, and `--version` needs none
 
         with memory.limited_to(options.max_memory or memory.MAX_MEMORY):
             status: int = options.run(options)
@@ -88,24 +90,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    if isinstance(error, OSError) and error.filename and error.strerror:
-        told = f"{error.filename}: {error.strerror}"
-    else:
-        told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    said = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        said = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     from kinespace.tools.terminal.console import printable  # noqa: PLC0415 - slow to load, and seldom needed
 
-    return printable(" ".join(told.split())) or type(error).__name__
+    several = isinstance(error, ValueError) and not isinstance(error, UnicodeError)
+    lines = [printable(" ".join(str(each).split())) for each in (error.args if several else (said,))]
+    # A file's own words, or its name, may be of any length: both ends say the most.
+    short = (line if len(line) <= _MAX_SAID else f"{line[: _MAX_SAID - 105]} ... {line[-100:]}" for line in lines)
+    return "; ".join(short) or type(error).__name__
 
 
 def _size(text: str) -> int:
     """Read a size in bytes, like 500MB or 4GB."""
-    from kinespace.library.recordings import memory  # noqa: PLC0415 - as above
+    from kinespace.library import memory  # noqa: PLC0415 - as above
 
     return memory.size_of(text)
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that tells a mistake in one line, with the name that was perhaps meant."""
+    """A parser that says a mistake in one line, with the name that was perhaps meant."""
 
     def error(self, message: str) -> NoReturn:
         """End with status 2 and the mistake."""
@@ -183,7 +188,7 @@ def _add_programs(
 ) -> dict[str, _ProgramParser]:
     """Add the programs to a parser; return the parser of each."""
     added = parser.add_subparsers(title=title, metavar=metavar, required=True, parser_class=_ProgramParser)
-    parsers = {name: added.add_parser(name, help=told) for name, (_, told) in programs.items()}
+    parsers = {name: added.add_parser(name, help=text) for name, (_, text) in programs.items()}
     for name, each in parsers.items():
         each.module = programs[name][0]
     return parsers

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.stream.recognizer import Recognizer
-from kinespace.tools.cli.arguments import add_json, settings_of
+from kinespace.tools.cli.arguments import add_shared, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import FAULTS
 from kinespace.tools.evaluation.scoring.answers import counted, shares
@@ -61,9 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     harness.add_sources(parser, "the library's own motions")
     harness.add_protocol(parser)
-    text = "the faults (default: all)"
-    parser.add_argument("--fault", nargs="+", action="extend", choices=list(FAULTS), default=[], help=text)
-    add_json(parser)
+    text = f"the faults (default: all): {'; '.join(FAULTS)}"
+    parser.add_argument(
+        "--fault", nargs="+", action="extend", choices=[*FAULTS], default=[], metavar="FAULT", help=text
+    )
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:

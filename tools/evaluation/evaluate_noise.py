@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinespace.tools.cli.arguments import (
-    add_json,
-    add_library,
     add_settings,
+    add_shared,
     count,
     library_at,
     not_negative,
@@ -49,13 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
         "are left out of the library in groups, so that no motion is named by itself."
     )
-    add_library(parser)
     text, usual = "standard deviations on each coordinate (default: 0 10 20 30)", [0.0, 10.0, 20.0, 30.0]
     parser.add_argument("--noise", nargs="+", type=not_negative, default=usual, metavar="MM", help=text)
     parser.add_argument("--groups", type=count, default=12, help="number of groups, at least two (default %(default)s)")
     parser.add_argument("--every", type=count, default=1, help="play every nth motion alone (default %(default)s)")
     add_settings(parser)
-    add_json(parser)
+    add_shared(parser, "--library", "--json")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -14,7 +14,7 @@ from kinespace.library.progress.phase_table import MOMENTS_PER_SECOND
 from kinespace.library.windows.index import opened
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
-from kinespace.tools.cli.arguments import add_json, count
+from kinespace.tools.cli.arguments import add_shared, count
 from kinespace.tools.evaluation import harness
 from kinespace.tools.feeding.feed import between
 from kinespace.tools.terminal.console import progress
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 #: The ways in which motions are played, and the classes whose motions the filter follows.
 AS_RECORDED, WARPED = "as recorded", "warped"
 NAMED, KNOWN = "filter, named class", "filter, true class"
-#: Seconds from a motion's start that are not scored: no method can tell the phase yet.
+#: Seconds from a motion's start that are not scored: no method can know the phase yet.
 _UNSCORED = 0.3
 #: The speed curve: 2 to the power of a sine of this period, seconds, so from half to twice the speed.
 _PERIOD = 3.0
@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "warpings onto other actors' motions of its class."
     )
     parser.add_argument("--every", type=count, default=1, help="play every nth motion (default %(default)s)")
-    add_json(parser)
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kinespace.library import MotionLibrary
-from kinespace.tools.cli.arguments import add_clips, reading_of
+from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
 from kinespace.tools.evaluation.harness import print_json, print_scores
 from kinespace.tools.evaluation.scoring.bootstrap import intervals_of, values_of
 from kinespace.tools.evaluation.scoring.retrieval import (
@@ -55,7 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest "
         "is, in the spaces of joint distances, joint positions and joint rotations."
     )
-    add_clips(parser, "the built-in library's motions, which have no rotations")
+    text = "clips, or folders of them (default: the built-in library's motions, which have no rotations)"
+    parser.add_argument("folder", nargs="*", type=Path, metavar="FOLDER", help=text)
+    add_reading(parser)
+    add_shared(parser, "--actor-in")
     parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both, for distances")
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
     text = "print one JSON object and nothing else: of distances (default: eigenvector, leave-one-out)"
@@ -72,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     unnamed = [clip.name for clip in clips if not clip.actor]
     if unnamed and Protocol.LEAVE_ONE_OUT not in protocols:
         raise ValueError(
-            f"{unnamed[0]}: expected a name that tells the actor, as HDM05's clips have; --actor-in says where it is"
+            f"{unnamed[0]}: expected a name with the actor in it, as HDM05's clips have; --actor-in says where it is"
         )
     ways = _ways(clips, options.signature)
     if options.json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,8 @@ import numpy as np
 
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.index import WindowIndex, usual_weighing
-from kinespace.tools.cli.arguments import add_json, settings_of
+from kinespace.stream.recognizer import Recognizer
+from kinespace.tools.cli.arguments import add_shared, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.scoring.protocols import Protocol
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
 
     _Values = dict[str, float | None]
 
+#: Of what the intervals draw others.
+_RESAMPLED = ("segments", "persons")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
@@ -41,10 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "recordings in which nothing known happens, or folders of them"
     parser.add_argument("--unknown", nargs="+", action="extend", type=Path, default=[], metavar="TAKE", help=text)
     harness.add_protocol(parser)
+    text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
+    parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     text = "leave these parts of the signature out, to see their worth"
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
     parser.add_argument("--page", type=Path, metavar="HTML", help="write a page that plays takes, answers and bodies")
-    add_json(parser)
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,6 +60,9 @@ def run(options: argparse.Namespace) -> int:
         require_place_for(options.page)
     settings = settings_of(options)
     asked, classes = harness.asked_of(options)
+    by_person = options.resample == "persons"
+    if by_person and not all(each.take.person for each in asked):
+        raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
     without = Kind(options.without_part) if options.without_part else None
     courses = [
         course(each.take, _compared(each.library, without), classes, settings)
@@ -63,16 +73,17 @@ def run(options: argparse.Namespace) -> int:
     if options.page:
         write_report(options.page, [*zip(courses, (each.take.clip for each in asked), strict=True)], classes)
     if options.json:
-        harness.print_json(score.as_json() | ({"persons": persons, **_over(persons)} if persons else {}))
+        scored = score.as_json(by_person=by_person)
+        harness.print_json(scored | ({"persons": persons, **_over(persons)} if persons else {}))
         return 0
-    print_score(score)
+    print_score(score, by_person=by_person)
     if persons:
         print_persons(persons, _over(persons), Protocol(options.protocol))
     return 0
 
 
 def course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings) -> Course:
-    """Push a take through the recogniser, frame by frame, and put its answers beside the labels.
+    """Push a take through the recogniser, frame by frame, and compare its answers with the labels.
 
     Parameters
     ----------
@@ -85,9 +96,10 @@ def course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[
     """
     library = compared.library if isinstance(compared, WindowIndex) else compared
     feed = harness.Feed.of(take.clip, library.skeleton, take.delivered)
-    return course_of(
-        take, feed.times, harness.answers_to(feed, compared, settings), classes=classes, known=library.classes
-    )
+    recognizer = Recognizer(compared, settings)
+    answers = [answer for _, answer in harness.pushed(recognizer, feed) if answer is not None]
+    played = course_of(take, feed.times, answers, classes=classes, known=library.classes)
+    return replace(played, unlike=recognizer.unlike)
 
 
 @lru_cache(maxsize=2)

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library import MotionLibrary
+from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.index import WindowIndex, teacher_of
 from kinespace.stream.recognition import EventKind
-from kinespace.tools.cli.arguments import add_json, add_settings, settings_of
+from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, values_of
@@ -100,7 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
     parser.add_argument("--beside", action="store_true", help="teach beside the built-in library")
     add_settings(parser)
-    add_json(parser)
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -136,7 +137,8 @@ def run(options: argparse.Namespace) -> int:
                         replies[whose, count] += [ask(clip, index, settings) for clip in asked]
     figures = {"examples": options.examples, **scored(replies, options.examples)}
     if options.json:
-        harness.print_json({**figures, "persons": len(teachers), "draws": options.draws})
+        whole = {"persons": len(teachers), "draws": options.draws}
+        harness.print_json({**figures, **whole, **begun([clip for each in by_person.values() for _, clip in each])})
         return 0
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"
@@ -162,7 +164,7 @@ def taught_by(own: Sequence[Motion], *, beside: bool) -> Taught:
     if teacher is not library:
         teacher = replace(strangers, learned=None).restricted_to(library.skeleton.joints)
         ordered = tuple(each.as_of(teacher.skeleton) for each in library.motions)
-        library = replace(library, skeleton=teacher.skeleton, motions=ordered)
+        library = replace(library, skeleton=teacher.skeleton, motions=ordered, guests=())
     return Taught(WindowIndex.of(library, teacher), tuple(names))
 
 
@@ -214,6 +216,14 @@ def ask(motion: Clip, index: WindowIndex, settings: Settings) -> Reply:
     answers = harness.answers_to(harness.Feed.of(motion, index.library.skeleton), index, settings)
     starts = [event for each in answers for event in each.events if event.kind is EventKind.START]
     return Reply(motion, tuple(each.label for each in starts), starts[0].time if starts else np.nan)
+
+
+def begun(motions: Sequence[Clip]) -> dict[str, float]:
+    """Give the share of motions that begin a lesson, and their number.
+
+    Nobody stands in a cut motion: the movement that begins it is the usual one, and the first tenths are lost.
+    """
+    return {"begins": float(np.mean([any(moved_in(each)) for each in motions])), "motions": len(motions)}
 
 
 def scored(

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 LEFT_ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
 #: The standard deviation of each coordinate in metres, and the share of frames that is dropped.
 NOISE, DROPPED = 0.02, 0.5
+#: Metres by which a body is elsewhere, the standard deviation of each coordinate.
+_FAR = 3.0
 #: One in so many frames is searched for the posture farthest from the first.
 _EVERY = 12
 
@@ -43,7 +45,7 @@ def _wrists(feed: Feed, _: np.random.Generator) -> Feed:
 def _sides(feed: Feed, where: NDArray[np.bool_]) -> Feed:
     order = mirrored_places(feed.skeleton.joints)
     if order is None:
-        raise ValueError("--fault: expected joints whose names tell left from right")
+        raise ValueError("--fault: expected joints whose names say left or right")
     positions = feed.positions.copy()
     positions[where] = positions[where][:, order]
     return feed._replace(positions=positions)
@@ -60,6 +62,15 @@ def _sides_now_and_then(feed: Feed, _: np.random.Generator) -> Feed:
 def _unit(feed: Feed, _: np.random.Generator) -> Feed:
     factor = np.where(feed.times > feed.times[len(feed.times) // 2], 1000.0, 1.0)
     return feed._replace(positions=feed.positions * factor[:, None, None])
+
+
+def _elsewhere(period: float) -> Callable[[Feed, np.random.Generator], Feed]:
+    def fault(feed: Feed, generator: np.random.Generator) -> Feed:
+        moved = (feed.times / period).astype(np.intp)
+        places = _FAR * generator.standard_normal((moved.max() + 1, 1, 3))
+        return feed._replace(positions=feed.positions + places[moved])
+
+    return fault
 
 
 def _jumping(period: float) -> Callable[[Feed, np.random.Generator], Feed]:
@@ -112,6 +123,8 @@ FAULTS: dict[str, Callable[[Feed, np.random.Generator], Feed]] = {
     "wrists exchanged": _wrists,
     "sides exchanged": _sides_throughout,
     "sides exchanged now and then": _sides_now_and_then,
+    "elsewhere, 1/60 s": _elsewhere(1 / 60),
+    "elsewhere, 1 s": _elsewhere(1.0),
     "two postures, 1/30 s": _jumping(1 / 30),
     "two postures, 1/4 s": _jumping(0.25),
     "two postures, 1 s": _jumping(1.0),

@@ -12,21 +12,20 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import (
-    add_actor_in,
     add_labels,
-    add_library,
-    add_map,
     add_reading,
     add_settings,
+    add_shared,
     add_subjects,
     add_takes,
     library_at,
+    mapping,
     reading_of,
 )
 from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import console, progress_console
+from kinespace.tools.terminal.console import console, note
 from kinespace.tools.terminal.tables import narrow_table
 
 if TYPE_CHECKING:
@@ -73,16 +72,17 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
     add_reading(parser)
-    add_actor_in(parser)
+    add_shared(parser, "--actor-in")
     add_subjects(parser)
-    add_map(parser)
+    text = "rename labels"
+    parser.add_argument("--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help=text)
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
 
 def add_protocol(parser: argparse.ArgumentParser) -> None:
     """Add the options for tables of takes, and for the library and the recogniser that are asked."""
     add_takes(parser)
-    add_library(parser)
+    add_shared(parser, "--library")
     text = (
         "recognise with the library; with motions cut from the other takes, or from the other persons' takes; or with "
         "motions of one person, for each person in turn"
@@ -159,8 +159,7 @@ def shared_joints(skeletons: Sequence[Skeleton]) -> tuple[str, ...]:
         )
     if len(shared) < len(every):
         lost = ", ".join(name for name in every if name not in shared)
-        text = f"{len(shared)} joints that all takes and the library have; without {lost}"
-        progress_console.print(text, soft_wrap=True, markup=False, highlight=False)
+        note(f"{len(shared)} joints that all takes and the library have; without {lost}")
     return shared
 
 
@@ -232,7 +231,7 @@ def print_table(
     """Print rows; so many columns of names stand left, all others right."""
     table = narrow_table(title, caption)
     for place, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if place < names else "right")
+        table.add_column(heading, justify="left" if place < names else "right", overflow="fold")
     for row in rows:
         table.add_row(*row)
     console.print(table)

@@ -3,6 +3,9 @@
 A library's own motions hardly show how unknown motion looks. Here takes without known motions, and takes that contain a
 known motion at some time, teach the weights of the evidence (`library.windows.rejection`). Figures come from subjects
 who were left out of the fitting; the saved numbers are fitted on all subjects.
+
+Takes of bodies with fewer joints than the library teach numbers of their own for bodies of few joints: all takes and
+the library's own motions ask as each of these bodies shows them, and the library's guests are compared, too.
 """
 
 from __future__ import annotations
@@ -19,15 +22,15 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.motion_library.learned import Learned
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.index import WindowIndex, keeping_lessons
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stand_in, typical_evidence
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli.arguments import (
-    add_json,
-    add_overwrite,
     add_reading,
+    add_shared,
     add_subjects,
     add_takes,
     library_at,
@@ -41,7 +44,7 @@ from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -119,16 +122,16 @@ class _Course:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Fits the numbers that tell known motion from unknown, by takes in which nothing known happens and takes that "
-        "contain a known motion, and keeps them in the library's file."
+        "Fits the numbers that separate known motion from unknown, by takes in which nothing known happens and takes "
+        "that contain a known motion, and keeps them in the library's file. Takes of bodies with fewer joints teach "
+        "the numbers for such bodies."
     )
     parser.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
-    add_overwrite(parser)
     add_takes(parser, required=True)
     add_subjects(parser)
     add_reading(parser)
-    add_json(parser)
+    add_shared(parser, "--overwrite", "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -139,8 +142,9 @@ def run(options: argparse.Namespace) -> int:
     takes = read_takes(sources, reading_of(options))
     if all(take.labels for take in takes):
         raise ValueError("takes: expected some in which nothing known happens, got none")
+    whole = [take for take in takes if set(library.skeleton.joints) <= set(take.clip.skeleton.joints)]
     own, index = _own_courses(library), _index(library)
-    courses = [_Course(take, _windows(index, take.clip)) for take in progress(takes, "Strangers", len(takes))]
+    courses = [_Course(take, _windows(index, take.clip)) for take in progress(whole, "Strangers", len(whole))]
     typical, lessons = typical_evidence(index), _own_lessons(own)
 
     def fit(courses: Sequence[_Course]) -> Rejection:
@@ -160,7 +164,10 @@ def run(options: argparse.Namespace) -> int:
     thresholds = [_threshold([], named, rate) for rate in RATES]
     raised = _raised(fit(courses), clean, usual)
     rejection = replace(raised, thresholds=np.array(thresholds), joints=len(library.skeleton.joints))
-    keeping_lessons(replace(library, learned=rejection.kept())).save(options.output)
+    learned = dict(rejection.kept().named)
+    if fewer := [take for take in takes if take not in whole]:
+        learned |= learned_of_few(library, whole, fewer).kept(few=True).named
+    keeping_lessons(replace(library, learned=Learned(learned))).save(options.output)
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
     if options.json:
         harness.print_json(rows)
@@ -175,6 +182,83 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+class _Body(NamedTuple):
+    """What takes and a library's own motions show with some of the joints; evidence is relative to what is typical."""
+
+    own: list[Lesson]
+    courses: list[_Course]
+    #: The courses of takes that have no other joints.
+    fewer: list[_Course]
+
+    @classmethod
+    def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> _Body:
+        """Let takes, and takes that have no other joints, be recognised without guests of their own persons."""
+        guests = {guest.actor for guest in library.guests}
+        opened = {
+            person: WindowIndex.of(library.without(actors={person} & guests), weighing=ACROSS_LABORATORIES)
+            for person in {"", *(take.person for take in fewer)} & {"", *guests}
+        }
+        typical = opened[""].rejection.typical
+        shown = [
+            _Course(take, _relative(_windows(opened.get(take.person, opened[""]), clip), typical))
+            for take in progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
+            for clip in [take.clip.restricted_to(library.skeleton.joints)]
+        ]
+        own = [
+            lesson._replace(windows=_relative(lesson.windows, typical))
+            for lesson in _own_lessons(_own_courses(library))
+        ]
+        return cls(own, shown[len(fewer) :], shown[: len(fewer)])
+
+
+def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> Rejection:
+    """Learn the numbers for bodies of few joints.
+
+    No more unknown time of any of these bodies is named than a threshold says.
+
+    Parameters
+    ----------
+    library
+        The library, perhaps with guests.
+    takes, fewer
+        Takes with all joints of the library, and takes of bodies with fewer.
+    """
+    groups, everyone = len(ACROSS_LABORATORIES.groups), library.skeleton.joints
+    by_joints: defaultdict[tuple[str, ...], list[Take]] = defaultdict(list)
+    for take in fewer:
+        by_joints[tuple(name for name in everyone if name in take.clip.skeleton.joints)].append(take)
+    most = max(map(len, by_joints))
+    # Guests are compared where there are numbers for few joints, whatever they are.
+    guesting = replace(library, learned=replace(stand_in(groups), joints=most).kept(few=True))
+    bodies = [_Body.of(guesting.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
+
+    def fit(fold: Collection[str] = ()) -> Rejection:
+        lessons = list[Lesson]()
+        for own, *several in bodies:
+            lessons += own
+            for courses in several:
+                lessons += _lessons([each for each in courses if each.take.person not in fold])
+        return fitted(lessons, library.classes, np.zeros(2 * groups))
+
+    folds = _folds([each for body in bodies for each in (*body.courses, *body.fewer)])
+    fits = [fit(fold) for fold in folds]
+    judged = [
+        [(each, fit) for fold, fit in zip(folds, fits, strict=True) for each in shown if each.take.person in fold]
+        for shown in ([*body.courses, *body.fewer] for body in bodies)
+    ]
+    thresholds = [max(_threshold([], each, rate) for each in judged) for rate in RATES]
+    return replace(fit(), thresholds=np.array(thresholds), joints=most)
+
+
+def _relative(windows: Evidenced, typical: NDArray[np.float64]) -> Evidenced:
+    """Give windows with their distances and leads relative to typical ones, (2 groups,)."""
+    half, moved = len(typical) // 2, list[tuple[Evidence, str]]()
+    for evidence, guess in windows:
+        compared = (np.array(evidence.compared) - typical).tolist()
+        moved.append((Evidence(tuple(compared[:half]), tuple(compared[half:]), evidence.noise), guess))
+    return moved
+
+
 def _index(library: MotionLibrary) -> WindowIndex:
     """Open a library for asking; its rejection is not used yet."""
     index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
@@ -186,10 +270,11 @@ def _own_courses(library: MotionLibrary) -> list[_Own]:
     found = list[_Own]()
     for actor in progress(library.actors, "Motions", len(library.actors)):
         index = _index(library.without(actors=[actor]))
-        others = index.library.motions
         own = [(place, each) for place, each in enumerate(library.motions) if each.actor == actor]
         for name in set(index.classes) - {NOTHING}:
-            left = index.without([place for place, each in enumerate(others) if each.class_name == name])
+            left = index.without(
+                [place for place in set(index.motions.tolist()) if index.compared[place].class_name == name]
+            )
             asking = [place for place, each in own if each.class_name == name]
             for place, noise in product(asking, _NOISES):
                 asked = library.motions[place], noise, place
@@ -259,7 +344,7 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
 
 
 def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArray[np.float64]) -> Rejection:
-    """Fit a logistic function that tells known windows from unknown ones; thresholds are not set yet.
+    """Fit a logistic function that separates known windows from unknown ones; thresholds are not set yet.
 
     Parameters
     ----------

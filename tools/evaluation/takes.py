@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, find_recordings
+from kinespace.library import NOTHING, find_recordings, memory
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats.labels import (
@@ -21,7 +21,7 @@ from kinespace.library.recordings.formats.labels import (
 )
 from kinespace.tools.feeding import utkinect
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import progress, progress_console
+from kinespace.tools.terminal.console import note, progress
 from kinespace.tools.terminal.named_joints import NameTeller
 
 if TYPE_CHECKING:
@@ -145,15 +145,15 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     """
     entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
-    reader, tell = RecordingReader(reading), NameTeller()
+    reader, named = RecordingReader(reading), NameTeller()
     takes = [
-        _of_utkinect(entry) if utkinect.is_take(entry.path) else _take(tell(reader.clip(entry.path)), entry, reading)
+        _of_utkinect(entry) if utkinect.is_take(entry.path) else _take(named(reader.clip(entry.path)), entry, reading)
         for entry in progress(wanted, "Reading", len(wanted))
     ]
     takes = [take for take in takes if sources.wants(take.person)]
     for take in takes:
         for line in oddities(take.clip, take.segments) if take.is_known else ():
-            progress_console.print(line, soft_wrap=True, markup=False, highlight=False)
+            note(line)
     if not takes:
         persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
         raise ValueError(f"--subjects: expected persons with takes, got {persons}")
@@ -196,17 +196,16 @@ def _unknown(sources: Sources) -> Iterator[_Entry]:
 def _listed(table: Path) -> Iterator[_Entry]:
     """Read the takes that a table lists, without takes that may contain a class: nothing is known of them."""
     try:
-        with table.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.DictReader(file)
-            missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
-            if missing:
-                raise LabelError(f"{table}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
-            for row in rows:
-                contains, perhaps = _names(row["contains"]), _names(row["perhaps"])
-                if not row["file"]:
-                    raise LabelError(f"{table}:{rows.line_num}: expected the name of a file, got none")
-                if contains or not perhaps:
-                    yield _Entry(table.parent / row["file"], (), contains or (NOTHING,), row["subject"] or "")
+        rows = csv.DictReader(memory.lines(table, memory.MAX_BESIDE))
+        missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+        if missing:
+            raise LabelError(f"{table}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
+        for row in rows:
+            contains, perhaps = _names(row["contains"]), _names(row["perhaps"])
+            if not row["file"]:
+                raise LabelError(f"{table}:{rows.line_num}: expected the name of a file, got none")
+            if contains or not perhaps:
+                yield _Entry(table.parent / row["file"], (), contains or (NOTHING,), row["subject"] or "")
     except (csv.Error, UnicodeDecodeError) as error:
         raise LabelError(f"{table}: expected a CSV in UTF-8 ({error})") from error
 

@@ -1,4 +1,4 @@
-// Unity: sends the joints of a humanoid avatar to kinespace and tells what it answers. Put it on an object, drag the
+// Unity: sends the joints of a humanoid avatar to kinespace and prints what it answers. Put it on an object, drag the
 // avatar's Animator into it, and start elsewhere: kinespace live
 using System;
 using System.Collections.Generic;
@@ -96,9 +96,9 @@ public class Kinespace : MonoBehaviour
         }
         if (address != $"/motion/{performer}/label") return;
         Text(packet, ref place);
-        string told = Text(packet, ref place);
-        if (told != label) Debug.Log($"{performer}: {told}");
-        label = told;
+        string answered = Text(packet, ref place);
+        if (answered != label) Debug.Log($"{performer}: {answered}");
+        label = answered;
     }
 
     static string Text(byte[] packet, ref int place)

@@ -13,21 +13,21 @@ const frames = lines.map((line) => line.split(" ").map(Number));
 const client = new Client("127.0.0.1", listens);
 const server = new Server(answers, "127.0.0.1");
 let last = "";
-server.on("message", ([address, ...told]) => hear(address, told));
+server.on("message", ([address, ...values]) => take(address, values));
 // Label, class and scores come together in a bundle.
-server.on("bundle", (bundle) => bundle.elements.forEach(([address, ...told]) => hear(address, told)));
+server.on("bundle", (bundle) => bundle.elements.forEach(([address, ...values]) => take(address, values)));
 
 const silence = setTimeout(() => {
-  console.log(`nothing heard yet: does kinespace live --osc-in ${listens} --osc-out ${answers} run?`);
+  console.log(`no answer yet: does kinespace live --osc-in ${listens} --osc-out ${answers} run?`);
 }, 5000);
 
-function hear(address, told) {
+function take(address, values) {
   clearTimeout(silence);
-  if (address === "/motion/node/label" && told[0] !== last) {
-    last = told[0];
+  if (address === "/motion/node/label" && values[0] !== last) {
+    last = values[0];
     console.log(`node: ${last}`);
   }
-  if (address === "/motion/node/event") console.log(`node: ${told[1]} ${told[0]}s at ${told[4].toFixed(1)} s`);
+  if (address === "/motion/node/event") console.log(`node: ${values[1]} ${values[0]}s at ${values[4].toFixed(1)} s`);
 }
 
 let sent = 0;

@@ -30,5 +30,5 @@ dispatcher.map("/motion/*/label", label)
 dispatcher.map("/motion/*/event", event)
 server = BlockingOSCUDPServer(("127.0.0.1", PORT), dispatcher)
 if not select.select([server.socket], [], [], 5)[0]:
-    print(f"nothing heard yet: does somebody send frames, to kinespace live --osc-out {PORT}?", flush=True)
+    print(f"no answer yet: does somebody send frames, to kinespace live --osc-out {PORT}?", flush=True)
 server.serve_forever()

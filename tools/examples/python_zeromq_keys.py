@@ -46,8 +46,8 @@ for number in range(TIMES * len(FRAMES)):
     frames.send_multipart([b"frame/python/", json.dumps(header).encode(), array("f", numbers).tobytes()])
     due += 1 / 30
     while answers.poll(round(max(due - time.monotonic(), 0) * 1000)):
-        topic, told = answers.recv_multipart()
+        topic, body = answers.recv_multipart()
         if topic.startswith(b"event/"):
-            event = json.loads(told)
+            event = json.loads(body)
             print(f"{event['performer']}: {event['class']} {event['event']}s", flush=True)
 context.destroy(linger=0)

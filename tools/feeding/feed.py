@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, paus
     speed
         The factor on the recorded speed.
     pause
-        Seconds (of recorded time) between two clips; more than the recogniser's longest gap starts its window anew.
+        Seconds (of recorded time) between two clips; more than the recogniser's longest gap empties its window.
     """
     return piece_cues((Piece(0, clip) for clip in clips), performer, speed=speed, pause=pause)
 
@@ -182,36 +182,11 @@ def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Gene
         yield held
 
 
-def told_unheard(place: str, unheard: int) -> str:
+def lost_at(place: str, count: int) -> str:
     """Say that packets for a place reached no program."""
     return (
-        f"no program listens at {place}: {unheard} packets were lost; start kinespace live first, or say where it "
-        "listens"
+        f"no program listens at {place}: {count} packets were lost; start kinespace live first, or say where it listens"
     )
-
-
-class FrameSender(Protocol):
-    """Sends a fake feed's frames."""
-
-    @property
-    def failed(self) -> int:
-        """Packets that the system would not send."""
-
-    @property
-    def unheard(self) -> int:
-        """Packets that reached no program, if the sender looks."""
-
-    def announce(self, announcement: Announcement) -> None:
-        """Send the names of the joints."""
-
-    def encode(self, cue: Cue) -> Any:  # noqa: ANN401 - each sender's own kind of packet
-        """Make the packet of a frame."""
-
-    def send(self, packet: Any, /) -> None:  # noqa: ANN401 - as above
-        """Send a packet that `encode` made."""
-
-    def close(self) -> None:
-        """Give sockets back."""
 
 
 class OscFrameSender(osc.OscSender):
@@ -221,7 +196,7 @@ class OscFrameSender(osc.OscSender):
         """Send `/motion/skeleton`."""
         self.send(osc.encode_announcement(announcement))
 
-    def encode(self, cue: Cue) -> bytes:
+    def encode(self, cue: Cue) -> Any:  # noqa: ANN401 - each sender's own kind of packet, which `send` takes
         """Make a `/motion/frame`."""
         return osc.encode_frame(cue.frame)
 
@@ -239,11 +214,14 @@ class ZmqFrameSender(zeromq.ZmqSender):
         """Put the joint names into the next frame's header."""
         self._announced = announcement.joints
 
-    def encode(self, cue: Cue) -> list[bytes]:
+    def encode(self, cue: Cue) -> Any:  # noqa: ANN401 - as above
         """Make the message of a frame, with the joint names when they were just announced."""
         parts = zeromq.encode_frame(cue.frame, cue.seq, self._announced)
         self._announced = None
         return parts
+
+
+FrameSender = OscFrameSender | ZmqFrameSender
 
 
 class Pace:

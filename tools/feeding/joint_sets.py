@@ -7,9 +7,9 @@ from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.tools.cli.choice import one_of
 from kinespace.tools.cli.preset import preset_named
 
-#: The joints that Kinect 1 tracks, in HDM05's names.
+#: The joints that Kinect 1 tracks and HDM05 has, in HDM05's names: all but its spine, which is just above the hips.
 KINECT_1 = (
-    *("root", "upperback", "lowerneck", "head"),
+    *("root", "lowerneck", "head"),
     *("lclavicle", "lhumerus", "lradius", "lhand", "rclavicle", "rhumerus", "rradius", "rhand"),
     *("lhipjoint", "lfemur", "ltibia", "ltoes", "rhipjoint", "rfemur", "rtibia", "rtoes"),
 )

@@ -6,18 +6,19 @@ import json
 import time
 from collections import Counter
 from contextlib import ExitStack, suppress
+from itertools import count
 from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs.recording.kinerec import RawFile
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.feeding.feed import Pace, told_unheard
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.feeding.feed import Pace, lost_at
+from kinespace.tools.terminal.console import progress, say
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from kinespace.stream.inputs.recording.kinerec import RawPacket
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 #: Seconds for ZeroMQ peers to connect before the first message.
 _MEETING = 0.5
 
-Senders = dict[str, osc.OscSender | zeromq.ZmqSender]
+_Sender = osc.OscSender | zeromq.ZmqSender
 
 
 def replay(path: Path, osc_to: str | None, zmq_to: Endpoint | None, options: argparse.Namespace) -> int:
@@ -49,40 +50,39 @@ def replay(path: Path, osc_to: str | None, zmq_to: Endpoint | None, options: arg
         The recording has no packets, or none between the two moments.
     """
     recording = RawFile(path)
+    kinds = [source.partition(" ")[0] for source in recording.header.sources]
     counts: Counter[str] = Counter()
     with ExitStack() as opened:
-        senders = open_senders(opened, recording, osc_to, zmq_to, options.keys)
+        senders = _open_senders(opened, kinds, osc_to, zmq_to, options.keys)
+        if not senders:
+            raise ValueError(f"{path}: expected --osc or --zmq, because its packets came by {' and '.join(kinds)}")
         # Ctrl-C ends the feed, not the report.
         with suppress(KeyboardInterrupt):
-            pace, start = Pace(), 0.0
-            while True:
-                last = start
+            pace, last = Pace(), 0.0
+            for _ in count() if options.loop else range(1):
+                start = last
                 for due, packet in progress(cut(recording.packets(), options.begin, options.end), "Sending", None):
                     last = start + due / options.speed
                     pace.wait_for(last)
-                    counts[send_packet(packet, recording, senders)] += 1
+                    counts[_send(packet, senders.get(kinds[packet.source]))] += 1
                 if not counts:
                     raise ValueError(_nothing_to_send(recording))
-                if not options.loop:
-                    break
-                start = last
         failed = sum(sender.failed for sender in senders.values())
         unheard = {str(sender): sender.unheard for sender in senders.values()}
     every = sum(unheard.values())
-    told = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
+    figures = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
     if options.json:
-        print(json.dumps({**told, "lost_from": recording.lost_from}))
+        print(json.dumps({**figures, "lost_from": recording.lost_from}))
     else:
-        console.print(
-            f"{told['sent']} packets sent, {failed} refused by the system, {told['left_out']} without an "
-            "address for their kind",
-            soft_wrap=True,
+        say(
+            f"{figures['sent']} packets sent, {failed} refused by the system, {figures['left_out']} without an "
+            "address for their kind"
         )
-        for place, count in unheard.items():
-            if count:
-                console.print(told_unheard(place, count), soft_wrap=True)
+        for place, lost in unheard.items():
+            if lost:
+                say(lost_at(place, lost))
         if recording.damage():
-            console.print(recording.damage(), soft_wrap=True)
+            say(recording.damage())
     return 1 if every and every >= counts["sent"] else 0
 
 
@@ -107,16 +107,11 @@ def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterat
             yield moment - begin, packet
 
 
-def _kind(recording: RawFile, source: int) -> str:
-    return recording.header.sources[source].partition(" ")[0]
-
-
-def open_senders(
-    opened: ExitStack, recording: RawFile, osc_to: str | None, zmq_to: Endpoint | None, keys: Path | None
-) -> Senders:
-    """Open the senders of a recording's kinds of packets; ValueError when none of them has an address."""
-    kinds = [_kind(recording, source) for source in range(len(recording.header.sources))]
-    senders: Senders = {}
+def _open_senders(
+    opened: ExitStack, kinds: Sequence[str], osc_to: str | None, zmq_to: Endpoint | None, keys: Path | None
+) -> dict[str, _Sender]:
+    """Open the senders of those kinds of packets that have an address."""
+    senders: dict[str, _Sender] = {}
     if osc_to and "osc" in kinds:
         senders["osc"] = osc.OscSender(*host_and_port(osc_to), asks=True)
         opened.callback(senders["osc"].close)
@@ -125,20 +120,15 @@ def open_senders(
         senders["zmq"] = zeromq.ZmqSender(zmq_to, keyring, asks=True)
         opened.callback(senders["zmq"].close)
         time.sleep(_MEETING)
-    if not senders:
-        raise ValueError(
-            f"{recording.path}: expected --osc or --zmq, because its packets came by {' and '.join(kinds)}"
-        )
     return senders
 
 
-def send_packet(packet: RawPacket, recording: RawFile, senders: Senders) -> str:
+def _send(packet: RawPacket, sender: _Sender | None) -> str:
     """Send a packet as it came; give `sent`, or `left out` for a kind without an address."""
-    match senders.get(_kind(recording, packet.source)):
-        case osc.OscSender() as sender:
-            sender.send(b"".join(packet.parts))
-        case zeromq.ZmqSender() as sender:
-            sender.send(packet.parts)
-        case _:
-            return "left out"
+    if sender is None:
+        return "left out"
+    if isinstance(sender, osc.OscSender):
+        sender.send(b"".join(packet.parts))
+    else:
+        sender.send(packet.parts)
     return "sent"

@@ -15,8 +15,8 @@ import numpy as np
 
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
-from kinespace.library.recordings.formats.gap_filling import with_missing_frames
 from kinespace.library.recordings.formats.labels import Segment
+from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 from kinespace.tools.feeding.joint_sets import KINECT_1
 
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 FRAME_RATE = 30.0
 _LABELS = "actionLabel.txt"
 #: The joints in the order of the file's columns.
-SKELETON = Skeleton(KINECT_1, (*(-1, 0, 1, 2), *(2, 4, 5, 6, 2, 8, 9, 10), *(0, 12, 13, 14, 0, 16, 17, 18)))
+SKELETON = Skeleton(
+    ("root", "Spine", *KINECT_1[1:]), (*(-1, 0, 1, 2), *(2, 4, 5, 6, 2, 8, 9, 10), *(0, 12, 13, 14, 0, 16, 17, 18))
+)
 _NAME = re.compile(r"joints_(?P<take>(?P<actor>s\d+)_(?P<number>e\d+))\.txt", re.IGNORECASE)
 #: A label of an action: its name, and the numbers of two frames, or NaN.
 _LABEL = re.compile(r"(?P<label>.+):\s*(?P<begin>\d+|NaN)\s+(?P<end>\d+|NaN)\s*", re.IGNORECASE)
@@ -82,13 +84,13 @@ def read_take(path: Path) -> UTKinectTake:
     numbers, positions = _frames(path)
     clip = Clip(
         SKELETON,
-        with_missing_frames(numbers, positions).reshape(-1, len(KINECT_1), 3),
+        with_missing_frames(numbers, positions).reshape(-1, len(SKELETON.joints), 3),
         FRAME_RATE,
         path.stem,
         actor=named["actor"],
         take=named["number"],
         source="UTKinect-Action3D",
-        filled=(int(numbers[-1] - numbers[0]) + 1 - len(numbers)) * len(KINECT_1),
+        filled=(int(numbers[-1] - numbers[0]) + 1 - len(numbers)) * len(SKELETON.joints),
     )
     return UTKinectTake(clip, _segments(path.with_name(_LABELS), named["take"].lower(), numbers), numbers - numbers[0])
 
@@ -99,7 +101,7 @@ def _frames(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         rows = np.loadtxt(path, ndmin=2)
     except ValueError as error:
         raise RecordingError(f"{path}: {error}") from error
-    whole = rows.shape[1] == 1 + 3 * len(KINECT_1) and np.isfinite(rows).all()
+    whole = rows.shape[1] == 1 + 3 * len(SKELETON.joints) and np.isfinite(rows).all()
     if not whole or (np.diff(rows[:, 0]) < 0).any():
         raise RecordingError(f"{path}: expected on each line a frame's number, that does not fall, and 60 numbers")
     seen = rows[:, 1:].any(axis=1)

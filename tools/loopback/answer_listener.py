@@ -22,7 +22,7 @@ _MAX_WAIT = 100
 Receiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
-class Heard(NamedTuple):
+class Received(NamedTuple):
     """A packet, the receiver it came in on, and the `time.perf_counter` reading when it did."""
 
     receiver: Receiver
@@ -45,18 +45,18 @@ class Listener:
         for receiver in receivers:
             self._poller.register(receiver.socket, zmq.POLLIN)
 
-    def listen_until(self, moment: float) -> list[Heard]:
+    def listen_until(self, moment: float) -> list[Received]:
         """Collect packets until a `time.perf_counter` reading; at least once, even when that is past."""
-        heard = list[Heard]()
+        received = list[Received]()
         while True:
             check_interrupted()
             remaining = moment - time.perf_counter()
             if self._poller.poll(min(_MAX_WAIT, max(0, int(remaining * 1000)))):
                 for receiver in self._receivers:
                     while (packet := receiver.receive()) is not None:
-                        heard.append(Heard(receiver, packet, time.perf_counter()))
+                        received.append(Received(receiver, packet, time.perf_counter()))
             elif remaining <= 0:
-                return heard
+                return received
             elif remaining < 1e-3:
                 time.sleep(min(remaining, _SHORT_SLEEP))
 

@@ -10,12 +10,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from typing import NamedTuple, Self
 
 #: Seconds that a program may take to print what is expected.
 _PATIENCE = 60.0
@@ -24,12 +20,9 @@ _POLL = 0.01
 _SIGNAL_OF_PARENTS_END = 1
 
 
-def _begin(prepare: Callable[[], None] | None) -> None:
-    """Let the new process end with its parent, also with one that is killed, where the system can; then prepare it."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENTS_END, signal.SIGTERM)
-    if prepare:
-        prepare()
+def _end_with_parent() -> None:
+    """Let the new process end with its parent, also with one that is killed."""
+    ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENTS_END, signal.SIGTERM)
 
 
 class Place(NamedTuple):
@@ -47,11 +40,9 @@ class Program:
     ----------
     arguments
         Its arguments.
-    prepare
-        Is called in the new process before the program begins; POSIX alone has this.
     """
 
-    def __init__(self, *arguments: str, prepare: Callable[[], None] | None = None) -> None:
+    def __init__(self, *arguments: str) -> None:
         self._name = arguments[0]
         self._folder = tempfile.TemporaryDirectory()
         self._output = Path(self._folder.name) / "output"
@@ -62,7 +53,7 @@ class Program:
                 stdin=subprocess.DEVNULL,
                 stdout=printed,
                 stderr=subprocess.STDOUT,
-                preexec_fn=partial(_begin, prepare) if os.name == "posix" else None,  # noqa: PLW1509 - no thread of ours holds a lock
+                preexec_fn=_end_with_parent if sys.platform == "linux" else None,  # noqa: PLW1509 - no thread of ours holds a lock
             )
 
     def __enter__(self) -> Self:
@@ -92,8 +83,8 @@ class Program:
             if found := re.search(pattern, self.printed):
                 return found
             if ended:
-                told = self.printed.strip().removeprefix("kinespace: ")
-                raise ChildProcessError(f"kinespace {self._name}: {told or 'silent'}")
+                said = self.printed.strip().removeprefix("kinespace: ")
+                raise ChildProcessError(f"kinespace {self._name}: {said or 'silent'}")
             time.sleep(_POLL)
 
     def place(self) -> Place:

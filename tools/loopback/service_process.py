@@ -1,4 +1,4 @@
-"""A recogniser as a person starts it, or a stand-in for it, over loopback: demo, latency, bench and tests use both."""
+"""A recogniser as a person starts it, or a bare echo, over loopback: demo, latency, bench and tests use both."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import tempfile
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import zmq
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
+from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import arguments_of
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import MotionLibrary
     from kinespace.stream.recognizer import Settings
-    from kinespace.tools.feeding.feed import FrameSender, Packet
+    from kinespace.tools.feeding.feed import FrameSender
     from kinespace.tools.loopback.answer_listener import Receiver
 
 Transport = Literal["osc", "zmq"]
@@ -34,30 +34,12 @@ LOOPBACK = "127.0.0.1"
 _ANY = f"tcp://{LOOPBACK}:*"
 #: Seconds after which a new process, or a connection to it, is given up.
 _MAX_START = 60.0
-#: Milliseconds between two looks of a stand-in whether it is to end, and between two greetings.
+#: Milliseconds between two looks of an echo whether it is to end, and between two greetings.
 _CHECK_EVERY, _GREET_EVERY = 100, 50
 
 
-class StandIn(Protocol):
-    """Answers in a recogniser's place, to measure the cost of everything around it; it is sent to the process.
-
-    Over ZeroMQ it must answer a greeting, whose topic is `hello/`.
-    """
-
-    def answer(self, packet: Packet) -> Packet | None:
-        """Give the answer to a packet; None for no answer."""
-
-
-class Echo:
-    """Sends every packet back unread."""
-
-    def answer(self, packet: Packet) -> Packet:
-        """Give the packet itself."""
-        return packet
-
-
 class BackgroundService:
-    """`kinespace live`, or a stand-in for it, in its own process on this machine; a context manager that ends it.
+    """`kinespace live`, or an echo, in its own process on this machine; a context manager that ends it.
 
     Parameters
     ----------
@@ -67,8 +49,8 @@ class BackgroundService:
         The library to recognise with; the built-in library when not given.
     settings
         Of the recognisers.
-    stand_in
-        Answers instead of a recogniser.
+    echo
+        Send every packet back unread instead, to measure the cost of everything around a recogniser.
     performers
         The number of performers at once, at most.
 
@@ -89,11 +71,11 @@ class BackgroundService:
         *,
         library: MotionLibrary | None = None,
         settings: Settings | None = None,
-        stand_in: StandIn | None = None,
+        echo: bool = False,
         performers: int = 32,
     ) -> None:
         self._opened = ExitStack()
-        self._transport, self._library, self._stand_in = transport, library, stand_in
+        self._transport, self._library, self._echo = transport, library, echo
         self._command = ["--plain", "--performers", f"{performers}", *(arguments_of(settings) if settings else ())]
         self.process_id = 0
 
@@ -103,7 +85,7 @@ class BackgroundService:
             port = self._receiver.address[1] if self._receiver else 0
             if self._receiver:
                 opened.callback(self._receiver.close)
-            begin = self._begin_stand_in if self._stand_in else self._begin
+            begin = self._begin_echo if self._echo else self._begin
             self._frames_to, self._answers_at = begin(opened, port)
             self._opened = opened.pop_all()
         return self
@@ -124,11 +106,11 @@ class BackgroundService:
         frames_to, answers_at = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);").groups()
         return frames_to, answers_at
 
-    def _begin_stand_in(self, opened: ExitStack, port: int) -> tuple[str, str]:
+    def _begin_echo(self, opened: ExitStack, port: int) -> tuple[str, str]:
         # A fresh interpreter, so that the child has none of the parent's sockets and threads.
         context = multiprocessing.get_context("spawn")
         connection, theirs = context.Pipe()
-        process = context.Process(target=_stand_in, args=(theirs, self._stand_in, port), daemon=True)
+        process = context.Process(target=_echo, args=(theirs, port), daemon=True)
         with signals_held():
             process.start()
         opened.callback(process.join)
@@ -137,7 +119,7 @@ class BackgroundService:
         theirs.close()
         opened.callback(connection.close)
         if not connection.poll(_MAX_START):
-            raise ChildProcessError("the stand-in's process did not start")
+            raise ChildProcessError("the echo's process did not start")
         self.process_id = process.pid or 0
         frames_to, answers_at = connection.recv()
         return frames_to, answers_at
@@ -161,19 +143,14 @@ class BackgroundService:
             sender.greet()
             receiver.socket.poll(_GREET_EVERY)
             while (parts := receiver.receive()) is not None:
-                if self._has_heard_us(parts):
+                # A greeting came back, or a status counts it.
+                if self._echo or (parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"]):
                     return sender, receiver
         raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
 
-    def _has_heard_us(self, parts: list[bytes]) -> bool:
-        """Whether a message shows that greetings arrive: a stand-in's answer, or a status that counts them."""
-        if self._stand_in:
-            return True
-        return parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"] > 0
 
-
-def _stand_in(connection: Connection, stand_in: StandIn, port: int) -> None:
-    """Run in the child until the parent has gone: receive and send, nothing else. Answers by OSC go to a port."""
+def _echo(connection: Connection, port: int) -> None:
+    """Run in the child until the parent has gone: send every packet back, by OSC to a port."""
     leave_signals_to_parent()
     receiver: Receiver
     sender: osc.OscSender | zeromq.ZmqSender
@@ -194,5 +171,4 @@ def _stand_in(connection: Connection, stand_in: StandIn, port: int) -> None:
             if not poller.poll(_CHECK_EVERY):
                 continue
             while (packet := receiver.receive()) is not None:
-                if (answer := stand_in.answer(packet)) is not None:
-                    sender.send(answer)  # type: ignore[arg-type]  # both ends are of one transport
+                sender.send(packet)  # type: ignore[arg-type]  # both ends are of one transport

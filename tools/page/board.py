@@ -1,4 +1,4 @@
-"""The board: all that pages show, as the recogniser's messages told it.
+"""The board: all that pages show, made of the recogniser's messages.
 
 There is no socket and no clock in here. Messages come in with the time on our clock. Every entry has a number that
 grows with each message, so that a page that has seen everything up to a number gets the newer entries alone: of bodies
@@ -16,8 +16,8 @@ import msgspec
 
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching.notices import Step
-from kinespace.stream.zeromq.bodies import decode_body
-from kinespace.tools.terminal.live_table import counted, refused_frames
+from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
+from kinespace.tools.terminal.live_table import counted, said_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,8 +29,6 @@ SHOWN, _SILENT = 60.0, 10.0
 #: Seconds for which entries are kept: longer than they are shown, so that they leave by the edge.
 _KEPT = SHOWN + 5.0
 _MAX_NOTICES = 32
-#: Characters of a name, at most; longer ones are cut.
-_MAX_NAME = 64
 
 
 class _Answer(msgspec.Struct, rename={"label": "class"}):
@@ -57,7 +55,6 @@ class _Classes(msgspec.Struct):
 class _Status(msgspec.Struct):
     inputs: dict[str, int]
     outcomes: dict[str, int | dict[str, int]]
-    performers: dict[str, float]
     hop_p50: float
     hop_p99: float
     frames_per_second: float = 0.0
@@ -92,9 +89,9 @@ _encode = msgspec.json.Encoder().encode
 
 @dataclass(slots=True)
 class _Noted:
-    """Something to tell, and the number of the message that told it."""
+    """What a page shows, and the number of the message that it came with."""
 
-    told: Any = None
+    shown: Any = None
     number: int = 0
 
 
@@ -112,7 +109,7 @@ class _Motion:
 
 @dataclass(slots=True)
 class _Performer:
-    heard: float
+    arrived: float
     body: _Noted = field(default_factory=_Noted)
     skeleton: _Noted = field(default_factory=_Noted)
     carried: _Noted = field(default_factory=_Noted)
@@ -156,54 +153,50 @@ class Board:
         """Take in one message of the recogniser; count a message that cannot be read."""
         kind = parts[0].partition(b"/")[0].decode(errors="replace") if parts else ""
         try:
-            if kind == "body":
-                self._take_body(parts, now)
-                return
-            told = _decoders[kind].decode(parts[1])
+            message = decode_body(parts) if kind == "body" else _decoders[kind].decode(parts[1])
         except (KeyError, IndexError, ValueError, RecursionError):
+            message = None
+        if message is None:
             self.unread += 1
             return
         self.number += 1
-        match told:
+        match message:
+            case name, BodyHeader() as header, positions:
+                self._take_body(name, header, positions, now)
             case _Answer():
-                self._take_answer(told, now)
+                self._take_answer(message, now)
             case _Event():
-                self._take_event(told, now)
+                self._take_event(message, now)
             case _Classes():
-                if told.classes != self._classes.told:
-                    self._classes = _Noted(told.classes, self.number)
+                if message.classes != self._classes.shown:
+                    self._classes = _Noted(message.classes, self.number)
             case _Status():
-                self._take_status(told, now)
+                self._take_status(message, now)
             case _Notice():
-                self._take_notice(told, now)
+                self._take_notice(message, now)
 
     def _performer(self, name: str, now: float) -> _Performer | None:
-        name = name[:_MAX_NAME]
         performer = self._performers.get(name)
         if performer is None:
             if len(self._performers) >= MAX_SHOWN:
                 self._further[name] = now
                 return None
             performer = self._performers[name] = _Performer(now)
-            self._tell_here()
-        performer.heard = now
+            self._note_performers()
+        performer.arrived = now
         return performer
 
-    def _tell_here(self) -> None:
+    def _note_performers(self) -> None:
         self._here = _Noted([*self._performers], self.number)
 
-    def _take_body(self, parts: Sequence[bytes], now: float) -> None:
-        decoded = decode_body(parts)
-        self.number += 1
-        performer = self._performer(decoded[0], now) if decoded else None
-        if decoded is None or performer is None:
-            self.unread += decoded is None
+    def _take_body(self, name: str, header: BodyHeader, positions: bytes, now: float) -> None:
+        performer = self._performer(name, now)
+        if performer is None:
             return
-        _, header, positions = decoded
         performer.body = _Noted((header.joints, positions), self.number)
         if header.names:
             skeleton = {"names": header.names, "parents": header.parents or ()}
-            if skeleton != performer.skeleton.told:
+            if skeleton != performer.skeleton.shown:
                 performer.skeleton = _Noted(skeleton, self.number)
         if header.carried:
             performer.carried = _Noted({"joints": header.carried, "pairs": header.pairs}, self.number)
@@ -215,22 +208,16 @@ class Board:
         performer = self._performer(answer.performer, now)
         if performer is None:
             return
-        order = {name: place for place, name in enumerate(self._classes.told)}
-        scores = [answer.scores.get(name) for name in order]
-        if missing := [name for name in answer.scores if name not in order]:
-            self._classes = _Noted([*self._classes.told, *missing], self.number)
-            scores += [answer.scores[name] for name in missing]
-        told = {
+        known = dict.fromkeys([*self._classes.shown, *answer.scores])
+        if len(known) > len(self._classes.shown):
+            self._classes = _Noted([*known], self.number)
+        shown = {
             "label": answer.label or answer.outcome,
             "named": answer.label is not None,
-            "guess": answer.guess,
-            "score": answer.score,
-            "margin": answer.margin,
-            "scores": scores,
-            "progress": answer.progress,
+            "scores": [answer.scores.get(name) for name in known],
             "at": now,
         }
-        performer.answer = _Noted(told, self.number)
+        performer.answer = _Noted(msgspec.to_builtins(answer) | shown, self.number)
         if not performer.guesses or performer.guesses[-1][2] != answer.guess:
             performer.guesses.append((self.number, now, answer.guess))
         while len(performer.guesses) > 1 and performer.guesses[1][1] < now - _KEPT:
@@ -243,27 +230,22 @@ class Board:
         performer.close(now, self.number)
         if event.event == EventKind.START:
             performer.motions.append(_Motion(next(self._keys), event.label, now, None, self.number))
-        self._drop_old(performer, now)
-
-    @staticmethod
-    def _drop_old(performer: _Performer, now: float) -> None:
         while performer.motions and (performer.motions[0].end or now) < now - _KEPT:
             performer.motions.popleft()
 
     def _take_status(self, status: _Status, now: float) -> None:
-        for name in [name for name, each in self._performers.items() if each.heard < now - _SILENT]:
+        for name in [name for name, each in self._performers.items() if each.arrived < now - _SILENT]:
             self._forget(name)
-        self._further = {name: heard for name, heard in self._further.items() if heard >= now - _SILENT}
-        told = {
+        self._further = {name: arrived for name, arrived in self._further.items() if arrived >= now - _SILENT}
+        shown = {
             "at": now,
             "counters": list(counted(msgspec.to_builtins(status))),
-            "rates": status.performers,
             "frames": status.frames_per_second,
             "hop": [status.hop_p50, status.hop_p99],
-            "notes": list(_notes_of(status)),
+            "notes": [*said_of(status), *status.notes],  # type: ignore[arg-type]  # of the same fields
             "further": len(self._further),
         }
-        self._status = _Noted(told, self.number)
+        self._status = _Noted(shown, self.number)
 
     def _take_notice(self, notice: _Notice, now: float) -> None:
         self._notices.append((self.number, {"at": now, **msgspec.to_builtins(notice)}))
@@ -282,11 +264,11 @@ class Board:
 
     def _forget(self, name: str) -> None:
         if self._performers.pop(name, None):
-            self._tell_here()
+            self._note_performers()
 
     def take_reply(self, control: dict[str, object]) -> None:
         """Take in the control socket's description of the classes and the settings."""
-        if control != self._control.told:
+        if control != self._control.shown:
             self.number += 1
             self._control = _Noted(control, self.number)
 
@@ -302,27 +284,28 @@ class Board:
         replies
             Replies to the page's commands.
         """
-        told: dict[str, object] = {"number": self.number, "now": now, "replies": [*replies]}
+        shown: dict[str, object] = {"number": self.number, "now": now, "replies": [*replies]}
         for name in ("here", "classes", "status", "control"):
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:
-                told[name] = noted.told
+                shown[name] = noted.shown
         for field_name in ("skeleton", "carried", "answer"):
             newer = {
-                name: noted.told
+                name: noted.shown
                 for name, each in self._performers.items()
                 if (noted := getattr(each, field_name)).number > seen
             }
             if newer:
-                told[field_name] = newer
-        told["motions"] = list(self._motions(seen))
-        told["guesses"] = [
+                shown[field_name] = newer
+        shown["motions"] = list(self._motions(seen))
+        shown["guesses"] = [
             (name, *guess[1:]) for name, each in self._performers.items() for guess in each.guesses if guess[0] > seen
         ]
-        told["notices"] = [notice for number, notice in self._notices if number > seen]
-        bodies = {name: each.body.told for name, each in self._performers.items() if each.body.number > seen}
-        told["bodies"] = [(name, joints) for name, (joints, _) in bodies.items()]
-        encoded = _encode({name: each for name, each in told.items() if each != []})
+        shown["notices"] = [notice for number, notice in self._notices if number > seen]
+        bodies = {name: each.body.shown for name, each in self._performers.items() if each.body.number > seen}
+        shown["bodies"] = [(name, joints) for name, (joints, _) in bodies.items()]
+        # That nobody is here any more is news; no other empty list is.
+        encoded = _encode({name: each for name, each in shown.items() if each != [] or name == "here"})
         encoded += b" " * (-len(encoded) % 4)
         return b"".join([len(encoded).to_bytes(4, "little"), encoded, *(each for _, each in bodies.values())])
 
@@ -331,12 +314,3 @@ class Board:
             for motion in each.motions:
                 if motion.number > seen:
                     yield name, motion.key, motion.class_name, motion.begin, motion.end, motion.mark
-
-
-def _notes_of(status: _Status) -> Iterator[str]:
-    for noticed in (status.compared, status.clocks, status.doubted):
-        for name, what in noticed.items():
-            yield f"{name}: {what}"
-    for name, why in status.refused.items():
-        yield refused_frames(name, why)
-    yield from status.notes

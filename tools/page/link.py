@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+from contextlib import closing, suppress
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.zeromq import Endpoint, Keyring
 
-#: The messages that a page always hears, and the messages that only an open page needs.
+#: The messages that a page always needs, and the messages that only an open page needs.
 _TOPICS = (b"event/", b"class/", b"classes/", b"status/", b"teach/")
 _BODIES = b"body/"
 #: Messages taken in one turn, at most, so that a flood leaves turns for the pages.
@@ -57,7 +57,7 @@ class Subscription:
         return int(self._socket.getsockopt(zmq.FD))
 
     def want_bodies(self, *, wanted: bool) -> None:
-        """Hear bodies, or stop hearing them while no page is open."""
+        """Subscribe to bodies, or to none while no page is open."""
         if wanted != self._bodies:
             self._bodies = wanted
             (self._socket.subscribe if wanted else self._socket.unsubscribe)(_BODIES)
@@ -75,8 +75,8 @@ class Subscription:
         self._socket.close()
 
 
-class ControlLink:
-    """Asks the control socket of a recogniser; from any thread, one request at a time.
+def ask_control(endpoint: Endpoint, keyring: Keyring | None, command: Mapping[str, object]) -> dict[str, Any] | None:
+    """Ask the control socket of a recogniser; from any thread.
 
     Parameters
     ----------
@@ -84,35 +84,17 @@ class ControlLink:
         The address of `--control`.
     keyring
         Keys of both ends; None for none.
+    command
+        The command.
+
+    Returns
+    -------
+    The reply; None when no reply comes in two seconds.
     """
-
-    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
-        self._endpoint, self._keyring = endpoint, keyring
-        self._socket: zmq.Socket[bytes] | None = None
-        self._lock = threading.Lock()
-
-    def ask(self, command: Mapping[str, object]) -> dict[str, Any] | None:
-        """Send a command and wait for the reply; None when no reply comes in two seconds."""
-        with self._lock:
-            if self._socket is None:
-                self._socket = self._endpoint.open(zmq.REQ, keyring=self._keyring)
-            try:
-                self._socket.send(_encode(command), zmq.NOBLOCK)
-                if self._socket.poll(_MAX_REPLY):
-                    told: dict[str, Any] = msgspec.to_builtins(_read(self._socket.recv()))
-                    return told
-            except (zmq.ZMQError, ValueError):
-                pass
-            # A REQ socket that got no reply cannot ask again.
-            self._shut()
-            return None
-
-    def _shut(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-    def close(self) -> None:
-        """Close the socket."""
-        with self._lock:
-            self._shut()
+    # A socket that got no reply could not ask again: each command has its own.
+    with closing(endpoint.open(zmq.REQ, keyring=keyring)) as asking, suppress(zmq.ZMQError, ValueError):
+        asking.send(_encode(command), zmq.NOBLOCK)
+        if asking.poll(_MAX_REPLY):
+            reply: dict[str, Any] = msgspec.to_builtins(_read(asking.recv()))
+            return reply
+    return None

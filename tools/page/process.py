@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
+import threading
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Self
+from urllib.parse import urlsplit
 
-from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
+from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.page.link import ControlLink, Subscription
+from kinespace.tools.page.link import Subscription, ask_control
 from kinespace.tools.page.requests import Gate
 
 if TYPE_CHECKING:
@@ -19,7 +23,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-#: Seconds after which a new process is given up, and after which one that was told to end is.
+#: Seconds after which a new process is given up, and after which one that is to end is.
 _MAX_START, _MAX_END = 30.0, 5.0
 
 
@@ -54,7 +58,7 @@ def require_websockets() -> None:
 
 
 def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-    """Serve a page; `started` is told its address, and `wants_end` is asked some times a second.
+    """Serve a page; `started` gets its address, and `wants_end` is asked some times a second.
 
     Raises
     ------
@@ -71,7 +75,7 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
     host, port = host_and_port(plan.address)
     keyring = Keyring(plan.keys) if plan.keys else None
     subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
-    control = ControlLink(Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
+    control = partial(ask_control, Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
     server = PageServer(subscription, control, Gate.for_host(host))
     try:
         # Windows' own loop cannot wait for ZeroMQ.
@@ -82,19 +86,19 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
                 raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
     finally:
         subscription.close()
-        if control:
-            control.close()
         if keyring:
             keyring.close()
 
 
 class PageProcess:
-    """A page in a process of its own; a context manager.
+    """A page in a process of its own, which is started again once when it dies; a context manager.
 
     Parameters
     ----------
     plan
         The addresses of the page.
+    say
+        Is given a line for a person when the process has died, from another thread.
 
     Attributes
     ----------
@@ -107,8 +111,16 @@ class PageProcess:
         As `serve_page`.
     """
 
-    def __init__(self, plan: PagePlan) -> None:
+    def __init__(self, plan: PagePlan, say: Callable[[str], object] = lambda _: None) -> None:
         require_websockets()
+        self._say = say
+        #: Whether the page is to end; the lock is held while it is begun again or ended.
+        self._ending, self._lock = False, threading.Lock()
+        self._begin(plan)
+        self._watching = threading.Thread(target=self._watch, args=(plan,), name="kinespace page", daemon=True)
+        self._watching.start()
+
+    def _begin(self, plan: PagePlan) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
@@ -120,7 +132,7 @@ class PageProcess:
         except EOFError:
             reply = ChildProcessError("the page's process ended before it began")
         if isinstance(reply, Exception):
-            self._end()
+            self._shut()
             raise reply
         self.address = str(reply)
 
@@ -130,7 +142,32 @@ class PageProcess:
     def __exit__(self, *_: object) -> None:
         self._end()
 
+    def _watch(self, plan: PagePlan) -> None:
+        wait([self._process.sentinel])
+        with self._lock:
+            if self._ending:
+                return
+            self._shut()
+            self._say(f"page: its process died ({self._process.exitcode}) and is started again")
+            # An open page finds it where it was.
+            place = f"{plan.address.rpartition(':')[0]}:{urlsplit(self.address).port}"
+            try:
+                self._begin(replace(plan, address=place))
+            except (OSError, ValueError) as error:
+                self._say(f"page: not started again: {error}")
+                return
+        self._say(f"page: {self.address}")
+        wait([self._process.sentinel])
+        if not self._ending:
+            self._say("page: its process died again; kinespace goes on without a page")
+
     def _end(self) -> None:
+        with self._lock:
+            self._ending = True
+            self._shut()
+        self._watching.join()
+
+    def _shut(self) -> None:
         self._connection.close()
         self._process.join(_MAX_END)
         if self._process.is_alive():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import secrets
 from dataclasses import dataclass
 from importlib import resources
@@ -82,7 +83,7 @@ class Gate:
     token
         The secret that a page must show to open its WebSocket; empty on an address that only this machine reaches.
     names
-        Names of this machine, beside its addresses, under which a browser may ask for the page.
+        Names of this machine, besides its addresses, under which a browser may ask for the page.
     """
 
     token: str = ""
@@ -119,12 +120,17 @@ class Gate:
         if headers.get("origin") != f"http://{host}":
             return _refusal(403, "not our page")
         shown = parse_qs(query).get("token", [""])[0]
-        if self.token and not secrets.compare_digest(shown.encode(), self.token.encode()):
+        if self.token and not secrets.compare_digest(shown.encode(errors="replace"), self.token.encode()):
             return _refusal(401, "the address that kinespace printed has a token")
         return None
 
     def _knows(self, host: str) -> bool:
-        name = (urlsplit(f"//{host}").hostname or "") if host.isprintable() and "@" not in host else ""
+        if not re.fullmatch(r"[\w.:\[\]-]+", host, re.ASCII):
+            return False
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
         try:
             ipaddress.ip_address(name)
         except ValueError:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import deque
 from contextlib import suppress
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
@@ -21,17 +22,21 @@ from kinespace.tools.page.board import Board
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request
 
-    from kinespace.tools.page.link import ControlLink, Subscription
+    from kinespace.tools.page.link import Subscription
+
+    Control = Callable[[Mapping[str, object]], dict[str, Any] | None]
 
 #: Open pages, at most.
 MAX_PAGES = 16
 #: Seconds between two messages to a page, at least, and between two looks without a message.
 _PACE, _LOOK = 1 / 35, 0.2
+#: Replies that wait for a page, at most.
+MAX_REPLIES = 8
 #: Seconds that a page may stay silent in the handshake.
 _MAX_OPENING = 5.0
 _NO_CONTROL = "start kinespace live with --teach FILE to teach from here"
@@ -46,7 +51,8 @@ class _Page:
         self.ready.set()
         self.woken.set()
         self.seen = self.sent = 0
-        self.replies: list[dict[str, Any]] = []
+        #: The newest: a page that draws nothing gets no further ones.
+        self.replies: deque[dict[str, Any]] = deque(maxlen=MAX_REPLIES)
 
     def acknowledged(self, number: int) -> None:
         """Note that a message was drawn."""
@@ -63,12 +69,12 @@ class PageServer:
     subscription
         The recogniser's messages.
     control
-        The recogniser's control socket; None: pages only look.
+        Asks the recogniser's control socket, and gives the reply, None without one; None: pages only look.
     gate
         Decides which browsers are let in.
     """
 
-    def __init__(self, subscription: Subscription, control: ControlLink | None, gate: Gate) -> None:
+    def __init__(self, subscription: Subscription, control: Control | None, gate: Gate) -> None:
         self.board = Board()
         self._subscription, self._control, self._gate = subscription, control, gate
         self._pages: set[_Page] = set()
@@ -78,11 +84,11 @@ class PageServer:
         self._asking: asyncio.Task[object] | None = None
 
     async def run(self, host: str, port: int, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve until it is to end, which is asked some times a second; `started` is told the page's address."""
+        """Serve until it is to end, which is asked some times a second; `started` gets the page's address."""
         loop = asyncio.get_running_loop()
-        loop.add_reader(self._subscription.fileno(), self._hear)
+        loop.add_reader(self._subscription.fileno(), self._take_messages)
         serving = serve(
-            self._talk,
+            self._serve,
             host,
             port,
             process_request=self._answer,
@@ -98,12 +104,12 @@ class PageServer:
             started(f"http://{named}:{port}/" + (f"?token={self._gate.token}" if self._gate.token else ""))
             while not wants_end():
                 # The file number wakes us for the first of several messages alone, and at times for none.
-                self._hear()
+                self._take_messages()
                 self._ask_for_state()
                 await asyncio.sleep(_LOOK)
         loop.remove_reader(self._subscription.fileno())
 
-    def _hear(self) -> None:
+    def _take_messages(self) -> None:
         now, before = self._clock(), self.board.number
         self._subscription.want_bodies(wanted=bool(self._pages))
         for parts in self._subscription.messages():
@@ -114,7 +120,7 @@ class PageServer:
             self._wake()
 
     def _ask_for_state(self) -> None:
-        """Ask the control again while it has not replied: it may have come later than we, or anew."""
+        """Ask the control again while it has not replied: it may have come later than we, or again."""
         if self._stale and self._control and self._pages and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
 
@@ -134,12 +140,12 @@ class PageServer:
         fields = {"Content-Length": str(len(reply.body)), "Connection": "close", **reply.headers}
         return Response(reply.status, HTTPStatus(reply.status).phrase, Headers(fields), reply.body)
 
-    async def _talk(self, connection: ServerConnection) -> None:
+    async def _serve(self, connection: ServerConnection) -> None:
         """Serve one page until it leaves; one that sends rubbish is closed."""
         page = _Page()
         self._pages.add(page)
-        self._hear()
-        telling = asyncio.create_task(self._tell(connection, page))
+        self._take_messages()
+        sending = asyncio.create_task(self._send(connection, page))
         self._ask_for_state()
         try:
             async for text in connection:
@@ -157,17 +163,18 @@ class PageServer:
             pass
         finally:
             self._pages.discard(page)
-            telling.cancel()
-            await asyncio.gather(telling, return_exceptions=True)
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
 
-    async def _tell(self, connection: ServerConnection, page: _Page) -> None:
+    async def _send(self, connection: ServerConnection, page: _Page) -> None:
         """Send the new entries whenever the page has drawn the last message."""
         with suppress(ConnectionClosed):
             while True:
                 await page.ready.wait()
                 await page.woken.wait()
                 page.woken.clear()
-                replies, page.replies = page.replies, []
+                replies = [*page.replies]
+                page.replies.clear()
                 message = self.board.news(page.seen, self._clock(), replies)
                 page.sent = self.board.number
                 page.ready.clear()
@@ -175,10 +182,10 @@ class PageServer:
                 await asyncio.sleep(_PACE)
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Ask the control socket; tell every page the changes."""
+        """Ask the control socket; every page gets the changes."""
         if self._control is None:
             return {"states": [_refused(_NO_CONTROL)]}
-        reply = await asyncio.to_thread(self._control.ask, command)
+        reply = await asyncio.to_thread(self._control, command)
         if reply is None:
             return {"states": [_refused(_NO_REPLY)]}
         states, self._stale = reply.pop("states"), False

@@ -1,7 +1,7 @@
 """`kinespace demo`: the whole loop on this machine, with the built-in library alone.
 
 It plays recorded motions of the library, one of each class. The library that names them does not contain the motions
-that are played. It contains other motions of the same persons: `kinespace evaluate` tells how well other persons are
+that are played. It contains other motions of the same persons: `kinespace evaluate` measures how well other persons are
 recognised.
 """
 
@@ -21,7 +21,7 @@ from rich.text import Text
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.cli.arguments import add_json
+from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.feeding.feed import Pace, clip_cues
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
@@ -39,14 +39,14 @@ if TYPE_CHECKING:
     from kinespace.library import Clip
     from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Cue, FrameSender
-    from kinespace.tools.loopback.answer_listener import Heard
+    from kinespace.tools.loopback.answer_listener import Received
     from kinespace.tools.loopback.service_process import Transport
 
 PERFORMER = "demo"
 #: Seconds of the shortest and the longest motion that is played, if a class has such: recognition begins after half a
 #: second, and all classes together take half a minute.
 MIN_SECONDS, MAX_SECONDS = 1.0, 2.14
-#: Seconds between two motions: longer than the recogniser's longest gap, so that its window starts anew.
+#: Seconds between two motions: longer than the recogniser's longest gap, so that its window begins empty.
 _PAUSE = 0.7
 _LINGER = 0.3
 #: Characters of a full score bar, and of a terminal that has room for it.
@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "0 every motion named, 1 a motion not named, 2 could not be done."
     )
     parser.add_argument("--transport", choices=("osc", "zmq"), default="osc")
-    add_json(parser)
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -124,29 +124,25 @@ class _Show:
         self._by_class = {each.class_name: each for each in played}
         self._matcher = matcher
         self._transport = transport
-        #: The class of each frame, and when it was sent.
-        self._sent: list[tuple[str, float]] = []
+        #: The motion of each frame, and when the frame was sent.
+        self._sent: list[tuple[_Played, float]] = []
         self.now_playing = ""
 
     def sent(self, cue: Cue, moment: float) -> None:
         """Note that a frame was sent."""
-        self._sent.append((cue.class_name, moment))
+        self._sent.append((self._by_class[cue.class_name], moment))
         self.now_playing = cue.class_name
 
-    def hear(self, heard: Sequence[Heard]) -> bool:
+    def take_in(self, received: Sequence[Received]) -> bool:
         """Note the answers that came; say whether there were any."""
         news = False
-        for each in heard:
-            answer = answer_in(each.packet)
-            expected = self._matcher.match(answer) if answer else None
-            if answer is None or expected is None:
-                continue
-            class_name, moment = self._sent[expected.cue]
-            played = self._by_class[class_name]
-            played.labels[answer.label] += 1
-            played.latest = answer
-            played.latencies.append(each.arrival - moment)
-            news = True
+        for each in received:
+            if (answer := answer_in(each.packet)) and (expected := self._matcher.match(answer)):
+                played, moment = self._sent[expected.cue]
+                played.labels[answer.label] += 1
+                played.latest = answer
+                played.latencies.append(each.arrival - moment)
+                news = True
         return news
 
     @property
@@ -210,12 +206,12 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _S
     pace = Pace()
     for cue in cues:
         packet = sender.encode(cue)
-        if show.hear(listener.listen_until(pace.moment(cue.due))) and live:
+        if show.take_in(listener.listen_until(pace.moment(cue.due))) and live:
             # Right after an answer, drawing delays no frame.
             live.update(show.table(console.width), refresh=True)
         show.sent(cue, time.perf_counter())
         sender.send(packet)
-    show.hear(listener.listen_until(time.perf_counter() + _LINGER))
+    show.take_in(listener.listen_until(time.perf_counter() + _LINGER))
     show.now_playing = ""
     if live:
         live.update(show.table(console.width), refresh=True)

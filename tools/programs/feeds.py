@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset
+from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
@@ -24,33 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """List the presets, or check one and print it as a file to be copied and edited; return the exit status.
-
-    Raises
-    ------
-    PresetError
-        A preset is wrong; the others are listed before.
-    """
-    name = options.name
-    if name is not None:
-        print(preset_named(name).text, end="")
+    """List the presets, or check one and print it as a file to be copied and edited; return the exit status."""
+    if options.name is not None:
+        print(preset_named(options.name).text, end="")
         return 0
-    broken = []
     for each in builtin_names():
-        try:
-            preset = builtin_preset(each)
-        except PresetError as error:
-            broken.append(str(error))
-            continue
-        console.print(Text.assemble((each, "bold"), f"  {described(preset)}"), soft_wrap=True)
-        console.print(f"    {preset.sender}", soft_wrap=True)
-    console.print(
+        preset = builtin_preset(each)
+        say(Text.assemble((each, "bold"), f"  {described(preset)}"))
+        say(f"    {preset.sender}")
+    say(
         "\nkinespace live --feed NAME uses one; kinespace feeds NAME > my.toml copies it for --feed my.toml.\n"
-        "A sender on another machine: --osc-in 0.0.0.0:PORT. No packets: kinespace listen PORT.",
-        soft_wrap=True,
+        "A sender on another machine: --osc-in 0.0.0.0:PORT. No packets: kinespace listen PORT."
     )
-    if broken:
-        raise PresetError("; ".join(broken))
     return 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,8 +10,7 @@ from kinespace.stream.workers.gateway import Gateway
 from kinespace.stream.workers.terms import Terms
 from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.programs.live import program as live
-from kinespace.tools.programs.live.recognisers import Where
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
@@ -29,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(teach=None, control=[], workers=0)
     parser.description = (
         "Receives and answers as kinespace live does, with the same options; kinespace work recognises, on any number "
-        "of machines. Teach with kinespace live, then give --library. Unless told otherwise workers reach the gateway "
+        "of machines. Teach with kinespace live, then give --library. By default workers reach the gateway "
         f"on {LISTEN}."
     )
     add_bus(parser)
@@ -56,21 +54,16 @@ def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     if Path(options.naming).suffix:
         raise ValueError(f"--names: expected a convention by its name, which workers know, too, got {options.naming}")
+    return live.run(options, _gateway)
 
-    def make(options: argparse.Namespace, library: Known, joints: SentJoints, _: Sequence[str]) -> Gateway:
-        listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
-        session = open_session(listen, options.connect, options.zenoh)
-        terms = Terms(
-            settings=settings_of(options), most=options.performers, assumed=joints.assumed, naming=options.naming
-        )
-        show = partial(console.print, soft_wrap=True)
-        gateway = Gateway(session, library, terms, connect=options.connect, show=show)
-        where.sources.append(gateway.source)
-        console.print(
-            f"gateway {gateway.name}; workers reach it by {', '.join([*listen, *options.connect]) or options.zenoh}",
-            soft_wrap=True,
-        )
-        return gateway
 
-    where = Where(make)
-    return live.run(options, where)
+def _gateway(options: argparse.Namespace, library: Known, joints: SentJoints, _: Sequence[str]) -> Gateway:
+    """Make recognisers wherever workers run."""
+    listen = options.listen or ([] if options.connect or options.zenoh else [LISTEN])
+    session = open_session(listen, options.connect, options.zenoh, options.keys, to_anybody=options.open)
+    terms = Terms(settings=settings_of(options), most=options.performers, assumed=joints.assumed, naming=options.naming)
+    gateway = Gateway(session, library, terms, connect=options.connect, show=say)
+    say(f"gateway {gateway.name}; workers reach it by {', '.join([*listen, *options.connect]) or options.zenoh}")
+    if options.open and options.listen:
+        say("--open: any program that connects may work here, and gets the bodies")
+    return gateway

@@ -1,22 +1,27 @@
-"""`kinespace keys`: a pair of keys for ZeroMQ."""
+"""`kinespace keys`: a pair of keys for ZeroMQ, and a certificate for Zenoh."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.stream.workers.certificates import make_certificate
 from kinespace.stream.zeromq.keys import make_keys
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
+
+_ADVICE = "public, for the others' folders", "secret, keep it here"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Makes a pair of keys (CURVE) in a folder. Copy NAME.key into the folders of programs that must let NAME in; "
-        "NAME.key_secret stays here. live, replay and record use the folder with --keys."
+        "Makes a pair of keys (CURVE) and a certificate (TLS) in a folder. Copy NAME.key and NAME.pem into the folders "
+        "of programs that must let NAME in; NAME.key_secret and NAME.pem_secret stay here. live, replay, record, "
+        "gateway and work use the folder with --keys."
     )
     parser.add_argument("name", metavar="NAME", help="name of the keys' owner, like stage or ann")
     parser.add_argument(
@@ -27,6 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     public, secret = make_keys(options.keys or Path(options.name), options.name)
-    for line in (f"{public}: public, for the others' folders", f"{secret}: secret, keep it here"):
-        console.print(line, soft_wrap=True, markup=False, highlight=False)
+    made = [(public, secret)]
+    # An extra: only gateways and workers use certificates.
+    with suppress(ImportError):
+        made.append(make_certificate(public.parent, options.name))
+    for line in (f"{each}: {advice}" for pair in made for each, advice in zip(pair, _ADVICE, strict=True)):
+        say(line)
     return 0

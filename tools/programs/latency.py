@@ -1,10 +1,10 @@
-"""`kinespace latency`: from the last byte of a frame sent to its answer received, beside a bare echo of the packets."""
+"""`kinespace latency`: from the last byte of a frame sent to its answer received, and a bare echo of the packets."""
 
 from __future__ import annotations
 
 import json
 import time
-from contextlib import closing
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from kinespace.tools.cli.arguments import add_settings, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, Pace, without_pause
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService, Echo
+from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.tables import narrow_table
 
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from kinespace.stream.recognizer import Settings
-    from kinespace.tools.loopback.answer_listener import Heard
+    from kinespace.tools.feeding.feed import FrameSender
+    from kinespace.tools.loopback.answer_listener import Received
     from kinespace.tools.loopback.service_process import Transport
 
 #: Seconds after the last frame in which answers may still come.
@@ -125,62 +126,52 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
     with (
         BackgroundService(transport, settings=settings) as service,
-        BackgroundService(transport, stand_in=Echo()) as echo,
-        closing(_Run(service, echo)) as run,
+        BackgroundService(transport, echo=True) as echo,
+        ExitStack() as opened,
     ):
-        run.play(cues, Announcement("latency", library.skeleton.joints), rate_hz)
+        (sender, answers_at), (echo_sender, echoes_at) = service.connect(), echo.connect()
+        listener = Listener(answers_at, echoes_at)
+        for each in (sender, echo_sender, listener):
+            opened.callback(each.close)
+        sender.announce(Announcement("latency", library.skeleton.joints))
+        sent, echo_sent, received = _played(cues, (sender, echo_sender), listener, rate_hz)
     matcher = AnswerMatcher(expected)
-    answers = [(answer, each.arrival) for each in run.answers if (answer := answer_in(each.packet))]
-    pairs = [(matcher.match(answer), arrival) for answer, arrival in answers]
+    echoes = [each for each in received if each.receiver is echoes_at]
+    answers = [(answer_in(each.packet), each.arrival) for each in received if each.receiver is answers_at]
+    pairs = [(matcher.match(answer), arrival) for answer, arrival in answers if answer]
     return Latency(
         transport=transport,
         rate_hz=rate_hz,
         sent=len(cues),
         answered=sum(found is not None for found, _ in pairs),
         lost=matcher.lost + matcher.waiting,
-        seconds=np.array([arrival - run.sent[found.cue] for found, arrival in pairs if found and found.cue >= warm]),
-        echo_seconds=np.array([each.arrival - at for each, at in zip(run.echoes, run.echo_sent, strict=False)][warm:]),
+        seconds=np.array([arrival - sent[found.cue] for found, arrival in pairs if found and found.cue >= warm]),
+        echo_seconds=np.array([each.arrival - at for each, at in zip(echoes, echo_sent, strict=False)][warm:]),
     )
 
 
-class _Run:
-    """One feed to a recogniser and an echo, with the moments of everything sent and received."""
+def _played(
+    cues: Sequence[Cue], senders: Sequence[FrameSender], listener: Listener, rate_hz: float
+) -> tuple[list[float], list[float], list[Received]]:
+    """Send every frame when it is due, and its copy to the echo half a frame later.
 
-    def __init__(self, service: BackgroundService, echo: BackgroundService) -> None:
-        self._sender, answers = service.connect()
-        self._echo_sender, self._echo_receiver = echo.connect()
-        self._listener = Listener(answers, self._echo_receiver)
-        self.sent: list[float] = []
-        self.echo_sent: list[float] = []
-        self.answers: list[Heard] = []
-        self.echoes: list[Heard] = []
-
-    def play(self, cues: Sequence[Cue], announcement: Announcement, rate_hz: float) -> None:
-        """Send every frame when it is due, and its copy to the echo half a frame later."""
-        self._sender.announce(announcement)
-        # Greetings from the connection are not part of the run.
-        self._listener.listen_until(time.perf_counter() + _SETTLE)
-        pace = Pace()
-        for cue in cues:
-            packet, echoed = self._sender.encode(cue), self._echo_sender.encode(cue)
-            self._keep(self._listener.listen_until(pace.moment(cue.due)))
+    Returns
+    -------
+    When each frame and each copy was sent, and all that came back; moments as `time.perf_counter` reads them.
+    """
+    sent, copied = list[float](), list[float]()
+    # Greetings from the connection are not part of the run.
+    listener.listen_until(time.perf_counter() + _SETTLE)
+    pace, received = Pace(), list["Received"]()
+    for cue in cues:
+        packets = [sender.encode(cue) for sender in senders]
+        for sender, packet, moments, later in zip(senders, packets, (sent, copied), (0.0, 0.5), strict=True):
+            received += listener.listen_until(pace.moment(cue.due + later / rate_hz))
             # Before the call, because the answer may be on its way before the call returns.
-            self.sent.append(time.perf_counter())
-            self._sender.send(packet)
-            self._keep(self._listener.listen_until(pace.moment(cue.due + 0.5 / rate_hz)))
-            self.echo_sent.append(time.perf_counter())
-            self._echo_sender.send(echoed)
-        self._keep(self._listener.listen_until(time.perf_counter() + _LINGER))
-
-    def close(self) -> None:
-        """Give the sockets back."""
-        self._sender.close()
-        self._echo_sender.close()
-        self._listener.close()
-
-    def _keep(self, heard: Sequence[Heard]) -> None:
-        for each in heard:
-            (self.echoes if each.receiver is self._echo_receiver else self.answers).append(each)
+            moments.append(time.perf_counter())
+            sender.send(packet)
+    received += listener.listen_until(time.perf_counter() + _LINGER)
+    return sent, copied, received
 
 
 def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> list[Cue]:

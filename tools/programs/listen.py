@@ -13,17 +13,16 @@ from rich.text import Text
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import NamedJoints, Naming, hdm05
-from kinespace.library.naming import told as names_told
+from kinespace.library.naming import NamedJoints, Naming, hdm05, summary
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.cli.arguments import OSC_IN, add_json, add_shared, positive
+from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.terminal.console import console, printable
+from kinespace.tools.terminal.console import console, printable, say
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
 if TYPE_CHECKING:
@@ -54,9 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="read the packets as this feed, and ask the sender for frames if the feed needs it",
     )
-    add_shared(parser, "--sender")
     parser.add_argument("--seconds", type=positive, default=5.0, help="seconds to listen (default %(default)s)")
-    add_json(parser)
+    add_shared(parser, "--sender", "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -68,20 +66,20 @@ def run(options: argparse.Namespace) -> int:
         receiver = OscReceiver(host, port)
     place = host, port = receiver.address
     if not options.json:
-        console.print(f"listening on OSC {host}:{port} for {options.seconds:g} s; Ctrl-C ends", soft_wrap=True)
-    survey = heard(receiver, options.seconds, preset, options.sender)
+        say(f"listening on OSC {host}:{port} for {options.seconds:g} s; Ctrl-C ends")
+    survey = surveyed(receiver, options.seconds, preset, options.sender)
     presets = [preset] if preset else [builtin_preset(name) for name in builtin_names()]
     guess = survey.looked_at_as(preset) if preset else survey.guess(presets)
-    told = advice(survey, guess, address)
+    lines = advice(survey, guess, address)
     pasted = command(guess, feed, place) if guess and guess.frames else None
     if options.json:
-        print(json.dumps(as_object(survey, guess, told) | {"command": pasted}))
+        print(json.dumps(as_object(survey, guess, lines) | {"command": pasted}))
     else:
-        _show(survey, guess, [*([f"recognise it: {pasted}"] if pasted else []), *told])
+        _show(survey, guess, [*([f"recognise it: {pasted}"] if pasted else []), *lines])
     return 0 if guess and guess.frames else 1
 
 
-def heard(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
+def surveyed(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
     """Collect packets for some seconds, or until Ctrl-C; send the preset's messages to the sender if it has any."""
     survey = Survey()
     source = FeedSource(receiver, preset, sender=sender) if preset else Source(receiver, OscDecoder())
@@ -103,7 +101,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
     if not survey.packets:
         lines = ["nothing arrived: does the sender send to this port and to this machine's address?"]
         if not (address or "").startswith("0.0.0.0"):  # noqa: S104 - compared, not bound
-            lines.append("to hear another machine, listen on 0.0.0.0:PORT and let the firewall pass the packets")
+            lines.append("for the packets of another machine listen on 0.0.0.0:PORT, and let the firewall pass them")
         return lines
     lines = list[str]()
     if survey.undecodable:
@@ -161,7 +159,7 @@ def _odd(survey: Survey, guess: Guess) -> list[str]:
     """Describe oddities of the frames, and the reasons why packets could not be read."""
     clocks, stretching, refusals = survey.findings(guess.preset)
     return [
-        *(f"performer {name}: {told}" for name, told in clocks.items()),
+        *(f"performer {name}: {reading}" for name, reading in clocks.items()),
         *(
             f"performer {name}: many segments change their length by more than a tenth. A depth sensor does "
             "this; otherwise the joints come in another order than their names, or as angles instead of positions"
@@ -196,7 +194,7 @@ def _named_otherwise(survey: Survey) -> list[str]:
     ]
 
 
-def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str, object]:
+def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str, object]:
     """Put everything that was found into one object for JSON."""
     return {
         "packets": survey.packets,
@@ -215,11 +213,11 @@ def as_object(survey: Survey, guess: Guess | None, told: list[str]) -> dict[str,
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
         "names": named.title if (named := named_joints(survey)) else None,
-        "advice": told,
+        "advice": lines,
     }
 
 
-def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
+def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
     table = narrow_table("kinespace listen", _caption(survey))
     shown = sorted(survey.kinds.values(), key=lambda kind: -kind.count)
     add_names(table, "address", [printable(kind.address) for kind in shown[:_MAX_SHOWN]], beside=_BESIDE_ADDRESSES)
@@ -234,20 +232,16 @@ def _show(survey: Survey, guess: Guess | None, told: list[str]) -> None:
     if len(shown) > _MAX_SHOWN:
         console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MAX_KINDS else ''} other kinds")
     if guess:
-        _say(
+        say(
             f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
             f"{len(guess.joints)} of {len(guess.preset.joints)} joints, {guess.frames} frames"
         )
         if named := named_joints(survey):
-            _say(names_told(named.title or "our", named.joints))
+            say(summary(named.title or "our", named.joints))
         if guess.frames:
-            _say(f"performers: {', '.join(map(printable, guess.performers))}, {guess.rate:.1f} frames per second each")
-    for line in told:
-        _say(line)
-
-
-def _say(line: str) -> None:
-    console.print(line, soft_wrap=True, markup=False, highlight=False)
+            say(f"performers: {', '.join(map(printable, guess.performers))}, {guess.rate:.1f} frames per second each")
+    for line in lines:
+        say(line)
 
 
 def _caption(survey: Survey) -> str:

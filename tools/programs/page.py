@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING
 
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import PAGE, add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.page.process import PagePlan, serve_page
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
@@ -39,10 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    ended: list[bool] = []
-    stop_on_signals(lambda: ended.append(True))
+    ended = threading.Event()
+    stop_on_signals(ended.set)
     plan = PagePlan(options.source, f"{options.host}:{options.port}", options.control, options.keys)
-    serve_page(
-        plan, lambda address: console.print(f"page: {address}; Ctrl-C ends", soft_wrap=True), lambda: bool(ended)
-    )
+    serve_page(plan, lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
     return 0

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream.workers.bus import LISTEN, open_session
 from kinespace.stream.workers.node import Node
+from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.gateway import add_bus
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
@@ -19,23 +20,24 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Recognises performers for every gateway that it reaches, with the gateway's library and settings. Unless told "
-        f"otherwise it connects to {LISTEN}."
+        "Recognises performers for every gateway that it reaches, with the gateway's library and settings. By default "
+        f"it connects to {LISTEN}."
     )
     add_bus(parser)
+    add_shared(parser, "--keys", "--open")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     connect = options.connect or ([] if options.listen or options.zenoh else [LISTEN])
-    session = open_session(options.listen, connect, options.zenoh)
-    node = Node(session, lambda line: console.print(line, soft_wrap=True, markup=False), connect=connect)
+    session = open_session(options.listen, connect, options.zenoh, options.keys, to_anybody=options.open)
+    node = Node(session, say, connect=connect)
     with closing(node):
         stop_on_signals(node.stop)
         reached = ", ".join([*options.listen, *connect]) or options.zenoh
-        console.print(f"worker {node.name} tries to reach {reached}; Ctrl-C ends", soft_wrap=True)
+        say(f"worker {node.name} tries to reach {reached}; Ctrl-C ends")
         gc.freeze()
         node.run()
         counts = node.counts
-    console.print(", ".join(f"{name} {count}" for name, count in counts.items()), soft_wrap=True)
+    say(", ".join(f"{name} {count}" for name, count in counts.items()))
     return 0

@@ -1,4 +1,4 @@
-"""The beginning of teaching: the file of taught motions, opened beside a library or alone."""
+"""The beginning of teaching: the file of taught motions, opened with a library or alone."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Roster, TaughtWindows
+from kinespace.library.teaching.movement import STILLNESS
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.teaching import Teacher
 from kinespace.tools.teaching.lessons import ClassPlaces, Lessons
@@ -19,14 +20,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from kinespace.stream.service.recognising import Teachable
+    from kinespace.stream.workers.gateway import Recognising
 
 
 def open_lessons(
     file: Path,
     library: MotionLibrary | None,
     joints: Sequence[str],
-    performers: Callable[[WindowIndex, Sequence[str]], Teachable],
+    performers: Callable[[WindowIndex, Sequence[str]], Recognising],
+    stillness: float = STILLNESS,
 ) -> Lessons:
     """Open the taught library for lessons.
 
@@ -35,11 +37,13 @@ def open_lessons(
     file
         A library of taught motions; it may be missing.
     library
-        The library that is compared beside the taught motions; None for none.
+        The library that is compared together with the taught motions; None for none.
     joints
         The joints of frames, if known; used without a library.
     performers
         Makes the recognisers from an opened library and the order of its classes.
+    stillness
+        Movement below which a performer stands still (`library.teaching.movement`).
 
     Raises
     ------
@@ -57,9 +61,9 @@ def open_lessons(
         motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
         taught = MotionLibrary(base.library.skeleton, motions)
     roster = Roster.of_library(taught) if taught else Roster()
-    windows = TaughtWindows(base, beside=library is not None)
+    windows = TaughtWindows(base, with_base=library is not None)
     index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
-    teacher = Teacher(index.library.skeleton, roster, windows.base_classes)
+    teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
     order = ClassPlaces(windows.base_classes).of(roster)
     return Lessons(performers(index, order or index.classes), teacher, windows, file)
 

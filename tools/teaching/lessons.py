@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from kinespace.library.motion_library import NOTHING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.teaching import Asked, Changed, State, Step, commands
-from kinespace.tools.teaching.opener import Change, Checked, Failed, Opened, RosterOpener
+from kinespace.tools.teaching.opener import Change, RosterOpener
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from kinespace.library.teaching.examples import Roster, TaughtWindows
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
-    from kinespace.stream.service.recognising import Teachable
     from kinespace.stream.teaching import Notice, Teacher
-    from kinespace.tools.teaching.opener import Result
+    from kinespace.stream.workers.gateway import Recognising
 
 
 class Lessons(Sink):
@@ -48,13 +47,15 @@ class Lessons(Sink):
         The classes of the answers; a class keeps its index once it was known.
     answers
         Whether performers are answered: not without a library.
+    is_quiet
+        Whether a performer who is being taught is not answered meanwhile.
     sinks
         The sinks for notices, for the classes when they change, and for the ends of motions whose class is gone.
     """
 
     def __init__(
         self,
-        performers: Teachable,
+        performers: Recognising,
         teacher: Teacher,
         windows: TaughtWindows,
         file: Path,
@@ -66,7 +67,8 @@ class Lessons(Sink):
         self.classes = self._places.of(teacher.roster)
         self.answers = bool(windows.base_classes or teacher.roster.examples)
         self.sinks: Sequence[Sink] = ()
-        self._opener = RosterOpener(windows, file)
+        self.is_quiet = False
+        self._opener = RosterOpener(windows, file, teacher, self._exchange)
         self._waiting: queue.SimpleQueue[Asked] = queue.SimpleQueue()
 
     def publish_frame(self, frame: Frame) -> None:
@@ -82,32 +84,42 @@ class Lessons(Sink):
         """Carry out a command, and reply if a reply is wanted; give the states that follow at once."""
         match asked.command:
             case None:
-                told: Iterable[Notice | Changed] = [State("", Step.REFUSED, 0.0, asked.refusal)]
+                notices: Iterable[Notice | Changed] = [State("", Step.REFUSED, 0.0, asked.refusal)]
             case commands.Save():
                 self._opener.open(Change(self._teacher.roster, self.performers.settings, asked=True))
-                told = [State("", Step.CHECKING, 0.0, "saving")]
+                notices = [State("", Step.CHECKING, 0.0, "saving")]
             case commands.Sensitivity(share):
                 self.performers.set_sensitivity(share)
-                told = [State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
+                notices = [State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
             case command:
-                told = map(self._explained, self._teacher.command(command, self._clock()))
-        states = self._publish(told)
+                notices = map(self._explained, self._teacher.command(command, self._clock()))
+        states = self._publish(notices)
         if asked.reply:
             asked.reply(states, self._described())
         return states
+
+    @property
+    def muted(self) -> str:
+        """The performer who is not answered during a lesson; empty for nobody."""
+        lesson = self._teacher.lesson
+        return lesson.performer if lesson and self.is_quiet else ""
 
     def tend(self, now: float) -> None:
         """Do the work that is due by the clock, and take what was opened."""
         while not self._waiting.empty():
             self.carry_out(self._waiting.get())
         self._publish(self._teacher.tick(now))
-        for result in self._opener.results():
-            self._publish(self._taken(result))
+        self._publish(self._opener.results())
 
     def close(self) -> None:
         """Save the last changes."""
         self._opener.close()
         self.tend(self._clock())
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether there are changes that are not in the file."""
+        return self._opener.has_unsaved
 
     def _described(self) -> dict[str, object]:
         """Describe the classes and the settings, for a reply: `taught` counts the examples of each taught class."""
@@ -126,10 +138,10 @@ class Lessons(Sink):
             return replace(notice, reason=self.performers.refused.get(notice.performer, notice.reason))
         return notice
 
-    def _publish(self, told: Iterable[Notice | Changed]) -> list[State]:
-        """Tell the sinks the notices, and open changed rosters; give the states."""
+    def _publish(self, notices: Iterable[Notice | Changed]) -> list[State]:
+        """Pass the notices to the sinks, and open changed rosters; give the states."""
         states = []
-        for each in told:
+        for each in notices:
             if isinstance(each, Changed):
                 before = self._teacher.recent(each.number) if each.number else None
                 self._opener.open(Change(each.roster, self.performers.settings, each.number, before))
@@ -139,19 +151,7 @@ class Lessons(Sink):
                 sink.publish_notice(each)
         return states
 
-    def _taken(self, result: Result) -> Sequence[Notice | Changed]:
-        match result:
-            case Opened(roster, index):
-                self._exchange(roster, index)
-                return ()
-            case Checked(number, check, starts):
-                return self._teacher.checked(number, check, starts)
-            case Failed(number, reason):
-                return self._teacher.failed(number, reason)
-            case State():
-                return [result]
-
-    def _exchange(self, roster: Roster, index: WindowIndex | None) -> None:
+    def _exchange(self, roster: Roster, index: WindowIndex | None) -> Sequence[Notice | Changed]:
         """Let the recognisers compare with the opened roster."""
         self.classes = self._places.of(roster)
         ended = self.performers.exchange(index, self.classes) if index else []
@@ -161,6 +161,7 @@ class Lessons(Sink):
                 sink.publish_event(event)
             sink.publish_classes(self.classes)
         self.answers = index is not None
+        return ()
 
 
 class ClassPlaces:

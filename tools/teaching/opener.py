@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import NOTHING
@@ -15,16 +17,19 @@ from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.teaching import State, Step
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from kinespace.library.teaching.examples import Check, Roster, TaughtWindows
+    from kinespace.library.teaching.examples import Roster, TaughtWindows
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.teaching import Changed, Notice, Teacher
     from kinespace.stream.teaching.memory import Remembered
 
 #: Seconds between two answers when an example is tried on the last minutes: enough to count starts.
 _TRIED_EVERY = 0.1
+#: Seconds after the first change within which it is saved, also while further changes wait; and between two attempts.
+_SAVED_WITHIN = 1.0
 #: Frames after which the thread pauses for other threads, and the pause in seconds.
 _FRAMES_AT_ONCE, _PAUSE = 6, 0.002
 
@@ -54,35 +59,6 @@ class Change:
     asked: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Opened:
-    """The opened roster; no index while nothing is taught and nothing else is compared."""
-
-    roster: Roster
-    index: WindowIndex | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Checked:
-    """An example's check, and how often its class would have started in the last minutes."""
-
-    number: int
-    check: Check | None
-    starts: int
-
-
-@dataclass(frozen=True, slots=True)
-class Failed:
-    """An example cannot be compared, and why."""
-
-    number: int
-    reason: str
-
-
-#: A state is for listeners: the file was written, or what went wrong.
-Result = Opened | Checked | Failed | State
-
-
 class RosterOpener:
     """Deals with changes in the order in which they came; ends when it is closed.
 
@@ -92,12 +68,26 @@ class RosterOpener:
         Opens rosters.
     file
         Where the roster is saved after every change.
+    teacher
+        Takes the checks of examples.
+    exchange
+        Takes an opened roster; without an index while nothing is taught and nothing else is compared.
     """
 
-    def __init__(self, windows: TaughtWindows, file: Path) -> None:
-        self._windows, self._file = windows, file
+    def __init__(
+        self,
+        windows: TaughtWindows,
+        file: Path,
+        teacher: Teacher,
+        exchange: Callable[[Roster, WindowIndex | None], Sequence[Notice | Changed]],
+    ) -> None:
+        #: The newest roster, as long as it is not saved, since when, and whether an attempt failed.
+        self._unsaved: Roster | None = None
+        self._since, self._failed = 0.0, False
+        self._windows, self._file, self._teacher, self._exchange = windows, file, teacher, exchange
         self._changes: queue.SimpleQueue[Change | None] = queue.SimpleQueue()
-        self._results: queue.SimpleQueue[Result] = queue.SimpleQueue()
+        #: What is to be done in the caller's thread; each call gives notices.
+        self._results: queue.SimpleQueue[Callable[[], Sequence[Notice | Changed]]] = queue.SimpleQueue()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
         self._thread.start()
@@ -106,10 +96,10 @@ class RosterOpener:
         """Open, save, check and try a change soon."""
         self._changes.put(change)
 
-    def results(self) -> Iterator[Result]:
-        """Give the results since the last call, in order."""
+    def results(self) -> Iterator[Notice | Changed]:
+        """Hand over the results since the last call, in order; give the notices on them."""
         while not self._results.empty():
-            yield self._results.get()
+            yield from self._results.get()()
 
     def close(self) -> None:
         """Save the last changes, and end."""
@@ -118,17 +108,28 @@ class RosterOpener:
         self._thread.join()
 
     def _work(self) -> None:
-        unsaved: Roster | None = None
-        while (change := self._changes.get()) is not None:
-            index, unsaved = self._opened(change, unsaved)
+        while True:
+            try:
+                change = self._changes.get(timeout=_SAVED_WITHIN if self._unsaved else None)
+            except queue.Empty:
+                self._save()
+                continue
+            if change is None:
+                break
+            index = self._opened(change)
             if change.number and index is not None:
                 check = checked(index, change.number)
-                self._results.put(Checked(change.number, check, self._starts(change, index)))
-        if unsaved is not None:
-            self._save(unsaved)
+                starts = self._starts(change, index)
+                self._results.put(partial(self._teacher.checked, change.number, check, starts))
+        self._save()
 
-    def _opened(self, change: Change, unsaved: Roster | None) -> tuple[WindowIndex | None, Roster | None]:
-        """Open a roster and save it, unless another one waits; give its index, and the roster not saved yet."""
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether there are changes that are not in the file."""
+        return self._unsaved is not None
+
+    def _opened(self, change: Change) -> WindowIndex | None:
+        """Open a roster and save it, unless another one waits and the oldest change is young; give its index."""
         try:
             index = self._windows.index_of(change.roster)
             if index is not None:
@@ -136,30 +137,46 @@ class RosterOpener:
                 Recognizer(index, change.settings)
         except (ValueError, MemoryError) as error:
             reason = " ".join(str(error).split())
-            self._results.put(Failed(change.number, reason) if change.number else _refused(reason))
-            return None, unsaved
-        self._results.put(Opened(change.roster, index))
-        if not (change.asked or self._changes.empty()):
-            return index, change.roster
-        self._save(change.roster, asked=change.asked)
-        return index, None
+            if change.number:
+                self._results.put(partial(self._teacher.failed, change.number, reason))
+            else:
+                self._say(Step.REFUSED, reason)
+            return None
+        self._results.put(partial(self._exchange, change.roster, index))
+        if self._unsaved is None:
+            self._since = time.monotonic()
+        self._unsaved = change.roster
+        if change.asked or self._changes.empty() or time.monotonic() - self._since > _SAVED_WITHIN:
+            self._save(asked=change.asked)
+        return index
 
-    def _save(self, roster: Roster, *, asked: bool = False) -> None:
+    def _save(self, *, asked: bool = False) -> None:
+        """Save the newest roster; a failure is said once, and tried again later."""
+        roster = self._unsaved
+        if roster is None:
+            return
         try:
             library = roster.library()
+            # A symbolic link stays one.
             if library is None:
-                self._file.unlink(missing_ok=True)
+                self._file.resolve().unlink(missing_ok=True)
             else:
-                library.save(self._file)
+                library.save(self._file.resolve())
         except (OSError, ValueError) as error:
             why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            told = f"{self._file.name} was not saved: {why}; the taught motions are still in memory"
-            self._results.put(_refused(told))
+            if asked or not self._failed:
+                self._say(
+                    Step.REFUSED, f"{self._file.name} was not saved: {why}; the taught motions are still in memory"
+                )
+            self._failed = True
             return
+        asked, self._failed, self._unsaved = asked or self._failed, False, None
         if asked:
             count = len(roster.examples)
-            told = f"{self._file.name} saved, examples: {count}" if count else "nothing to save"
-            self._results.put(State("", Step.DONE, 0.0, told))
+            self._say(Step.DONE, f"{self._file.name} saved, examples: {count}" if count else "nothing to save")
+
+    def _say(self, step: Step, reason: str) -> None:
+        self._results.put(lambda: [State("", step, 0.0, reason)])
 
     def _starts(self, change: Change, index: WindowIndex) -> int:
         """Count how often the new class would have started in the performer's last minutes."""
@@ -177,7 +194,3 @@ class RosterOpener:
             for event in recognition.events if recognition else ():
                 starts += event.kind is EventKind.START and event.label == name
         return starts
-
-
-def _refused(reason: str) -> State:
-    return State("", Step.REFUSED, 0.0, reason)

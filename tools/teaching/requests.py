@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import zmq
 
+from kinespace.stream.inputs.commands import may_command
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import Asked, wire
 from kinespace.stream.teaching.commands import CommandError
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from kinespace.stream.frame import Admitted
-    from kinespace.stream.inputs.commands import Allowed
     from kinespace.stream.packet import Networks
     from kinespace.stream.teaching import State
     from kinespace.stream.zeromq import Endpoint, Keyring
@@ -29,12 +29,17 @@ class RequestSource:
     ----------
     endpoint
         The address of a REP socket.
-    allowed
-        The senders that may command, if the transport names the sender; another process of this machine may.
+    commanding
+        Networks whose senders may command, if the transport names the sender; another process of this machine may.
     keyring
         Keys of peers who may command, on any host; None for no keys.
     networks
         Networks whose peers a bound socket lets in; empty for all.
+
+    Attributes
+    ----------
+    pollable
+        The socket.
     """
 
     #: Nothing is due by the clock.
@@ -46,10 +51,10 @@ class RequestSource:
     waited = 0.0
 
     def __init__(
-        self, endpoint: Endpoint, allowed: Allowed, keyring: Keyring | None = None, *, networks: Networks = ()
+        self, endpoint: Endpoint, commanding: Networks, keyring: Keyring | None = None, *, networks: Networks = ()
     ) -> None:
-        self._socket = endpoint.open(zmq.REP, networks, keyring)
-        self._allowed, self._keyed = allowed, keyring is not None
+        self.pollable = endpoint.open(zmq.REP, networks, keyring)
+        self._commanding, self._keyed = commanding, keyring is not None
         self._counts = InputCounts()
         #: Whether a request waits for its reply; the socket takes none before.
         self._owes = False
@@ -60,12 +65,7 @@ class RequestSource:
     @property
     def address(self) -> str:
         """The endpoint as bound."""
-        return str(self._socket.getsockopt_string(zmq.LAST_ENDPOINT))
-
-    @property
-    def pollable(self) -> object:
-        """The socket."""
-        return self._socket
+        return str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
 
     @property
     def counts(self) -> InputCounts:
@@ -77,7 +77,7 @@ class RequestSource:
         if self._owes:
             return None
         try:
-            request = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)[0]
+            request = self.pollable.recv_multipart(zmq.NOBLOCK, copy=False)[0]
         except zmq.Again:
             return None
         self._owes = True
@@ -86,18 +86,22 @@ class RequestSource:
 
     def _asked(self, request: zmq.Frame) -> Asked:
         peer = str(request.get("Peer-Address") or "")
-        if peer and not self._keyed and not self._allowed((peer, 0)):
+        if peer and not self._keyed and not may_command((peer, 0), self._commanding):
             self._counts.foreign += 1
-            return Asked(None, f"a control message from {peer}: see --allow-from", self._reply)
+            return Asked(None, f"a control message from {peer}: see --allow-from", self._refuse)
         try:
             return Asked(wire.decode_json(request.bytes), "", self._reply)
         except CommandError as error:
             return Asked(None, str(error), self._reply)
 
+    def _refuse(self, states: Sequence[State], _: Mapping[str, object]) -> None:
+        """Reply to a stranger, who learns nothing about the classes."""
+        self._reply(states, {})
+
     def _reply(self, states: Sequence[State], described: Mapping[str, object]) -> None:
         reply = {"states": [wire.as_json(each) for each in states], **described}
         try:
-            self._socket.send(json.dumps(reply).encode(), zmq.NOBLOCK)
+            self.pollable.send(json.dumps(reply).encode(), zmq.NOBLOCK)
         except zmq.ZMQError:
             self._counts.broken += 1
         self._owes = False
@@ -108,4 +112,4 @@ class RequestSource:
 
     def close(self) -> None:
         """Close the socket."""
-        self._socket.close()
+        self.pollable.close()

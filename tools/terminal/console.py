@@ -37,6 +37,16 @@ console = _PrintableConsole(highlight=False, markup=False, emoji=False)
 progress_console = Console(stderr=True)
 
 
+def say(line: str | Text) -> None:
+    """Print a line, which the terminal breaks where it is narrow."""
+    console.print(line, soft_wrap=True)
+
+
+def note(line: str) -> None:
+    """Print a line that is no result beside the progress: another program may read the results."""
+    progress_console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
 def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
     """Pass pieces of work through and show on a terminal how many of the total (None: endless) are done."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

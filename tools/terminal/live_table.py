@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -9,13 +10,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rich.text import Text
 
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.stream.recognition import EventKind
+from kinespace.stream.teaching.notices import State, Step
 from kinespace.stream.teaching.wire import as_line
 from kinespace.tools.terminal.console import console, printable
 from kinespace.tools.terminal.tables import narrow_table, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from rich.table import Table
 
@@ -31,6 +33,8 @@ _PERFORMER, _CLASS, _HEADING = 16, 8, len("this moment")
 _BETWEEN = 2
 #: Notices of teaching, and ended motions of each performer, that are shown, at most.
 _NOTICES, _MOTIONS = 3, 3
+#: Seconds without an answer after which a performer sends no frames.
+_NO_FRAMES = 0.5
 #: The counters of a status, and the path to each; after the first eight only counters above 0 are shown.
 COUNTERS = (
     ("received", "inputs.received"),
@@ -90,32 +94,53 @@ class _Widths(NamedTuple):
         return cls(performer, max(name, _CLASS), bar, list(figures))
 
 
+class _Silence:
+    """Knows since when each performer was not answered."""
+
+    def __init__(self) -> None:
+        self._answered: dict[str, float] = {}
+
+    def note(self, performer: str) -> None:
+        """Note that a performer was answered now."""
+        self._answered[performer] = time.monotonic()
+
+    def of(self, performers: Iterable[str]) -> dict[str, float]:
+        """Give the seconds of silence of those who are silent, and forget all others than these performers."""
+        now = time.monotonic()
+        self._answered = {name: self._answered[name] for name in performers if name in self._answered}
+        return {name: now - last for name, last in list(self._answered.items()) if now - last > _NO_FRAMES}
+
+
 class PlainLines(Sink):
     """A sink that prints a line whenever a performer's label changes; times count from the performer's first answer."""
 
     def __init__(self) -> None:
-        self._labels: dict[str, str] = {}
-        #: The times of each performer's first and last answer.
-        self._spans: dict[str, tuple[float, float]] = {}
+        #: Each performer's last label, and the times of the first and the last answer.
+        self._last: dict[str, tuple[str, float, float]] = {}
         self._notes: set[str] = set()
+        self._silence = _Silence()
         #: The notes on performers at the last status.
         self._said: list[str] = []
 
     def publish(self, recognition: Recognition) -> None:
         """Print the recognition if its label is new."""
-        began = self._spans.get(recognition.performer, (recognition.time,))[0]
-        self._spans[recognition.performer] = began, recognition.time
-        if self._labels.get(recognition.performer) != recognition.label:
-            self._labels[recognition.performer] = recognition.label
+        before, began, _ = self._last.get(recognition.performer, ("", recognition.time, 0.0))
+        self._last[recognition.performer] = recognition.label, began, recognition.time
+        self._silence.note(recognition.performer)
+        if recognition.label != before:
             console.print(
                 f"{recognition.time - began:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
                 f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
                 soft_wrap=True,
             )
 
+    def publish_gone(self, performer: str) -> None:
+        """Print that a performer has left."""
+        console.print(f"performer {printable(performer)}: gone", soft_wrap=True)
+
     def publish_event(self, event: Event) -> None:
         """Print the event at the time of the performer's last answer, and its own time if that was earlier."""
-        began, last = self._spans.get(event.performer, (event.time, event.time))
+        _, began, last = self._last.get(event.performer, ("", event.time, event.time))
         at = "" if event.time >= last else f" at {event.time - began:.3f} s"
         console.print(
             f"{max(event.time, last) - began:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}",
@@ -124,9 +149,8 @@ class PlainLines(Sink):
 
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed."""
-        self._labels = {name: label for name, label in self._labels.items() if name in status.performers}
-        self._spans = {name: span for name, span in self._spans.items() if name in status.performers}
-        said = said_of(status)
+        self._last = {name: last for name, last in self._last.items() if name in status.performers}
+        said = said_of(status) + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
         for line in said:
             if line not in self._said:
                 console.print(line, soft_wrap=True)
@@ -152,21 +176,25 @@ class LiveTable(Sink):
         self._rows: list[str] = []
         self._latest: dict[str, Recognition] = {}
         self._going_on: dict[str, Event] = {}
+        self._silence = _Silence()
         #: For each performer the last ended motions, with their lengths.
         self._over: dict[str, tuple[str, ...]] = {}
         self._status: Status | None = None
         #: The line below the table while `live` can be taught.
         self.hint = ""
-        self._taught: list[str] = []
+        self._taught: list[Notice] = []
 
     def publish_notice(self, notice: Notice) -> None:
-        """Keep the last notices."""
-        self._taught = [*self._taught, printable(as_line(notice))][-_NOTICES:]
+        """Keep the last notices; of how a lesson waits the newest alone."""
+        waits = isinstance(notice, State) and notice.step is Step.WAITING
+        kept = [each for each in self._taught if not (waits and isinstance(each, State) and each.step is Step.WAITING)]
+        self._taught = [*kept, notice][-_NOTICES:]
 
     def publish(self, recognition: Recognition) -> None:
         """Keep the recognition."""
         name = recognition.performer
         self._latest[name] = recognition
+        self._silence.note(name)
         if name not in self._rows:
             place = self._rows.index("") if "" in self._rows else len(self._rows)
             self._rows[place : place + 1] = [name]
@@ -176,8 +204,8 @@ class LiveTable(Sink):
         if event.kind is EventKind.START:
             self._going_on[event.performer] = event
         elif begun := self._going_on.pop(event.performer, None):
-            told = f"{shortened(event.label, _PERFORMER)} {event.time - begun.time:.1f} s"
-            self._over[event.performer] = (*self._over.get(event.performer, ()), told)[-_MOTIONS:]
+            over = f"{shortened(event.label, _PERFORMER)} {event.time - begun.time:.1f} s"
+            self._over[event.performer] = (*self._over.get(event.performer, ()), over)[-_MOTIONS:]
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Keep the classes."""
@@ -197,9 +225,9 @@ class LiveTable(Sink):
 
     def drawn(self) -> Table:
         """Draw the current table; from any thread."""
-        table = narrow_table("kinespace live", self._caption())
         rows, latest, rates = list(self._rows), dict(self._latest), self._status.performers if self._status else {}
-        going_on = dict(self._going_on)
+        going_on, silent = dict(self._going_on), self._silence.of(latest)
+        table = narrow_table("kinespace live", self._caption(silent))
         widths = _Widths.of(console.width, [printable(name) for name in rows], self._classes)
         for heading in ("performer", "doing", "this moment"):
             table.add_column(heading, no_wrap=True)
@@ -216,30 +244,33 @@ class LiveTable(Sink):
                 "frames/s": Text(f"{rates[name]:.0f}" if name in rates else ""),
             }
             doing = going_on[name].label if name in going_on else ""
+            label = "no frames" if name in silent else last.label
             table.add_row(
                 Text(shortened(printable(name), widths.performer)),
                 Text(shortened(doing, widths.name), style="bold"),
-                Text(shortened(last.label, widths.name), style="" if last.outcome is Outcome.NAMED else "dim"),
+                Text(shortened(label, widths.name), style="" if label == last.class_name else "dim"),
                 *(cells[heading] for heading in widths.figures),
             )
         if not latest:
             table.add_row("", Text("waiting for frames ...", style="dim"))
         return table
 
-    def _caption(self) -> str:
+    def _caption(self, silent: Mapping[str, float]) -> str:
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        told = [f"{printable(name)} before: {', '.join(over)}" for name, over in list(self._over.items())]
-        told += [*said_of(status), *map(printable, status.notes), *self._taught, *([self.hint] if self.hint else ())]
-        return "\n".join([f"{len(self._classes)} classes · {counts(status)}", *told])
+        lines = [f"{printable(name)} before: {', '.join(over)}" for name, over in list(self._over.items())]
+        lines += [f"performer {printable(name)}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
+        lines += [*said_of(status), *map(printable, status.notes)]
+        lines += [*(printable(as_line(each)) for each in self._taught), *([self.hint] if self.hint else ())]
+        return "\n".join([f"{len(self._classes)} classes · {counts(status)}", *lines])
 
 
 def said_of(status: Status) -> list[str]:
     """List notes on performers' joints and clocks, and why frames are refused, a line each."""
     noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
-    told = [f"performer {printable(name)}: {what}" for name, what in noticed]
-    return [*told, *(refused_frames(name, why) for name, why in status.refused.items())]
+    lines = [f"performer {printable(name)}: {what}" for name, what in noticed]
+    return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]
 
 
 def refused_frames(performer: str, why: str) -> str:
@@ -261,8 +292,8 @@ def counted(status: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
 
 def counts(status: Status) -> str:
     """Count in one line all that came in and was lost; answers that were not sent stand in the summary."""
-    told = ", ".join(f"{words} {count}" for words, count in counted(asdict(replace(status, unsent=0))))
-    return told + (" (messages too large or too many?)" if status.inputs.broken else "")
+    counters = ", ".join(f"{words} {count}" for words, count in counted(asdict(replace(status, unsent=0))))
+    return counters + (" (messages too large or too many?)" if status.inputs.broken else "")
 
 
 def summary(status: Status, hop: float) -> str:

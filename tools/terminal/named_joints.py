@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kinespace.library import find_recordings, read_recordings
-from kinespace.library.naming import told
+from kinespace.library.naming import summary
 from kinespace.library.recordings import labelled
-from kinespace.tools.terminal.console import progress, progress_console
+from kinespace.tools.terminal.console import note, progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -24,11 +24,10 @@ class NameTeller:
 
     def __call__(self, clip: Clip) -> Clip:
         """Print a note on a clip if it is new; give the clip."""
-        line = told(clip.naming, clip.skeleton.joints) if clip.naming else ""
+        line = summary(clip.naming, clip.skeleton.joints) if clip.naming else ""
         if line and line not in self._told:
             self._told.add(line)
-            # Not among the results, which another program may read.
-            progress_console.print(line, markup=False, highlight=False, soft_wrap=True)
+            note(line)
         return clip
 
 
@@ -38,7 +37,7 @@ def read_and_tell(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
 
 
 def read_labelled(places: Sequence[Path], reading: Reading) -> list[Clip]:
-    """Read clips, or folders of them, with the class and the actor that their places tell."""
+    """Read clips, or folders of them, with the class and the actor that their places name."""
     paths = find_recordings(places)
     clips = read_and_tell(paths, reading)
     return [labelled(clip, path, reading.actor_in) for clip, path in zip(clips, paths, strict=True)]

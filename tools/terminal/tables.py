@@ -60,7 +60,7 @@ def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) 
 
 
 def shortened(name: str, width: int) -> str:
-    """Give a name in at most so many characters; its middle is left out, because ends tell classes apart."""
+    """Give a name in at most so many characters; its middle is left out, because classes differ in their ends."""
     if len(name) <= width:
         return name
     end = width // 2

@@ -11,15 +11,17 @@ from __future__ import annotations
 import math
 from array import array
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NoReturn
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import RecordingError, numbers_in, positive_in, refuse
-from kinespace.library.recordings.formats.gap_filling import with_missing_frames
+from kinespace.library.recordings.formats.errors import Line, RecordingError, numbers_in, positive_in, refuse
+from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
+from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -32,9 +34,8 @@ METRES_PER_INCH = 0.0254
 #: HDM05's and CMU's rate, assumed of an AMC that names no rate.
 DEFAULT_FRAME_RATE = 120.0
 
-AngleUnit = Literal["deg", "rad"]
-#: Keywords of an AMC that name its unit.
-_UNITS: dict[str, AngleUnit] = {":degrees": "deg", ":radians": "rad"}
+#: Keywords of an AMC that name its unit of angles, deg or rad.
+_UNITS = {":degrees": "deg", ":radians": "rad"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ class AcclaimSkeleton:
     skeleton: Skeleton
     bones: tuple[Bone, ...]
     metres_per_unit: float
-    angle: AngleUnit
+    angle: str
 
     @property
     def channels(self) -> list[str]:
@@ -75,25 +76,16 @@ class AcclaimSkeleton:
         return [channel for bone in self.bones for channel in bone.channels]
 
 
-def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+def _lines(path: Path, most: int | None = None) -> Iterator[tuple[int, list[str]]]:
     """Give the number and the words of each line, comments and empty lines left out."""
     # Latin-1 decodes every byte: HDM05's comments hold umlauts in an unnamed encoding.
-    with path.open(encoding="latin-1") as file:
-        for number, text in enumerate(file, start=1):
-            if words := text.partition("#")[0].split():
-                yield number, words
+    for number, text in enumerate(memory.lines(path, most, encoding="latin-1"), start=1):
+        if words := text.partition("#")[0].split():
+            yield number, words
 
 
-@dataclass(slots=True)
-class _Line:
+class _Line(Line):
     """A line of an ASF, which is understood when all lines are known."""
-
-    path: Path
-    number: int
-    words: list[str]
-
-    def fail(self, what: str) -> NoReturn:
-        refuse(self.path, self.number, what)
 
     def floats(self, count: int) -> list[float]:
         return numbers_in(self.words[1 : 1 + count], self.path, self.number, count, f" after {self.words[0]!r}")
@@ -118,14 +110,14 @@ class _AsfReader:
 
     path: Path
     length_unit: float = 1.0
-    angle: AngleUnit = "deg"
+    angle: str = "deg"
     root: dict[str, _Line] = field(default_factory=dict)
     bones: dict[str, dict[str, _Line]] = field(default_factory=dict)
     parents: dict[str, str] = field(default_factory=dict)
 
     def read(self) -> AcclaimSkeleton:
         section, entry = "", dict[str, _Line]()
-        for number, words in _lines(self.path):
+        for number, words in _lines(self.path, memory.MAX_BESIDE):
             word, line = words[0].lower(), _Line(self.path, number, words)
             if word.startswith(":"):
                 section = word
@@ -143,10 +135,9 @@ class _AsfReader:
         if word == "length":
             self.length_unit = positive_in(line.words[1:2], self.path, line.number, "unit of length")
         elif word == "angle":
-            unit = line.words[-1].lower()
-            if unit not in ("deg", "rad"):
-                line.fail(f"expected angle deg or rad, got {unit!r}")
-            self.angle = "rad" if unit == "rad" else "deg"
+            self.angle = line.words[-1].lower()
+            if self.angle not in ("deg", "rad"):
+                line.fail(f"expected angle deg or rad, got {self.angle!r}")
 
     def _read_bonedata(self, word: str, line: _Line, entry: dict[str, _Line]) -> dict[str, _Line]:
         if word == "begin":
@@ -176,11 +167,11 @@ class _AsfReader:
             what = f"bones without a parent: {', '.join(orphans)}" if orphans else "no :bonedata in it"
             raise RecordingError(f"{self.path}: not a usable ASF skeleton, {what}")
         metres = METRES_PER_INCH / self.length_unit
-        names = ["root", *self.parents]
+        names = few(["root", *self.parents])
         bones = [self._finish_root(metres), *(self._finish_bone(name, metres) for name in self.parents)]
         places = {name: place for place, name in enumerate(names)}
         parents = (-1, *(places[parent] for parent in self.parents.values()))
-        return AcclaimSkeleton(Skeleton(tuple(names), parents), tuple(bones), metres, self.angle)
+        return AcclaimSkeleton(Skeleton(names, parents), tuple(bones), metres, self.angle)
 
     def _finish_root(self, metres: float) -> Bone:
         for word in ("order", "axis"):
@@ -228,7 +219,7 @@ class _Motion:
 
     channels: NDArray[np.float64]
     frame_numbers: NDArray[np.int64]
-    angle: AngleUnit
+    angle: str
     frame_rate: float | None
 
 
@@ -390,6 +381,7 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
     """
     body = body or read_asf(find_asf(amc))
     motion = _read_amc(amc, body)
+    memory.require_numbers(len(motion.frame_numbers) * max(len(body.channels), 3 * len(body.bones)))
     channels, numbers = _in_si(body, motion), motion.frame_numbers
     positions = _forward_kinematics(body, channels).reshape(len(channels), -1)
     named = hdm05.read_clip_name(amc)

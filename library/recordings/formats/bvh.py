@@ -15,15 +15,15 @@ import math
 import re
 from array import array
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import RecordingError, numbers_in, positive_in, refuse
-from kinespace.library.recordings.formats.joint_choice import chosen, short_names
+from kinespace.library.recordings.formats.errors import Line, RecordingError, count_in, numbers_in, positive_in
+from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
 from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
@@ -78,25 +78,13 @@ class BvhMotion:
     frame_rate: float
 
 
-@dataclass(slots=True)
-class _Statement:
-    """A brace, or the text between braces and line ends."""
-
-    path: Path
-    line: int
-    words: list[str]
-
-    def fail(self, what: str) -> NoReturn:
-        refuse(self.path, self.line, what)
-
-
-def _statements(path: Path) -> Iterator[_Statement]:
+def _statements(path: Path) -> Iterator[Line]:
+    """Give braces, and the texts between braces and line ends."""
     # Joint names come in any encoding; a name that is not UTF-8 must not stop the reader.
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for number, text in enumerate(file, start=1):
-            for piece in re.split(r"([{}])", text) if "{" in text or "}" in text else (text,):
-                if words := piece.split():
-                    yield _Statement(path, number, words)
+    for number, text in enumerate(memory.lines(path, errors="replace"), start=1):
+        for piece in re.split(r"([{}])", text) if "{" in text or "}" in text else (text,):
+            if words := piece.split():
+                yield Line(path, number, words)
 
 
 @dataclass(slots=True)
@@ -109,7 +97,7 @@ class _HierarchyReader:
     _named: str = ""
     _ends: dict[int, int] = field(default_factory=dict)
 
-    def take(self, statement: _Statement) -> bool:
+    def take(self, statement: Line) -> bool:
         """Take in one statement; return whether the hierarchy ends before it."""
         word = statement.words[0].lower()
         if self._named and word != "{":
@@ -134,7 +122,7 @@ class _HierarchyReader:
                 statement.fail(f"expected a word of a BVH hierarchy, got {statement.words[0][:40]!r}")
         return False
 
-    def _name(self, word: str, statement: _Statement) -> None:
+    def _name(self, word: str, statement: Line) -> None:
         if (word == "root") != (self._open == [-1]):
             statement.fail("expected one ROOT with all joints: one performer in a file")
         if word == "root" and self.joints:
@@ -146,39 +134,41 @@ class _HierarchyReader:
             name = f"{self.joints[parent].name}_end{self._ends[parent] if self._ends[parent] > 1 else ''}"
         if not name:
             statement.fail(f"expected a name after {statement.words[0]!r}")
+        if len(self.joints) == MAX_JOINTS:
+            statement.fail(f"expected at most {MAX_JOINTS} joints, got more")
         if any(joint.name == name for joint in self.joints):
             statement.fail(f"joint {name!r} stands in it twice")
         self._named = name
 
-    def _describe(self, word: str, statement: _Statement) -> None:
+    def _describe(self, word: str, statement: Line) -> None:
         """Describe the joint whose braces are the innermost."""
         if self._open == [-1]:
             statement.fail(f"{statement.words[0]} stands outside a joint")
         index = self._open[-1]
         joint = self.joints[index]
         if word == "offset":
-            x, y, z = numbers_in(statement.words[1:], statement.path, statement.line, 3)
+            x, y, z = numbers_in(statement.words[1:], statement.path, statement.number, 3)
             self.joints[index] = replace(joint, offset=(x, y, z))
             return
         if joint.channels or index != len(self.joints) - 1:
             statement.fail(f"expected the channels of {joint.name!r} once, and before its children")
         self.joints[index] = replace(joint, channels=_channels(statement))
 
-    def _close(self, statement: _Statement) -> None:
+    def _close(self, statement: Line) -> None:
         if self._open == [-1]:
             statement.fail("a } without its {")
         joint = self.joints[self._open.pop()]
         if math.isnan(joint.offset[0]):
             statement.fail(f"joint {joint.name!r} has no OFFSET")
 
-    def _finish(self, statement: _Statement) -> None:
+    def _finish(self, statement: Line) -> None:
         if self._open != [-1]:
             statement.fail(f"joint {self.joints[self._open[-1]].name!r} is not closed with }}")
         if len(self.joints) < 2:
             statement.fail(f"expected a hierarchy of at least 2 joints, got {len(self.joints)}")
 
 
-def _channels(statement: _Statement) -> tuple[str, ...]:
+def _channels(statement: Line) -> tuple[str, ...]:
     count, *names = statement.words[1:] or [""]
     found = [_CHANNEL.fullmatch(name) for name in names]
     channels = tuple(each[2][0].lower() + each[1].lower() for each in found if each)
@@ -200,7 +190,7 @@ def read_bvh(path: Path) -> BvhMotion:
     OSError
         The file cannot be opened.
     """
-    hierarchy, statements, line = _HierarchyReader(), _statements(path), _Statement(path, 1, [])
+    hierarchy, statements, line = _HierarchyReader(), _statements(path), Line(path, 1, [])
     for line in statements:
         if hierarchy.take(line):
             break
@@ -215,12 +205,13 @@ def read_bvh(path: Path) -> BvhMotion:
         try:
             values.extend(map(float, line.words))
         except ValueError:
-            numbers_in(line.words, path, line.line, size)
+            numbers_in(line.words, path, line.number, size)
         if len(line.words) != size:
             line.fail(f"expected {size} numbers, got {len(line.words)}")
         frames += 1
     if frames != announced:
         line.fail(f"the file ends after {frames} of {announced} frames")
+    memory.require_numbers(frames * max(size, 3 * len(hierarchy.joints)))
     channels = np.frombuffer(values, dtype=np.float64).reshape(frames, size)
     finite = np.isfinite(channels).all(axis=1)
     if not finite.all():
@@ -228,17 +219,16 @@ def read_bvh(path: Path) -> BvhMotion:
     return BvhMotion(tuple(hierarchy.joints), channels, frame_rate)
 
 
-def _motion_header(statements: Iterator[_Statement], last: _Statement) -> tuple[int, float, _Statement]:
+def _motion_header(statements: Iterator[Line], last: Line) -> tuple[int, float, Line]:
     """Read `Frames: 100` and `Frame Time: 0.01`: frames, frames per second, and the last statement of the two."""
     last, frames = _after("Frames", statements, last)
-    if not frames.isdecimal() or len(frames) > 9 or int(frames) == 0:
-        last.fail(f"expected a number of frames, got {frames!r}")
+    announced = count_in(frames, last.path, last.number, "Frames")
     last, period = _after("Frame Time", statements, last)
-    positive_in([period], last.path, last.line, "Frame Time")
-    return int(frames), _frame_rate(period), last
+    positive_in([period], last.path, last.number, "Frame Time")
+    return announced, _frame_rate(period), last
 
 
-def _after(name: str, statements: Iterator[_Statement], last: _Statement) -> tuple[_Statement, str]:
+def _after(name: str, statements: Iterator[Line], last: Line) -> tuple[Line, str]:
     statement = next(statements, last)
     key, colon, value = " ".join(statement.words).partition(":")
     if key.strip().lower() != name.lower() or not colon:
@@ -381,7 +371,7 @@ def read_clip(
     positions = forward_kinematics(motion)[:, kept]
     if not np.isfinite(positions).all():
         raise ValueError("expected places of joints, got numbers too large to compute with")
-    positions *= metres_per_unit or guessed_metres(float(distance_rows(positions[0], skeleton).max()))
+    positions *= metres_per_unit or guessed_metres(positions)
     turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
     clip = Clip(
         skeleton=skeleton,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
@@ -12,6 +13,19 @@ if TYPE_CHECKING:
 
 class RecordingError(ValueError):
     """A recording cannot be found or used; the message names it and, where there is one, the line or byte."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of a file, or a part of one: its number and its words."""
+
+    path: Path
+    number: int
+    words: list[str]
+
+    def fail(self, what: str) -> NoReturn:
+        """Refuse the file because of this line."""
+        refuse(self.path, self.number, what)
 
 
 def refuse(path: Path, line: int, what: str) -> NoReturn:
@@ -47,6 +61,13 @@ def numbers_in(words: Sequence[str], path: Path, line: int, count: int, where: s
     if not all(map(math.isfinite, values)):
         refuse(path, line, f"expected finite numbers{where}, got {' '.join(words)[:60]!r}")
     return values
+
+
+def count_in(text: str, path: Path, line: int, what: str) -> int:
+    """Read a text as a whole number from 1 to 999,999,999; RecordingError for anything else."""
+    if not text.isdecimal() or len(text) > 9 or int(text) == 0:
+        refuse(path, line, f"expected a number as {what}, got {text!r}")
+    return int(text)
 
 
 def positive_in(words: Sequence[str], path: Path, line: int, what: str) -> float:

@@ -12,6 +12,19 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
 
 
+#: Joints of a recording, at most: two fingered bodies have some 150; and characters of a joint's name.
+MAX_JOINTS, MAX_NAME = 1000, 400
+
+
+def few(names: Sequence[str]) -> tuple[str, ...]:
+    """Give names of joints; ValueError where there are more, or longer ones, than a recording may have."""
+    if len(names) > MAX_JOINTS:
+        raise ValueError(f"expected at most {MAX_JOINTS} joints, got {len(names)}: choose some")
+    if max(map(len, names)) > MAX_NAME:
+        raise ValueError(f"expected names of at most {MAX_NAME} characters, got {max(map(len, names))}")
+    return tuple(names)
+
+
 def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
     """Choose labels by name.
 
@@ -63,7 +76,7 @@ def short_names(labels: Sequence[str]) -> tuple[str, ...]:
     ValueError
         Two labels would get the same name: they belong to two people, or one stands there twice.
     """
-    names = tuple(_after_colon(label) for label in labels)
+    names = tuple(_after_colon(label) for label in few(labels))
     if len(set(names)) == len(names):
         return names
     people = list(dict.fromkeys(label.rpartition(":")[0] for label in labels))

@@ -15,22 +15,26 @@ from __future__ import annotations
 import csv
 import math
 import re
-import zipfile
 from array import array
 from dataclasses import replace
-from typing import TYPE_CHECKING, TextIO
+from io import BytesIO
+from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.format import read_array
 
+from kinespace.library import memory
+from kinespace.library.clip import as_numbers
 from kinespace.library.recordings.formats.errors import RecordingError, refuse
-from kinespace.library.recordings.formats.joint_choice import restricted
+from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -46,21 +50,20 @@ _COLUMN = re.compile(r"(?P<joint>.+)[_.](?P<axis>[xyz])", re.IGNORECASE)
 #: The beginning of every column in FreeMoCap's newer tables of a body.
 _BODY = "body_"
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
-#: The errors of numpy and zipfile for a file of another kind, or one cut short.
-_DAMAGE = (zipfile.BadZipFile, EOFError, KeyError, OSError, ValueError)
+#: The errors for a file of another kind, or one cut short.
+_DAMAGE = (*memory.DAMAGE, OSError, ValueError)
 
 
 def is_joint_table(path: Path) -> bool:
     """Say whether a `.csv` or `.npz` file is a table of joints: files of labels and libraries have the same endings."""
     try:
         if path.suffix.lower() == ".npz":
-            with zipfile.ZipFile(path) as archive:
+            with memory.archive(path) as archive:
                 return {"time.npy", "positions.npy", "joints.npy"} <= set(archive.namelist())
         if path.suffix.lower() != ".csv":
             return False
-        with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-            return bool(_joints(next(csv.reader(file, delimiter=_mark_between(file)), [])))
-    except (zipfile.BadZipFile, OSError, csv.Error):
+        return bool(_joints(next(_rows(memory.lines(path, memory.MAX_LINE, errors="replace")), [])))
+    except (*_DAMAGE, csv.Error):
         return False
 
 
@@ -74,7 +77,7 @@ def read_clip(
     path
         The file.
     metres_per_unit
-        Metres of a CSV's unit; told by the body's size when not given. An `.npz` is in metres.
+        Metres of a CSV's unit; guessed by the body's size when not given. An `.npz` is in metres.
     frame_rate
         Frames per second; as often as the file's times say when not given.
     joints
@@ -95,45 +98,38 @@ def read_clip(
 
 
 def _npz_clip(path: Path, frame_rate: float | None) -> Clip:
-    times, positions, names, parents, performer = _arrays(path)
-    skeleton = Skeleton(tuple(map(str, names.tolist())), tuple(map(int, parents.tolist())))
+    times, positions, skeleton, performer = _arrays(path)
     if not np.isfinite(positions).all():
         raise RecordingError(f"{path}: positions: expected finite metres, got NaN or infinity")
-    even = evened(times.astype(np.float64), positions.astype(np.float64), rate=frame_rate)
-    return replace(even.clip(skeleton), name=path.stem, actor=str(performer))
+    even = evened(times, positions, rate=frame_rate)
+    return replace(even.clip(skeleton), name=path.stem, actor=performer)
 
 
-def _arrays(path: Path) -> list[NDArray[np.generic]]:
+def _arrays(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Skeleton, str]:
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as loaded:
-            arrays = [np.asarray(loaded[name]) for name in _ARRAYS]
+        with memory.archive(path) as archive:
+            arrays = [read_array(BytesIO(memory.unpacked(archive, name, memory.limit() // 4))) for name in _ARRAYS]
+        memory.require_numbers(sum(each.size for each in arrays))
+        times, positions, names, parents, performer = arrays
+        skeleton = Skeleton(few([str(name) for name in names.tolist()]), tuple(map(int, parents.tolist())))
+        times, positions, expected = as_numbers(times), as_numbers(positions), (len(times), len(names), 3)
     except _DAMAGE as error:
         raise RecordingError(f"{path}: not a table of joints ({error})") from error
-    times, positions, names = arrays[:3]
-    if positions.ndim != 3 or positions.shape != (len(times), len(names), 3) or positions.dtype.kind != "f":
-        raise RecordingError(f"{path}: expected positions ({len(times)}, {len(names)}, 3), got {positions.shape}")
-    return arrays
+    if positions.shape != expected or times.ndim != 1:
+        raise RecordingError(f"{path}: expected positions {expected}, got {positions.shape}")
+    return times, positions, skeleton, str(performer)
 
 
 def _csv_clip(path: Path, metres: float | None, frame_rate: float | None, joints: Sequence[str]) -> Clip:
     names, times, positions = _read_csv(path)
     if metres is None:
-        metres = guessed_metres(_reach(positions))
+        metres = guessed_metres(positions)
     if times is None:
         return clip_of_markers(path, names, positions * metres, frame_rate or FRAME_RATE, joints)
     # Single joints that were not seen are put on straight lines, as markers are; only evenly spaced frames allow it.
     even = evened(times, positions * metres, rate=frame_rate)
     clip = clip_of_markers(path, names, even.positions, even.rate, joints)
     return replace(clip, filled=clip.filled + even.missing * len(clip.skeleton.joints), gaps=even.gaps)
-
-
-def _reach(positions: NDArray[np.float64]) -> float:
-    """Give the largest extent of the first frame in which two joints were seen, in the file's unit."""
-    for frame in positions:
-        seen = frame[np.isfinite(frame).all(axis=1)]
-        if len(seen) > 1:
-            return float(np.linalg.norm(np.ptp(seen, axis=0)))
-    return 0.0
 
 
 def _joints(header: Sequence[str]) -> dict[str, dict[str, int]]:
@@ -143,38 +139,45 @@ def _joints(header: Sequence[str]) -> dict[str, dict[str, int]]:
         if named := _COLUMN.fullmatch(name.strip()):
             found.setdefault(named["joint"], {})[named["axis"].lower()] = place
     whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}
-    if len(whole) > 1 and all(joint.startswith(_BODY) for joint in whole):
+    if all(joint.startswith(_BODY) for joint in whole):
         return {joint.removeprefix(_BODY): axes for joint, axes in whole.items()}
     return whole
 
 
-def _mark_between(file: TextIO) -> str:
-    """Find the mark between the fields of a file just opened: the mark that its first line has most."""
-    head = file.readline()
-    file.seek(0)
-    return max(",;\t", key=head.count)
+def _rows(lines: Iterator[str]) -> Iterator[list[str]]:
+    """Give the rows of a table; the mark between their fields is the mark that the first line has most."""
+    head = next(lines, "")
+
+    def whole() -> Iterator[str]:
+        for line in chain([head], lines):
+            # A row of any length, otherwise.
+            if line.count('"') % 2:
+                raise csv.Error("a quotation mark that does not end on its line")
+            yield line
+
+    return csv.reader(whole(), delimiter=max(",;\t", key=head.count))
 
 
 def _read_csv(path: Path) -> tuple[list[str], NDArray[np.float64] | None, NDArray[np.float64]]:
     """Read joint names, times in seconds (or None), and positions in the file's unit, NaN for an empty field."""
     values, times = array("d"), array("d")
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = csv.reader(file, delimiter=_mark_between(file))
-            header = next(lines, [])
-            joints = _joints(header)
-            if len(joints) < 2:
-                refuse(path, 1, "expected columns like head_x, head_y, head_z for two joints or more")
-            clock = next((place for place, name in enumerate(header) if name.strip().lower() in _TIMES), None)
-            columns = [axes[axis] for axes in joints.values() for axis in "xyz"]
-            for row in lines:
-                if not row:
-                    continue
-                if len(row) < len(header):
-                    refuse(path, lines.line_num, f"expected {len(header)} fields, got {len(row)}")
-                values.extend([_number(path, lines.line_num, row[column]) for column in columns])
-                if clock is not None:
-                    times.append(_number(path, lines.line_num, row[clock]))
+        rows = _rows(memory.lines(path))
+        header = next(rows, [])
+        joints = _joints(header)
+        if len(joints) < 2:
+            refuse(path, 1, "expected columns like head_x, head_y, head_z for two joints or more")
+        clock = next((place for place, name in enumerate(header) if name.strip().lower() in _TIMES), None)
+        columns = [axes[axis] for axes in joints.values() for axis in "xyz"]
+        for number, row in enumerate(rows, start=2):
+            if not row:
+                continue
+            if len(row) < len(header):
+                refuse(path, number, f"expected {len(header)} fields, got {len(row)}")
+            values.extend([_number(path, number, row[column]) for column in columns])
+            if clock is not None:
+                times.append(_number(path, number, row[clock]))
+        memory.require_numbers(len(values))
     except (csv.Error, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: expected a CSV in UTF-8 ({error})") from error
     positions = np.frombuffer(values, dtype=np.float64).reshape(-1, len(joints), 3)

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from kinespace.library import memory
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
@@ -24,13 +26,13 @@ _COLUMNS = ("start_s", "end_s", "label")
 _IN_FRAMES = {"start_frame", "end_frame"}
 #: How a file in UTF-16 begins, which spreadsheets and Windows' editor call Unicode.
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-#: Endings of the files that may lie beside a take.
+#: Endings of the files of labels that may lie in a take's folder.
 _ENDINGS = (".csv", ".tsv", ".txt")
 #: A line that Audacity exports.
 _EXPORTED = re.compile(r"(\d+(?:[.,]\d+)?)\t(\d+(?:[.,]\d+)?)\t([^\t]*)")
 #: Seconds of the shortest window by which motions are compared.
 _SHORTEST = 0.25
-#: Characters of a file that are read to see whether it holds labels.
+#: Bytes of a file that are read to see whether it holds labels.
 _LOOKED_AT = 2000
 
 
@@ -91,12 +93,9 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
         The file cannot be opened.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            segments = list(_segments(path, list(file)))
-    except UnicodeDecodeError as error:
-        raise LabelError(f"{path}: expected a CSV in UTF-8, got another encoding: save the file as UTF-8") from error
-    except csv.Error as error:
-        raise LabelError(f"{path}: expected a CSV in UTF-8 ({error})") from error
+        segments = list(_segments(path, list(memory.lines(path, memory.MAX_BESIDE))))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise LabelError(f"{path}: expected a CSV in UTF-8, as a spreadsheet can save it ({error})") from error
     if not segments:
         raise LabelError(f"{path}: no segment in it")
     by_performer = sorted(segments, key=lambda segment: (segment.performer, segment.start))
@@ -109,18 +108,18 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
 
 
 def labels_beside(take: Path) -> list[Path]:
-    """Find the files of labels that lie beside a take and have its name; the first of them counts."""
+    """Find the files of labels that lie in a take's folder and have its name; the first of them counts."""
     paths = (take.with_suffix(ending) for ending in _ENDINGS)
     return [path for path in paths if path != take and path.is_file() and _holds_labels(path)]
 
 
 def _holds_labels(path: Path) -> bool:
-    with path.open("rb") as file:
+    with memory.opened(path) as file:
         # Reading them then says what is wrong.
-        if file.read(2) in _UTF_16:
-            return True
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        first = next((line for line in file.read(_LOOKED_AT).splitlines() if line.strip()), "")
+        begin = file.read(_LOOKED_AT)
+    if begin[:2] in _UTF_16:
+        return True
+    first = next((line for line in begin.decode("utf-8-sig", "replace").splitlines() if line.strip()), "")
     columns = {name.strip().strip('"') for name in re.split("[,;\t]", first)}
     exported = _EXPORTED.fullmatch(first)
     # A table of numbers holds no labels.
@@ -196,15 +195,15 @@ def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:
     beyond = [segment for segment in segments if segment.end > lasts + slack or segment.start < seen - slack]
     lost = sum(_frames_of(take, segment) is None for segment in beyond)
     tiny = [segment for segment in segments if segment.duration < _SHORTEST]
-    told = list[str]()
+    notes = list[str]()
     if beyond:
-        told.append(
+        notes.append(
             f"{len(beyond)} of {len(segments)} labels reach beyond the take ({seen:.1f} to {lasts:.1f} s): "
             f"{len(beyond) - lost} shortened, {lost} left out"
         )
     if tiny:
-        told.append(f"{len(tiny)} of {len(segments)} labels are shorter than {_SHORTEST:g} s, too short for any window")
-    return [f"{take.name}: {each}" for each in told]
+        notes.append(f"{len(tiny)} of {len(segments)} labels are shorter than {_SHORTEST} s, too short for any window")
+    return [f"{take.name}: {each}" for each in notes]
 
 
 def renamed(segments: Iterable[Segment], names: Mapping[str, str]) -> tuple[Segment, ...]:

@@ -1,4 +1,4 @@
-"""Frames that came at uneven times, put on an even grid, so that a frame's index tells its time."""
+"""Frames that came at uneven times, or are missing, put on an even grid: a frame's index then gives its time."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.recordings.formats.gap_filling import MAX_GAP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from kinespace.library.skeleton import Skeleton
 
+#: Seconds a marker may be out of sight. Over a longer time a straight line would be an invented movement.
+MAX_GAP = 0.5
 #: Rates that senders usually have; a feed that comes almost as often is taken to have such a rate.
 _USUAL = np.array([10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 72.0, 75.0, 90.0, 100.0, 120.0, 144.0, 240.0])
 #: Share by which frames may come more or less often than a usual rate.
@@ -88,6 +90,7 @@ def evened(
     frames = int(np.floor((times[-1] - begin) * rate + 1e-6)) + 1
     if frames > MAX_FRAMES:
         raise ValueError(f"time: expected at most {MAX_FRAMES} frames at {rate:g} per second, got {frames}")
+    memory.require_numbers(max(frames, len(times)) * positions[0].size)
     grid = begin + np.arange(frames) / rate
     after = np.clip(np.searchsorted(times, grid - _TIE), 1, len(times) - 1)
     before = after - 1
@@ -113,18 +116,28 @@ def _between(
 ) -> NDArray[np.float64]:
     """Weigh two frames; at a frame's own time the frame itself is given, even if its neighbour lacks joints."""
     weighed = positions[before]
-    moved = share > 0
-    weighed[moved] += share[moved, None, None] * (positions[after[moved]] - positions[before[moved]])
+    moved = np.flatnonzero(share > 0)
+    # A few frames at a time: all at once take the memory of two further recordings.
+    for some in np.array_split(moved, 1 + len(moved) // 4096):
+        weighed[some] += share[some, None, None] * (positions[after[some]] - positions[before[some]])
     exact = share > 1 - _TIE
     weighed[exact] = positions[after[exact]]
     return weighed
 
 
 def _usual_rate(times: NDArray[np.float64]) -> float:
-    """Tell how often frames came: the median, or the usual rate that lies near the median."""
+    """Give how often frames came: the median, or the usual rate that lies near the median."""
     rate = 1 / float(np.median(np.diff(times)))
     nearest = float(_USUAL[np.abs(_USUAL / rate - 1).argmin()])
     # The mean of the frames that follow closely is more exact than the median, which rounded arrival times spoil.
     close = np.diff(times)[np.diff(times) < 2 / rate]
     mean = 1 / float(close.mean())
     return nearest if abs(nearest / mean - 1) <= _ABOUT else round(mean, 3)
+
+
+def with_missing_frames(frame_numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put straight lines where frame numbers are missing, so that a frame's index gives its time; (frames, n)."""
+    wanted = np.arange(frame_numbers[0], frame_numbers[-1] + 1)
+    if len(wanted) == len(frame_numbers):
+        return values
+    return np.stack([np.interp(wanted, frame_numbers, column) for column in values.T], axis=1)

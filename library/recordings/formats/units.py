@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 #: Metres of each unit, under the names and abbreviations that files use, in lower case.
 METRES = {
@@ -13,9 +19,8 @@ METRES = {
     **dict.fromkeys(("in", "inch", "inches"), 0.0254),
     **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
 }
-#: The largest distance between two joints of a person, in the file's numbers, up to which the unit is a metre, and up
-#: to which it is a centimetre; beyond, the unit is a millimetre. A crouching child and a very tall person are far from
-#: both limits.
+#: The size of a person, in the file's numbers, up to which the unit is a metre, and up to which it is a centimetre;
+#: beyond, the unit is a millimetre. A crouching child and a very tall person are far from both limits.
 _MAX_IN_METRES, _MAX_IN_CENTIMETRES = 16.0, 500.0
 
 
@@ -31,12 +36,18 @@ def metres_of(unit: str) -> float | None:
     return metres if 0 < metres < math.inf else None
 
 
-def guessed_metres(reach: float) -> float:
-    """Guess the metres of a file's unit from the largest distance between two joints in its first frame.
+def guessed_metres(positions: NDArray[np.float64]) -> float:
+    """Guess the metres of a file's unit from a person's size in it; positions (frames, joints, 3), NaN where not seen.
 
-    People differ less than tenfold in size, so metres, centimetres and millimetres can be told apart. Any other unit is
-    taken for the nearest of these: distances then have another scale, which recognition does not depend on.
+    The size is the diagonal of the box around the joints, usual for the frames in which two joints or more are seen.
+    People differ less than tenfold in size, so metres, centimetres and millimetres can be distinguished. Any other unit
+    is taken for the nearest of these: distances then have another scale, which recognition does not depend on.
     """
-    if reach <= _MAX_IN_METRES:
+    seen = positions[np.isfinite(positions).all(axis=2).sum(axis=1) > 1]
+    if not len(seen):
         return 1.0
-    return 0.01 if reach <= _MAX_IN_CENTIMETRES else 0.001
+    boxes = np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1)
+    size = float(np.median(np.linalg.norm(boxes, axis=1)))
+    if size <= _MAX_IN_METRES:
+        return 1.0
+    return 0.01 if size <= _MAX_IN_CENTIMETRES else 0.001

@@ -17,13 +17,21 @@ import os
 import struct
 import threading
 import zlib
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import accumulate
 from typing import TYPE_CHECKING, BinaryIO, Self
+
+from kinespace.library import memory
+from kinespace.stream.packet import parts_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
+
+    from kinespace.stream.feeds import Preset
+    from kinespace.stream.packet import Packet, Receiver, Sender
 
 ENDING = ".kinerec"
 FORMAT = "kinespace raw recording"
@@ -60,7 +68,7 @@ class RawPacket:
     source
         Index of the source in the header's `sources`.
     sender
-        The sender, if the transport tells: `host:port` of a datagram, else empty.
+        The sender, if the transport says: `host:port` of a datagram, else empty.
     parts
         A single datagram, or the parts of a ZeroMQ message.
     """
@@ -106,12 +114,7 @@ def encode_header(header: RawHeader) -> bytes:
     ValueError
         The presets are larger than a record may be.
     """
-    described: dict[str, object] = {
-        "format": FORMAT,
-        "version": VERSION,
-        "began": header.began,
-        "sources": header.sources,
-    }
+    described = {"format": FORMAT, "version": VERSION, "began": header.began, "sources": header.sources}
     if header.presets:
         described["presets"] = dict(header.presets)
     body = bytes([_HEADER]) + json.dumps(described).encode()
@@ -237,25 +240,59 @@ class RawWriter:
             self.trouble = ""
 
     def _sync(self) -> None:
-        """Write the waiting packets; after a failure the file holds none of them, and all of them wait again."""
+        """Write the waiting packets; after a failure the file holds the first ones whole, and the others wait again."""
         with self._lock:
             batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
         rest = memoryview(b"".join(batch))
-        size = len(rest)
+        size, taken = len(rest), 0
         # Outside the lock, because the disk may take long.
         try:
-            while rest:
-                rest = rest[self._file.write(rest) :]
+            while taken < size:
+                taken += self._file.write(rest[taken:])
             os.fsync(self._file.fileno())
         except OSError:
+            # A disk that took everything and then failed may have kept nothing.
+            ends = [0, *accumulate(map(len, batch))]
+            kept = bisect_right(ends, taken if taken < size else 0) - 1
             with self._lock:
-                self._waiting = batch + self._waiting
-                self._waiting_bytes += size
+                self._waiting = batch[kept:] + self._waiting
+                self._waiting_bytes += size - ends[kept]
+            self._whole += ends[kept]
             # First the place, because a disk that takes nothing at all refuses to cut the file, too.
             self._file.seek(self._whole)
             self._file.truncate()
             raise
         self._whole += size
+
+
+def source_name(receiver: Receiver, preset: Preset | None = None) -> str:
+    """Name the place where packets come in, and the preset by which they are read, for a raw recording's header."""
+    return f"{receiver.place} feed {preset.name}" if preset else receiver.place
+
+
+class Recorder:
+    """Writes the packets that come in at one place.
+
+    Parameters
+    ----------
+    writer, index
+        The writer, and the index of this source in the recording.
+    """
+
+    def __init__(self, writer: RawWriter, index: int) -> None:
+        self._writer = writer
+        self._index = index
+
+    @property
+    def note(self) -> str:
+        """A note on the recording for a person; empty when all is well."""
+        writer = self._writer
+        return f"recording: {writer.trouble}; {writer.failed} packets lost" if writer.trouble or writer.failed else ""
+
+    def keep(self, packet: Packet, arrival: float, sender: Sender) -> None:
+        """Write one packet that came at `arrival`, seconds; the writer counts a failure."""
+        named = f"{sender[0]}:{sender[1]}" if sender else ""
+        self._writer.write(RawPacket(arrival, self._index, named, tuple(parts_of(packet))))
 
 
 class RawFile:
@@ -287,14 +324,14 @@ class RawFile:
         self.path = path
         self.lost_from: int | None = None
         self.lost = 0
-        with path.open("rb") as file:
+        with memory.opened(path) as file:
             body = _next_body(file)
         try:
             if not body or body[0] != _HEADER:
-                raise ValueError("no header")  # noqa: TRY301 - told alike
+                raise ValueError("no header")  # noqa: TRY301 - refused as the others
             described = json.loads(body[1:])
             if described["format"] != FORMAT:
-                raise ValueError("another format")  # noqa: TRY301 - told alike
+                raise ValueError("another format")  # noqa: TRY301 - as above
             version = described["version"]
             presets = {str(name): str(text) for name, text in described.get("presets", {}).items()}
             self.header = RawHeader(str(described["began"]), tuple(map(str, described["sources"])), presets)
@@ -303,18 +340,13 @@ class RawFile:
         if version != VERSION:
             raise RawFileError(f"{path}: format version {version}, this kinespace reads {VERSION}")
 
-    @property
-    def size(self) -> int:
-        """Size in bytes."""
-        return self.path.stat().st_size
-
     def packets(self) -> Iterator[RawPacket]:
         """Give the packets in the order in which they came, up to the first record that is torn or damaged.
 
-        `lost_from` and `lost` then tell which part could not be read.
+        `lost_from` and `lost` then say which part could not be read.
         """
         self.lost_from, self.lost = None, 0
-        with self.path.open("rb") as file:
+        with memory.opened(self.path) as file:
             _next_body(file)
             place = file.tell()
             while (body := _next_body(file)) is not None:

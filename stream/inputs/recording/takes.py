@@ -1,33 +1,98 @@
-"""Raw recordings read as takes: the frames of each performer, decoded as the live sources decode them."""
+"""Raw recordings decoded again, as the live sources decode them, and read as takes of each performer."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+from kinespace.stream.feeds.decoder import FeedDecoder
+from kinespace.stream.feeds.preset import builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.clock import SenderClock
+from kinespace.stream.inputs.decoder import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.recording.kinerec import RawFile
-from kinespace.stream.inputs.recording.playback import decoded
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from kinespace.library import Clip
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.frame import Frame
+    from kinespace.stream.frame import Frame, Input
+    from kinespace.stream.inputs.decoder import Decoder
+    from kinespace.stream.inputs.recording.kinerec import RawHeader, RawPacket
+    from kinespace.stream.packet import Sender
 
-#: Seconds by which a sender's clock may differ from the recorder's before the sender is taken to have begun anew.
+#: Seconds after the last packet at which frames that are still open are closed: longer than any frame waits.
+_AFTERWARDS = 1.0
+#: Seconds by which a sender's clock may differ from the recorder's before the sender is taken to have begun again.
 _ASTRAY = 1.0
+
+
+class Decoded(NamedTuple):
+    """The content of one packet of a recording: when it came, and frames and announcements in order."""
+
+    arrival: float
+    events: Sequence[Input]
+
+
+def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | None = None) -> Iterator[Decoded]:
+    """Decode packets by the decoders of the live sources; malformed and foreign packets give nothing.
+
+    Frames that are still open after the last packet come last.
+
+    Parameters
+    ----------
+    header, packets
+        Header and packets of a raw recording.
+    preset
+        Another product's feed to read the packets as; None for the feed that the header names for each source, by the
+        preset that the recording keeps or, in an older recording, the built-in preset of that name.
+
+    Raises
+    ------
+    ValueError
+        An older recording's header names a feed that is not built in: it was a user's own preset, which must be given.
+        Or this version cannot read the preset that the recording keeps.
+    """
+    decoders = [_decoder(header, source, preset) for source in header.sources]
+    ended = 0.0
+    for packet in packets:
+        ended = packet.arrival + _AFTERWARDS
+        decoder = decoders[packet.source]
+        early = decoder.expire(packet.arrival)
+        held = decoder.decode(list(packet.parts), packet.arrival, _sender(packet))
+        yield Decoded(packet.arrival, (*early, *held))
+    if late := [event for decoder in decoders for event in decoder.expire(ended)]:
+        yield Decoded(ended, late)
+
+
+def _decoder(header: RawHeader, source: str, preset: Preset | None) -> Decoder:
+    """Make the decoder of a source that a header names: `osc` or `zmq`, an address, perhaps `feed` and a preset."""
+    kind, _, rest = source.partition(" ")
+    name = rest.partition(" feed ")[2]
+    if preset is None and name in header.presets:
+        preset = parse_preset(header.presets[name], name, f"preset {name} in the recording")
+    elif preset is None and name:
+        preset = builtin_preset(name)
+    if preset:
+        return FeedDecoder(preset)
+    return OscDecoder() if kind == "osc" else ZmqDecoder()
+
+
+def _sender(packet: RawPacket) -> Sender:
+    host, _, port = packet.sender.rpartition(":")
+    return (host, int(port)) if port.isascii() and port.isdigit() else None
 
 
 @dataclass(slots=True)
@@ -48,7 +113,7 @@ class Seen:
 
     frames: int = 0
     joints: tuple[str, ...] = ()
-    sizes: dict[int, int] = field(default_factory=dict)
+    sizes: Counter[int] = field(default_factory=Counter)
     clock: SenderClock = field(default_factory=SenderClock)
 
     def times(self) -> SenderClock:
@@ -58,11 +123,11 @@ class Seen:
     def skeleton(self) -> Skeleton:
         """Name the joints as announced; else as HDM05's when there are as many; else by number."""
         if self.joints:
-            return Skeleton(self.joints)
-        size = max(self.sizes, key=lambda size: self.sizes[size])
+            return Skeleton(few(self.joints))
+        ((size, _),) = self.sizes.most_common(1)
         if size == len(hdm05.SKELETON.joints):
             return hdm05.SKELETON
-        return Skeleton(tuple(f"joint{number}" for number in range(1, size + 1)))
+        return Skeleton(few([f"joint{number}" for number in range(1, size + 1)]))
 
 
 def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
@@ -82,7 +147,7 @@ def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, S
         else:
             each.frames += 1
             each.clock.read(event.time, arrival)
-            each.sizes[len(event.positions)] = each.sizes.get(len(event.positions), 0) + 1
+            each.sizes[len(event.positions)] += 1
     return seen
 
 
@@ -118,7 +183,7 @@ def ordered_frames(
 def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
     """Read a raw recording: a clip for each performer, by name, each from the recording's first packet on.
 
-    Frames have the sender's times, shifted to the recorder's clock; a sender that began anew is shifted anew.
+    Frames have the sender's times, shifted to the recorder's clock, and again when the sender began again.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Joint pairs that are told, at most.
+#: Joint pairs that are given, at most.
 MAX_PAIRS = 6
 _DIGITS = 4
 

@@ -1,9 +1,10 @@
 """The joints of a feed: mended where that can be done, and left out where it cannot.
 
 Exchanged sides and a changed unit are corrected from the next frame on. A joint that is lost (NaN, or 0, 0, 0 while its
-position was elsewhere) is held beside its parent for a fifth of a second. A joint that is wrong, or lost for longer, is
-left out. After a jump of a rigid body to another posture the windows begin anew; the tracker of a body that trembles
-jumps by nature. While nearly all movement is jumps no class is named.
+position was elsewhere) keeps its place relative to its parent for a fifth of a second. A joint that is wrong, or lost
+for longer, is left out. After a jump of a rigid body to another posture the windows begin again; the tracker of a body
+that trembles jumps by nature. After a step of the body's middle that no body makes, the windows of every body begin
+again. While nearly all movement is jumps no class is named.
 """
 
 from __future__ import annotations
@@ -24,12 +25,14 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.segments import Segments
 
-#: Seconds for which a lost joint is held beside its parent.
+#: Seconds for which a lost joint keeps its place relative to its parent.
 HELD = 0.2
 #: Seconds after which a joint is believed again: longer than the longest window.
 BELIEVED_AFTER = 3.0
-#: Seconds for which a jump stays in the windows; they do not begin anew twice within them.
+#: Seconds for which a jump stays in the windows; they do not begin again twice within them.
 _IN_WINDOWS = 2.0
+#: Seconds between two such beginnings when the body's middle is elsewhere: any more often, and no window would fill.
+_APART = 0.5
 #: No class is named while the joints' way by jumps is so many times their other way.
 ONLY_JUMPS = 3.0
 #: Seconds over which both ways are added up.
@@ -88,13 +91,16 @@ class Joints:
     ----------
     left_out
         Indices of the joints that are not believed now, ascending.
+    is_elsewhere
+        Whether the windows begin again, by the last `mend`, because the body's middle is elsewhere.
     """
 
     def __init__(
-        self, body: Segments, names: Sequence[str], positions: NDArray[np.float64], *, is_watched: bool = True
+        self, body: Segments, names: Sequence[str], positions: NDArray[np.float64], *, is_watched: bool
     ) -> None:
         self._body, self._names, self._positions, self._is_watched = body, tuple(names), positions, is_watched
         count = len(self._names)
+        self._parents: list[int] = body.parents.tolist() or [-1] * count
         self._plausibility = Plausibility(body, count)
         self._last, self._step = np.zeros((count, 3)), np.zeros((count, 3))
         self._steps = np.zeros_like(positions)
@@ -118,11 +124,17 @@ class Joints:
         self._jumped = self._moved = 0.0
         self._jump: Jump | None = None
         self.left_out: tuple[int, ...] = ()
+        self.is_elsewhere = False
 
     @property
     def doubted(self) -> tuple[str, ...]:
         """Names of the joints that are left out."""
         return tuple(self._names[joint] for joint in self.left_out)
+
+    @property
+    def newest(self) -> NDArray[np.float64] | None:
+        """The newest frame as it was mended, (joints, 3); None while a joint is lost or left out."""
+        return None if self._any_lost or self.left_out else self._last
 
     @property
     def believed(self) -> tuple[str, ...]:
@@ -172,7 +184,7 @@ class Joints:
 
         Returns
         -------
-        After a jump the index of the first frame with which windows begin anew; else None.
+        After a jump the index of the first frame with which windows begin again; else None.
         """
         positions = self._positions[: len(times)]
         if not self._is_watched:
@@ -192,8 +204,9 @@ class Joints:
         fading = math.exp((self._last_time - times[-1]) / _WAY)
         self._jumped *= fading
         self._moved *= fading
-        begun = None
-        if self._any_lost or self._plausibility.may_jump(squares, usual):
+        begun, self.is_elsewhere = None, False
+        watch, steps = self._plausibility, self._steps[:count]
+        if self._any_lost or watch.may_jump(squares, usual) or watch.may_be_elsewhere(steps, usual):
             begun = self._follow(times, positions, usual)
         else:
             self._moved += count * math.sqrt(squares / len(self._last))
@@ -209,7 +222,7 @@ class Joints:
         return begun
 
     def _hold(self, times: Sequence[float], positions: NDArray[np.float64]) -> None:
-        """Put lost joints where they were beside their parents, and doubt none."""
+        """Put lost joints where they were relative to their parents, and doubt none."""
         if self._any_lost or np.isnan(positions).any():
             before = None if math.isnan(self._last_time) else self._last
             for time, frame in zip(times, positions, strict=True):
@@ -224,23 +237,33 @@ class Joints:
             frame = self._found(time, positions[index], before)
             step, previous = Step(frame - before, max(time - last, usual)), step
             last = time
-            if self._plausibility.jumped(previous, step):
-                self._jump = jump = self._plausibility.explained(before, frame)
+            elsewhere = self._plausibility.is_elsewhere(step)
+            if elsewhere or self._plausibility.jumped(previous, step):
+                self._jump = jump = self._explained(before, frame, step)
                 if jump.change is not Change.POSTURE:
                     self._correct(jump.change, jump.factor, positions[index:])
                     step = Step(positions[index] - before, step.elapsed)
-                elif self._plausibility.rigid and time - self._last_jump >= _IN_WINDOWS:
-                    begun = index
+                elif (elsewhere and time - self._last_jump >= _APART) or (
+                    self._plausibility.rigid and time - self._last_jump >= _IN_WINDOWS
+                ):
+                    begun, self.is_elsewhere = index, elsewhere
                     self._jumped = self._moved = 0.0
                     self._plausibility.begin_again()
                 else:
-                    self._jumped += _way(step.step)
+                    self._jumped += _way(step.step, whole=elsewhere)
                 self._last_jump = time
             else:
                 self._moved += _way(step.step)
             self._steps[index] = step.step
             before = positions[index]
         return begun
+
+    def _explained(self, before: NDArray[np.float64], frame: NDArray[np.float64], step: Step) -> Jump:
+        """Explain a jump; a body of another size that is elsewhere even in the unit before is another body."""
+        jump = self._plausibility.explained(before, frame)
+        there = Step(jump.factor * frame - before, step.elapsed)
+        other = jump.change is Change.UNIT and self._plausibility.is_elsewhere(there)
+        return Jump(Change.POSTURE) if other else jump
 
     def _correct(self, change: Change, factor: float, positions: NDArray[np.float64]) -> None:
         if change is Change.EXCHANGED and self._body.mirrored is not None:
@@ -253,7 +276,7 @@ class Joints:
     def _found(
         self, time: float, frame: NDArray[np.float64], before: NDArray[np.float64] | None
     ) -> NDArray[np.float64]:
-        """Put lost joints of a frame (joints, 3), in place, where they were beside their parents; give the frame."""
+        """Put lost joints of a frame (joints, 3) where they were relative to their parents; give the same frame."""
         lost = np.asarray(np.isnan(frame).any(axis=1))
         zeros = ~frame.any(axis=1)
         if zeros.any():
@@ -267,31 +290,21 @@ class Joints:
         self._doubted_until[late] = np.maximum(self._doubted_until[late], time + BELIEVED_AFTER)
         known = ~lost
         middle = frame[known].mean(axis=0) if known.any() else np.zeros(3)
-        for joint in self._from_the_root():
-            if not lost[joint]:
-                continue
-            parent = self._parent(joint)
-            at = frame[parent] if parent >= 0 else middle
+        # Each after its parent.
+        for joint in sorted(np.flatnonzero(lost).tolist(), key=self._depth):
+            parent = self._parents[joint]
             if before is None:
-                frame[joint] = at
+                frame[joint] = frame[parent] if parent >= 0 else middle
             else:
                 frame[joint] = before[joint] + (frame[parent] - before[parent] if parent >= 0 else 0.0)
         return frame
 
-    def _parent(self, joint: int) -> int:
-        return int(self._body.parents[joint]) if len(self._body.parents) else -1
-
-    def _from_the_root(self) -> list[int]:
-        """Give the joints, each after its parent."""
-
-        def depth(joint: int) -> int:
-            parent = self._parent(joint)
-            return 0 if parent < 0 else 1 + depth(parent)
-
-        return sorted(range(len(self._names)), key=depth)
+    def _depth(self, joint: int) -> int:
+        """Count the joints above a joint."""
+        return 1 + self._depth(self._parents[joint]) if self._parents[joint] >= 0 else 0
 
 
-def _way(step: NDArray[np.float64]) -> float:
-    """Give the root mean square of the joints' own steps (joints, 3), metres."""
-    own = step - step.mean(axis=0)
+def _way(step: NDArray[np.float64], *, whole: bool = False) -> float:
+    """Give the root mean square of the joints' own steps (joints, 3), metres, or of their whole steps."""
+    own = step if whole else step - step.mean(axis=0)
     return math.sqrt(float(np.vdot(own, own)) / len(own))

@@ -1,10 +1,10 @@
 """Which joints of a feed can be believed: a body's segments keep their length, and no body moves at any speed.
 
 Four things are noticed. First, the whole body is elsewhere between two frames (`Jump`): its sides were exchanged, its
-unit changed, or another posture is shown. Second, a segment stretches while the one to the same joint of the other side
-does not: the two joints are exchanged; or it stretches by half a metre. Third, a joint keeps one position to the last
-digit while the joints next to it move: the tracker lost it and repeats it. Fourth, the ends of a segment are as far
-apart as any two joints: the joints are in another order, or these are no positions.
+unit changed, or another posture or another body is shown. Second, a segment stretches while the one to the same joint
+of the other side does not: the two joints are exchanged; or it stretches by half a metre. Third, a joint keeps one
+position to the last digit while the joints next to it move: the tracker lost it and repeats it. Fourth, the ends of a
+segment are as far apart as any two joints: the joints are in another order, or these are no positions.
 
 Lengths alone say nothing: sensors and marker sets put joints elsewhere than HDM05, and their segments stretch.
 
@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 #: these metres per second; 99.9 % of the steps of CMU's takes are a quarter slower.
 JUMP_STEP, JUMP_SPEED = 0.12, 7.0
 _JUMPING_JOINTS = 6
+#: A body's middle jumps when it steps farther than these metres, and faster than these metres per second: a sprinter
+#: reaches 12. Frames that come late and then together, without times of their own, show a runner steps of 0.2 m.
+ELSEWHERE_STEP, ELSEWHERE_SPEED = 0.3, 12.0
+#: The middle of the joints, their median, lies so near their mean, as a share of a step, unless single joints jump.
+_NEAR_MEAN = 2 / 3
 #: A jump is so many times as far and as fast as the step before; or it goes back where that step came from: the cosine
 #: between them.
 SUDDEN, _BACK = 3.0, -0.5
@@ -50,7 +55,7 @@ PER_TREMBLE = 25.0
 MAX_STRETCH = 0.5
 #: Of two joints that are exchanged, each segment changes its length by less than this share of what it seems to change.
 STEADIER = 0.5
-#: The number of judgements in a row after which joints in disorder are told.
+#: The number of judgements in a row after which joints in disorder are doubted.
 _IN_DISORDER = 2
 #: Metres within which a position stays the same, and by which a frozen joint's segment changes at least on a rigid
 #: body.
@@ -126,7 +131,7 @@ class Plausibility:
         #: For each joint that was blamed in the last judgement, in how many judgements in a row.
         self._in_a_row: dict[int, int] = {}
         self._disordered = 0
-        self._forget_spans()
+        self.begin_again()
 
     def begin(self, positions: NDArray[np.float64]) -> None:
         """Take the size of the body from its first frame (joints, 3)."""
@@ -141,7 +146,8 @@ class Plausibility:
         if len(known[0]):
             self._scale = _middle(np.divide(*known))
 
-    def _forget_spans(self) -> None:
+    def begin_again(self) -> None:
+        """Forget the frames before a jump: a segment did not stretch between them and the frames after it."""
         self._before = self._count = 0
         self._since = math.inf
 
@@ -165,11 +171,22 @@ class Plausibility:
         # NaN means a lost joint.
         return not squares < self._least_squares * least * least
 
+    def may_be_elsewhere(self, steps: NDArray[np.float64], elapsed: float) -> bool:
+        """Say quickly whether one of some steps (frames, joints, 3), in which no joints jump, may lead elsewhere."""
+        middles = np.add.reduce(steps, axis=1)
+        farthest = float(np.einsum("fc,fc->f", middles, middles).max())
+        return farthest > (_NEAR_MEAN * len(steps[0]) * self._elsewhere(elapsed)) ** 2
+
+    def is_elsewhere(self, step: Step) -> bool:
+        """Say whether the middle of a body steps farther and faster than any body's."""
+        return float(np.linalg.norm(_middle_of(step.step))) > self._elsewhere(step.elapsed)
+
+    def _elsewhere(self, elapsed: float) -> float:
+        return max(ELSEWHERE_STEP, ELSEWHERE_SPEED * elapsed) / self._scale
+
     def _step_length(self, step: NDArray[np.float64]) -> float:
         """Give how far a sixth of the joints step, metres, relative to the step of the body as a whole."""
-        # numpy's own median takes ten times as long for a few numbers.
-        ordered, half = np.sort(step, axis=0), len(step) // 2
-        own = step - (ordered[half] + ordered[-1 - half]) / 2
+        own = step - _middle_of(step)
         lengths = np.sqrt(np.einsum("jc,jc->j", own, own))
         return float(np.partition(lengths, -self._jumping)[-self._jumping])
 
@@ -212,10 +229,6 @@ class Plausibility:
         self._before, self._count, self._since = self._count, 0, time
         return True
 
-    def begin_again(self) -> None:
-        """Forget the frames before a jump: a segment did not stretch between them and the frames after it."""
-        self._forget_spans()
-
     def _judge(self, mean: NDArray[np.float64], stretch: NDArray[np.float64], moved: NDArray[np.float64]) -> None:
         """Judge by the segments' lengths and changes, and by how far joints moved; all in the feed's metres."""
         body, count = self._body, len(self._body.children)
@@ -231,7 +244,7 @@ class Plausibility:
         self.rigid = rigid = tremble < TREMBLES
         excess = stretch - body.spread
         broken = excess > MAX_STRETCH
-        # Both sides tell of an exchange: while one leg stands still, the other one's marker may slip on the skin.
+        # Both sides show an exchange: while one leg stands still, the other one's marker may slip on the skin.
         exchanged = crossed < STEADIER * stretch[body.crossing]
         exchanged &= excess[body.crossing] > RIGID + PER_TREMBLE * tremble
         broken[body.crossing] |= exchanged & exchanged[body.partner]
@@ -265,6 +278,13 @@ class Plausibility:
         while more := {end for segment in segments if frozen & {*segment} for end in segment} - frozen:
             frozen |= more
         return frozen
+
+
+def _middle_of(step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give the median step, (3,), of the joints; numpy's own takes ten times as long for a few numbers."""
+    ordered, half = np.sort(step, axis=0), len(step) // 2
+    middle: NDArray[np.float64] = (ordered[half] + ordered[-1 - half]) / 2
+    return middle
 
 
 def _middle(numbers: NDArray[np.float64]) -> float:

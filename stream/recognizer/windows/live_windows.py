@@ -27,7 +27,7 @@ _MIN_FRAMES = 3
 
 
 class Leading(NamedTuple):
-    """What the windows that end now show beside the parts that are compared.
+    """What the windows that end now show, apart from the parts that are compared.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class LiveWindows:
         self.longest = max(*self._of_distances, *in_basis)
         self._directions = index.basis.directions
         pairs, directions = self._directions.shape
-        self._window = SlidingWindow(self.longest, pairs, beside=directions)
+        self._window = SlidingWindow(self.longest, pairs, point_width=directions)
         self._moments = tuple(MomentSums(self._window, seconds) for seconds in self._of_distances)
         self._products = tuple(ProductSums(self._window, seconds) for seconds in in_basis)
         self._sums = (*self._moments, *self._products)

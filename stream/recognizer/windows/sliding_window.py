@@ -29,7 +29,7 @@ TIE = 1e-6
 
 
 class SlidingWindow:
-    """Distance rows of the last seconds, ending with the newest frame, and perhaps points beside them.
+    """Distance rows of the last seconds, ending with the newest frame, and perhaps a point for each.
 
     A row at time t is in the window while the newest time is less than t + seconds; the newest row always is. Rows lie
     one after another in time order in memory that is allocated once. Before they reach its end they move back to the
@@ -43,25 +43,25 @@ class SlidingWindow:
         Numbers in a row.
     fastest
         Frames per second up to which the window keeps its length.
-    beside
-        Numbers of the point that is kept beside each row.
+    point_width
+        Numbers of the point that is kept for each row.
 
     Attributes
     ----------
     rows_kept, points_kept, times_kept
-        The memory: rows (places, width), points (places, beside), and times (places,), seconds.
+        The memory: rows (places, width), points (places, point_width), and times (places,), seconds.
     end, moved
         Where the newest row ends in the memory, and by how many places rows have moved back in all.
     """
 
-    def __init__(self, seconds: float, width: int, fastest: float = MAX_FEED_RATE, beside: int = 0) -> None:
+    def __init__(self, seconds: float, width: int, fastest: float = MAX_FEED_RATE, point_width: int = 0) -> None:
         self.seconds, self._fastest = seconds, fastest
         self._most = self.most_in(seconds)
         # Twice the rows that may have to be kept, so that moving back never overlaps. The system commits only pages
         # that are used: a slow feed does not pay for the room of a fast one.
         room = 2 * (self._most + 2 * MAX_PENDING)
         self.rows_kept, self.times_kept = _reserved(room, width), np.empty(room)
-        self.points_kept = _reserved(room, beside) if beside else np.empty((room, 0))
+        self.points_kept = _reserved(room, point_width) if point_width else np.empty((room, 0))
         self._all = (self.rows_kept, self.points_kept, self.times_kept)
         self.clear()
 
@@ -73,7 +73,7 @@ class SlidingWindow:
         """Forget all rows, as at the start."""
         self._kept = self._start = self._fresh = self.end = 0
         self.moved = 0
-        # A plain number beside the array, because looking one up in an array is slow.
+        # A plain number in addition to the array, because looking one up in an array is slow.
         self._oldest = math.nan
 
     def push(
@@ -88,7 +88,7 @@ class SlidingWindow:
         rows
             Shape (rows, width).
         points
-            Shape (rows, beside), when points are kept.
+            Shape (rows, point_width), when points are kept.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class SlidingWindow:
 
     @property
     def points(self) -> NDArray[np.float64]:
-        """The points beside the rows, shape (rows, beside); a view, as of `rows`."""
+        """The points of the rows, shape (rows, point_width); a view, as of `rows`."""
         return self.points_kept[self._start : self.end]
 
     @property

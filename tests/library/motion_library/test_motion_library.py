@@ -11,7 +11,7 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.motion_library.learned import Learned
-from kinespace.library.naming import hdm05
+from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 if TYPE_CHECKING:
@@ -116,11 +116,14 @@ def test_frame_rates_come_near_60(rate: float, every: int, kept: float) -> None:
     assert motion.frame_rate == pytest.approx(kept)
     np.testing.assert_allclose(motion.positions, clip.positions[::every], atol=0.000501)
     assert motion.duration == pytest.approx(clip.duration, abs=1 / kept)
+    two = clip.moved_to(clip.positions[: every + 1])
+    assert MotionLibrary.of_clips([two]).motions[0].frames == 2
 
 
 def test_the_order_of_hdm05s_joints_never_matters(builtin: MotionLibrary) -> None:
     """HDM05's joints in the order of the alphabet, or each clip in another, make the very same library."""
     motions = builtin.motions[::20]
+    assert builtin.in_our_names(Naming()) is builtin
     mixed = MotionLibrary.of_clips([_shuffled(motion, seed) for seed, motion in enumerate(motions)])
     _assert_equal(mixed, MotionLibrary.of_clips(motions))
     unknown = MotionLibrary.of_clips([_shuffled(motion, seed, parents=False) for seed, motion in enumerate(motions)])
@@ -150,7 +153,7 @@ REFUSED: list[tuple[Clip, str]] = [
     (dataclasses.replace(WAVE, frame_rate=0.5), "clip 'wave_0': expected 1 to 75 frames per second, got 0.5"),
     (
         stick_clip("wave", skeleton=Skeleton((*STICK.joints[:-1], "tail"))),
-        "clip 'wave_0': expected the other recordings' 6 joints, got tail beside them",
+        "clip 'wave_0': expected the other recordings' 6 joints, got tail as well",
     ),
 ]
 
@@ -189,6 +192,8 @@ def test_parts_that_do_not_fit_are_refused(library: MotionLibrary) -> None:
         MotionLibrary(Skeleton(STICK.joints[::-1]), library.motions)
     with pytest.raises(ValueError, match="expected 1 to 75 frames per second, got 120"):
         MotionLibrary(STICK, (stick_clip("bow"),))
+    with pytest.raises(ValueError, match="expected at least 2 frames, got 1"):
+        MotionLibrary(STICK, (library.motions[0].moved_to(library.motions[0].positions[:1]),))
     with pytest.raises(ValueError, match="class_name: expected"):
         MotionLibrary(STICK, (dataclasses.replace(library.motions[0], class_name=""),))
     mixed = MotionLibrary(STICK, library.motions[::-1])
@@ -212,13 +217,13 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
         )
         for seed, name in enumerate((*STICK_CLASSES, "wave"))
     ]
-    learned = Learned.of_arrays({"weights": np.arange(6.0).reshape(2, 3), "one": np.array(0.5)})
+    learned = Learned({"weights": np.arange(6, dtype=np.float32).reshape(2, 3), "one": np.array(0.5, np.float32)})
     library = MotionLibrary.of_clips(clips, learned=learned)
     library.save(tmp_path / "library.npz")
     loaded = MotionLibrary.load(tmp_path / "library.npz")
     _assert_equal(loaded, library)
     assert loaded.learned is not None
-    arrays, expected = loaded.learned.arrays(), learned.arrays()
+    arrays, expected = loaded.learned.named, learned.named
     assert list(arrays) == list(expected)
     assert all(np.array_equal(arrays[name], expected[name]) for name in expected)
     assert not loaded.motions[0].positions.flags.writeable
@@ -229,7 +234,7 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
 
 def test_motions_are_added(library: MotionLibrary) -> None:
     """Added clips become motions like all others; the library they were added to does not change."""
-    learned = Learned.of_arrays({"one": np.zeros(1)})
+    learned = Learned({"one": np.zeros(1, np.float32)})
     before = dataclasses.replace(library, learned=learned)
     more = before.with_motions([stick_clip("jump", seed=70), dataclasses.replace(stick_clip("bow"), class_name="ab")])
     assert (len(before), len(more)) == (18, 20)
@@ -354,10 +359,55 @@ def test_libraries_that_share_too_few_joints_are_not_merged(library: MotionLibra
 
 def test_learned_numbers_survive_a_merge(library: MotionLibrary) -> None:
     """The first library's learned numbers go before the second's, which go before none."""
-    first, second = (dataclasses.replace(library, learned=Learned.of_arrays({"a": np.zeros(1)})) for _ in range(2))
+    first, second = (dataclasses.replace(library, learned=Learned({"a": np.zeros(1, np.float32)})) for _ in range(2))
     assert first.merged_with(second).learned is first.learned
     assert library.merged_with(second).learned is second.learned
     assert library.merged_with(library).learned is None
+
+
+# --- guests ------------------------------------------------------------------------------------------------------
+
+
+def test_guests_lack_joints_that_are_computed(builtin: MotionLibrary, tmp_path: Path) -> None:
+    """They move and turn with the joints that there are, stay beside the motions, and come back from a file."""
+    motion, lost = builtin.motions[0], ("lhand", "ltoes", "root")
+    known = [name for name in builtin.skeleton.joints if name not in lost]
+    turned = motion.positions @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) + 2.0
+    clip = dataclasses.replace(motion, positions=turned, actor="ann").restricted_to(known)
+    library = builtin.with_guests([clip])
+    assert (library.motions, library.actors) == (builtin.motions, builtin.actors)
+    guest = library.guests[-1] if library.guests[-1].actor == "ann" else library.guests[0]
+    assert (guest.actor, guest.class_name) == ("ann", motion.class_name)
+    errors = np.linalg.norm(guest.positions - turned, axis=2).max(axis=0)
+    places = [builtin.skeleton.joints.index(name) for name in lost]
+    assert np.delete(errors, places).max() <= 0.001
+    assert 0.001 < errors[places].max() < 0.1
+    library.save(tmp_path / "guests.npz")
+    loaded = MotionLibrary.load(tmp_path / "guests.npz")
+    _assert_equal(library, loaded)
+    assert all(map(_are_alike, library.guests, loaded.guests))
+    with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
+        builtin.with_guests([clip.restricted_to(known[:4])])
+
+
+def _are_alike(one: Clip, other: Clip) -> bool:
+    said = all(getattr(one, name) == getattr(other, name) for name in SAID)
+    return said and np.array_equal(one.positions, other.positions)
+
+
+def test_guests_follow_their_classes(library: MotionLibrary) -> None:
+    """Whatever makes another library of a library keeps the guests of classes that it has."""
+    clips = [dataclasses.replace(clip, actor="guest") for clip in stick_clips(actors=("aa",))]
+    guested = library.with_guests(clips)
+    count, bows = len(clips), sum(clip.class_name == "bow" for clip in clips)
+    assert len(guested.guests) == count
+    assert len(guested.without(classes=["bow"]).guests) == count - bows
+    assert guested.without(actors=["guest"]).guests == ()
+    assert {guest.class_name for guest in guested.renamed({"bow": "zeal"}).guests} == {"jump", "wave", "zeal"}
+    assert len(guested.with_motions(clips[:1]).guests) == count
+    assert len(guested.restricted_to(STICK.joints[:5]).guests[0].skeleton.joints) == 5
+    assert len(guested.merged_with(guested).guests) == count
+    assert len(library.merged_with(guested).guests) == count
 
 
 # --- the built-in library ----------------------------------------------------------------------------------------
@@ -369,7 +419,11 @@ def test_the_built_in_library_describes_itself(builtin: MotionLibrary) -> None:
     assert builtin.skeleton == hdm05.SKELETON
     assert {motion.frame_rate for motion in builtin.motions} == {60.0}
     assert {motion.source for motion in builtin.motions} == {hdm05.SOURCE}
-    assert (builtin.licence, builtin.attribution) == ("CC BY-SA 3.0", hdm05.ATTRIBUTION)
+    assert builtin.licence == "CC BY-SA 3.0 / ODC PDDL 1.0"
+    assert builtin.attribution.startswith(f"{hdm05.ATTRIBUTION} / ")
+    assert "UI-PRMD: A. Vakanski" in builtin.attribution
+    assert (len(builtin.guests), {guest.actor for guest in builtin.guests}) == (40, {"s01", "s02", "s03"})
+    assert {guest.class_name for guest in builtin.guests} == {"squat1Reps"}
     assert "Mueller" in builtin.attribution
     assert sum(motion.duration for motion in builtin.motions) == pytest.approx(595, abs=1)
 

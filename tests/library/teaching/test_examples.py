@@ -41,8 +41,7 @@ def _roster(*taught: tuple[str, str, int]) -> Roster:
 def test_a_roster_is_a_value() -> None:
     """Each change gives a new roster and does not change the old one."""
     roster = _roster(("bend", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0), ("bend", "squat1Reps", 1))
-    assert roster.classes == ("bend", "kick")
-    assert roster.next_number == 4
+    assert (roster.classes, roster.next_number, Roster().next_number) == (("bend", "kick"), 4, 1)
     assert roster.renamed("bend", "squat").classes == ("squat", "kick")
     assert roster.without_class("bend").classes == ("kick",)
     assert roster.enabled("kick", on=False).enabled("kick", on=True).disabled == frozenset()
@@ -58,45 +57,62 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
     path = tmp_path / "mine.npz"  # type: ignore[operator]
     library.save(path)
     again = Roster.of_library(MotionLibrary.load(path))
-    assert again.classes == ("zoo", "abc")
-    assert [each.class_name for each in again.examples] == ["zoo", "abc", "zoo"]
-    assert again.next_number == 4
+    assert [(each.number, each.class_name) for each in again.examples] == [(1, "zoo"), (2, "abc"), (3, "zoo")]
+    assert [(each.begin, each.end) for each in again.examples] == [
+        (0.0, each.recording.duration) for each in again.examples
+    ]
 
 
 def test_trimming_cuts_the_motion() -> None:
     """A trimmed example holds the frames of its motion alone."""
     motion = _motions("squat1Reps")[0]
     example = Example(1, "squat", motion, 0.25, 0.75)
-    assert example.motion.duration == pytest.approx(0.5, abs=0.04)
+    assert example.motion.duration == pytest.approx(example.seconds, abs=0.04)
+    assert example.seconds == 0.5
     np.testing.assert_array_equal(example.motion.positions[0], motion.positions[round(0.25 * motion.frame_rate)])
-    assert example.whole.seconds == motion.duration
 
 
 @pytest.mark.slow
 def test_changed_windows_equal_the_windows_of_a_new_library() -> None:
     """Examples added, taken back and added again are compared as if they had all been there at once."""
-    windows = TaughtWindows(_base(), beside=True)
+    windows = TaughtWindows(_base(), with_base=True)
     first = _roster(("my squat", "squat1Reps", 0))
     second = first.with_example(_example(2, "my kick", _motions("kickLFront1Reps")[0]))
     windows.index_of(second)
     windows.index_of(first)
     index = windows.index_of(second)
-    anew = TaughtWindows(_base(), beside=True).index_of(second)
+    again = TaughtWindows(_base(), with_base=True).index_of(second)
     assert index is not None
-    assert anew is not None
-    assert index.classes == anew.classes
-    for mine, other in zip(index.vectors, anew.vectors, strict=True):
+    assert again is not None
+    assert index.classes == again.classes
+    for mine, other in zip(index.vectors, again.vectors, strict=True):
         np.testing.assert_array_equal(mine, other)
 
 
+def test_windows_of_undone_examples_are_forgotten() -> None:
+    """Of many examples that were taught and undone few are kept; one taught again is compared as before."""
+    base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))
+    windows, motion = TaughtWindows(base, with_base=True), stick_clip("wave", frames=120)
+    first, *_ = indices = [
+        windows.index_of(Roster((Example(number, "mine", motion, 0.0, 1.0),))) for number in (*range(1, 40), 1)
+    ]
+    assert len(windows._known) <= 11  # noqa: SLF001 - unseen
+    for index in indices:
+        assert first is not None
+        assert index is not None
+        assert index.classes == first.classes
+        for mine, other in zip(index.vectors, first.vectors, strict=True):
+            np.testing.assert_array_equal(mine, other)
+
+
 def test_among_many_examples_one_more_does_not_make_the_unknown_learned_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a library's motions beside them examples teach what is unknown; among many a few more do not matter."""
+    """Where the base is not compared, examples teach what is unknown; among many a few more do not matter."""
     first = _roster(("a", "squat1Reps", 0), ("b", "kickLFront1Reps", 0), ("a", "squat1Reps", 1))
     second = first.with_example(_example(4, "b", _motions("kickLFront1Reps")[1]))
     for many in (200, 2):
         monkeypatch.setattr(examples, "_MANY", many)
         monkeypatch.setattr(examples, "_FEW", 0.3)
-        windows = TaughtWindows(_base(), beside=False)
+        windows = TaughtWindows(_base(), with_base=False)
         before, after, much_later = map(windows.index_of, (first, second, _roster(("a", "squat1Reps", 0))))
         assert before is not None
         assert after is not None
@@ -107,7 +123,7 @@ def test_among_many_examples_one_more_does_not_make_the_unknown_learned_anew(mon
 
 def test_an_index_has_the_motions_of_its_roster_alone() -> None:
     """What opens its library anew, for fewer joints, finds the same classes; after an undo, too."""
-    windows = TaughtWindows(_base(), beside=False)
+    windows = TaughtWindows(_base(), with_base=False)
     first = _roster(("squat", "squat1Reps", 0))
     before, more, undone = map(
         windows.index_of, (first, _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)), first)
@@ -125,7 +141,7 @@ def test_an_index_has_the_motions_of_its_roster_alone() -> None:
 def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # noqa: FBT001
     """For a body of fewer joints the base is opened before the first example, and an undo opens nothing."""
     base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))
-    windows, joints = TaughtWindows(base, beside=beside), base.library.skeleton.joints[:-1]
+    windows, joints = TaughtWindows(base, with_base=beside), base.library.skeleton.joints[:-1]
     example = Example(1, "mine", stick_clip("wave", frames=120), 0.0, 1.0)
     indices = [windows.index_of(roster) or base for roster in (Roster(), Roster((example,)), Roster())]
     fewer = [index.by_joints(joints) for index in indices]
@@ -138,18 +154,25 @@ def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # n
 
 def test_without_library_and_examples_there_is_no_index() -> None:
     """Without a library and without examples there is no index."""
-    windows = TaughtWindows(_base(), beside=False)
+    windows = TaughtWindows(_base(), with_base=False)
     assert windows.index_of(Roster()) is None
     assert windows.base_classes == ()
     index = windows.index_of(_roster(("squat", "squat1Reps", 0)))
     assert index is not None
     assert index.classes == ("squat",)
     assert windows.index_of(Roster()) is None
+    alone = TaughtWindows(None, with_base=False)
+    assert alone.index_of(Roster()) is None
+    index = alone.index_of(
+        _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)).enabled("kick", on=False)
+    )
+    assert index is not None
+    assert (index.classes, alone.base_classes) == (("squat",), ())
 
 
 def test_a_check_names_the_class_that_an_example_resembles() -> None:
-    """A squat taught under another name cannot be told from squats; taught twice, from the other name's."""
-    windows = TaughtWindows(_base(), beside=True)
+    """A squat taught under another name is as squats are; after one example this is no verdict."""
+    windows = TaughtWindows(_base(), with_base=True)
     roster = _roster(("mine", "squat1Reps", 0))
     index = windows.index_of(roster)
     assert index is not None
@@ -157,8 +180,27 @@ def test_a_check_names_the_class_that_an_example_resembles() -> None:
     assert check is not None
     assert check.nearest == "squat1Reps"
     assert check.share_at_risk > 0.5
-    assert check.words == "cannot be told from squat1Reps"
+    assert check.words == "good so far: show it again to be sure; the nearest class is squat1Reps"
     assert checked(index, 7) is None
+
+
+def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> None:
+    """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
+    windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]
+    index = windows.index_of(_roster(*squats, ("a", "kickLFront1Reps", 0), ("b", "kickLFront1Reps", 1)))
+    assert index is not None
+    assert np.bincount(index.motions) == pytest.approx(
+        [10 * each.duration - 5 for each in index.library.motions], abs=1
+    )
+    found = [checked(index, number) or Check(0, "", 0) for number in range(1, 6)]
+    assert [each.share_at_risk for each in found] == [0, 0, 0, 1, 0]
+    assert [each.nearest for each in found] == ["b"] * 4 + ["a"]
+    assert [each.to_own for each in found] == pytest.approx([0.9, 0.9, 1.2, 5.8, np.nan], abs=0.1, nan_ok=True)
+    for count, alike in ((2, [np.nan] * 3), (3, [0.9, 0.9, 1.2, np.nan])):
+        index = windows.index_of(_roster(*squats[:count], ("b", "kickLFront1Reps", 0)))
+        assert index is not None
+        found = [checked(index, number) or Check(0, "", 0) for number in range(1, count + 2)]
+        assert [each.to_own for each in found] == pytest.approx(alike, abs=0.1, nan_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -168,6 +210,8 @@ def test_a_check_names_the_class_that_an_example_resembles() -> None:
         (Check(0.05, "a", 1.0), "good"),
         (Check(0.06, "a", 9.0), "close to a"),
         (Check(0.51, "a", 1.0), "cannot be told from a"),
+        (Check(0.05, "a", float("nan"), is_first=True), "good so far: show it again to be sure"),
+        (Check(0.0, "", float("nan"), is_first=True), "good so far: show it again to be sure"),
         (Check(0.0, "a", 2.1), "unlike your other examples"),
         (Check(1.0, "", 1.0), "good"),
     ],

@@ -4,9 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import gesture
 
 from kinespace.library import Clip, MotionLibrary, distance_rows
-from kinespace.library.teaching.movement import MovementMeter, Stretch, StretchFinder, relative_movement, stretches_of
+from kinespace.library.teaching.movement import (
+    Movement,
+    MovementMeter,
+    Stretch,
+    StretchFinder,
+    limb_speed,
+    moved_at_all,
+    moved_in,
+    relative_movement,
+    stillness_of,
+    stretches_of,
+)
 
 
 def _take(seconds_still: float, noise: float = 0.0) -> tuple[Clip, list[Stretch]]:
@@ -60,7 +72,7 @@ def test_relative_movement_is_the_textbook_formula() -> None:
 
 
 def test_the_meter_measures_as_fast_a_feed_as_a_slow_one() -> None:
-    """Movement is measured alike at any frame rate."""
+    """Movement is measured alike at any frame rate, thirty times a second over a fifth of a second."""
     take, moving = _take(1.0)
     values = {}
     for every in (1, 2):
@@ -73,22 +85,89 @@ def test_the_meter_measures_as_fast_a_feed_as_a_slow_one() -> None:
         values[every] = measured
     shared = sorted(set(values[1]) & set(values[2]))
     assert len(shared) > 100
-    assert np.median([abs(values[1][time] - values[2][time]) for time in shared]) < 1e-6
+    assert np.median([abs(values[1][time].body - values[2][time].body) for time in shared]) < 1e-6
     at = next(time for time in shared if time > moving[0].start + 0.5)
-    rows = distance_rows(take.positions[[round((at - back / 30) * 60) for back in range(5, -1, -1)]], take.skeleton)
-    assert values[1][at] == pytest.approx(relative_movement(rows), rel=0.5)
+    rows = distance_rows(take.positions[round(at * 60) - 12 : round(at * 60) + 1 : 2], take.skeleton)
+    assert values[1][at].body == relative_movement(rows)
+    assert np.diff(sorted(values[1])) == pytest.approx(1 / 30, abs=2e-3)
 
 
 def test_hysteresis() -> None:
-    """Movement between the two thresholds neither begins a motion nor ends one."""
-    finder = StretchFinder(0.01)
-    for step in range(30):
-        assert finder.push(step / 30, 0.015) is None
-    assert finder.began is None
-    for step in range(30, 60):
-        finder.push(step / 30, 0.05)
-    assert finder.began == pytest.approx(1.0)
-    for step in range(60, 90):
-        assert finder.push(step / 30, 0.015) is None
-    found = [each for step in range(90, 120) if (each := finder.push(step / 30, 0.005))]
-    assert found == [pytest.approx((0.9, 89 / 30 - 0.1))]
+    """Between the two thresholds no motion begins and none ends; too short a movement or stillness changes nothing."""
+    finder, found, began = StretchFinder(0.01), {}, {}
+    shown = ((30, 0.0199), (3, 0.02), (3, 0.0), (30, 0.02), (30, 0.0101), (14, 0.01), (1, 0.0101), (20, 0.01))
+    for step, movement in enumerate(movement for count, movement in shown for _ in range(count)):
+        found[step], began[step] = finder.push(step / 30, Movement(movement)), finder.began
+    assert {step: each for step, each in found.items() if each} == {125: pytest.approx((1.1, 110 / 30 - 0.1))}
+    assert {step for step, each in began.items() if each == 1.2} == set(range(39, 125))
+    assert set(began.values()) == {None, 1.2}
+
+
+def test_a_take_may_begin_and_end_in_a_motion() -> None:
+    """Then its stretch begins with the first frame, and ends with the take."""
+    take, moving = _take(1.0)
+    begin, end = round(moving[0].start * 60) + 20, round(moving[2].start * 60) + 50
+    found = stretches_of(replace(take, positions=take.positions[begin:end]))
+    assert len(found) == 3
+    assert 0.0 <= found[0].start < 0.1
+    assert (end - begin) / 60 - 0.2 < found[-1].end <= (end - begin) / 60
+
+
+def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
+    """The nod of a head moves the whole body by less than it trembles; on a quiet feed the head alone begins it."""
+    nod = gesture("nod")
+    assert [*moved_in(nod)] == []
+    found = moved_at_all(nod)
+    assert found
+    assert found == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
+    meter = MovementMeter(nod.skeleton)
+    movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
+    assert max(each.body for each in movements) < 0.01 < max(each.limb for each in movements)
+
+
+@pytest.mark.parametrize("name", ["nod", "hand wave", "bow"])
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
+    """The trembling of the second before says how little is needed; a feed that trembles by 2 mm is still quiet."""
+    shown = gesture(name)
+    trembling = noise * np.random.default_rng(0).normal(size=shown.positions.shape)
+    meter, standing, began = MovementMeter(shown.skeleton), list[tuple[float, Movement]](), list[float]()
+    finder = StretchFinder()
+    for time, body in zip(shown.times.tolist(), shown.positions + trembling, strict=True):
+        movement = meter.push(time, body)
+        if movement and time < 1:
+            standing.append((time, movement))
+            finder = StretchFinder(stillness_of(standing))
+        elif movement:
+            finder.push(time, movement)
+            began += [finder.began] if finder.began is not None else []
+    assert began
+    assert 1.0 < began[0] < 1.5
+
+
+def test_the_limb_speed_is_that_of_its_joint() -> None:
+    """One of four joints goes at a steady speed against the others; the joint not seen does not matter."""
+    corners = np.array([[0, 0, 0], [0, 2, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], dtype=float)
+    times = np.arange(7) / 30
+    bodies = np.repeat(corners[None], 7, axis=0)
+    bodies[:, 0, 2] = 0.3 * times
+    bodies[3, 4] = np.nan
+    # The centre goes along with a quarter of the speed; in such a body the mean squared distance is 10/3.
+    assert limb_speed(times, bodies) == pytest.approx(0.3 * 0.75 / (10 / 3) ** 0.5, rel=1e-3)
+
+
+def test_a_joint_that_jumps_begins_no_motion() -> None:
+    """A depth sensor's joints jump for a moment; a limb counts after a tenth of a second."""
+    nod = gesture("nod")
+    standing = np.repeat(nod.positions[:1], 120, axis=0)
+    standing[60:64, 18] += 0.1
+    assert [*moved_in(replace(nod, positions=standing))] == []
+
+
+def test_stillness_is_some_times_the_trembling() -> None:
+    """Between a least and the usual one, and the usual one where nobody stood for half a second."""
+    calm = [(place / 30, Movement(0.001, trembling)) for place, trembling in enumerate([0.0] * 20 + [0.003])]
+    assert stillness_of(calm) == pytest.approx(0.006)
+    assert stillness_of([(time, Movement(0.0)) for time, _ in calm]) == pytest.approx(0.003)
+    assert stillness_of([(time, Movement(0.1)) for time, _ in calm]) == 0.01
+    assert stillness_of(calm[:10], 0.02) == stillness_of([], 0.02) == 0.02

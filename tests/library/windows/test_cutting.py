@@ -62,4 +62,4 @@ def test_numbers_by_definition(clip: Clip, builtin_index: WindowIndex, arithmeti
             assert np.abs(pairs.vectors[place, 0] @ vectors[0]) == pytest.approx(1.0)
             place += 1
     assert {len(each) for each in numbers.values()} == {place}
-    assert np.array_equal(cut.moments(1.0).mean.shape, (place, 465))
+    assert np.array_equal(cut.moments[1.0].mean.shape, (place, 465))

@@ -12,17 +12,19 @@ from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, distance_rows
 from kinespace.library.motion_library import NOTHING
+from kinespace.library.motion_library.learned import Learned
 from kinespace.library.signature.parts import EIGENVECTORS, Kind
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
-from kinespace.library.windows.rejection import learned_rejection
+from kinespace.library.windows.rejection import RATES, learned_rejection, stand_in
 from kinespace.tools.feeding.joint_sets import joints_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from kinespace.library.signature.parts import Part
+    from kinespace.library.windows.metric import Metric
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SECONDS = 1.0
@@ -67,18 +69,26 @@ def _numbers(index: WindowIndex, clip: Clip, every: float = 0.4) -> list[Mapping
     return [{part: numbers[place].copy() for part, numbers in cut.items()} for place in range(len(ends))]
 
 
+def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
+    """Compare one window with every window of an index, as at each hop."""
+    comparer = index.comparer()
+    for part, written in comparer.numbers.items():
+        written[...] = numbers[part]
+    comparer.compare()
+    return comparer.logs
+
+
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
     """Name the class that is nearest to each motion, in the mean of its windows."""
     weighing = index.comparison.weighing
     means = [
-        np.mean([weighing.named(index.log_distances(numbers)) for numbers in _numbers(index, clip)], axis=0)
-        for clip in clips
+        np.mean([weighing.named(_logs(index, numbers)) for numbers in _numbers(index, clip)], axis=0) for clip in clips
     ]
     return [index.classes[int(each.argmin())] for each in means]
 
 
 def _whose(index: WindowIndex) -> list[tuple[str, str]]:
-    return [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
+    return [(index.compared[each].class_name, index.compared[each].actor) for each in index.motions]
 
 
 def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
@@ -98,7 +108,7 @@ def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ..
         rows = distance_rows(clip.positions, clip.skeleton)
         for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
             expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-            assert np.allclose(index.log_distances(numbers), expected, atol=2e-3), arithmetic
+            assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
 
 
 def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex, arithmetic: str) -> None:
@@ -132,24 +142,9 @@ def test_a_window_asks_the_others_as_a_live_one_does(index: WindowIndex) -> None
     [*_, numbers] = _numbers(index, replace(own, positions=own.positions[::2], frame_rate=30.0))
     last = np.flatnonzero(index.motions == index.motions[place])[-1]
     found = ask(int(last), np.isin(index.motions, gone))
-    assert np.allclose(found, fewer.log_distances(numbers), atol=5e-3)
+    assert np.allclose(found, _logs(fewer, numbers), atol=5e-3)
     left_out = np.array([name == "squat1Reps" for name, _ in _whose(index)])
     assert np.isinf(ask(0, left_out)).any(axis=0).tolist() == [False, False, True]
-
-
-def test_a_second_person_must_agree(small_index: WindowIndex) -> None:
-    """A motion that one person of the library performs is no nearer than the mean with the next person allows."""
-    motions = small_index.library.motions
-    clip = motions[4]
-    numbers = _numbers(small_index, clip)[-1]
-    alone = [
-        [place for place, own in enumerate(motions) if (own.class_name, own.actor) == (clip.class_name, actor)]
-        for actor in small_index.library.actors
-    ]
-    by_person = sorted(small_index.of_some(each).log_distances(numbers)[0, 0] for each in alone)
-    assert by_person[0] < by_person[1] - 0.1
-    agreed = small_index.log_distances(numbers)[0, small_index.classes.index(clip.class_name)]
-    assert agreed == pytest.approx((by_person[0] + by_person[1]) / 2, abs=1e-3)
 
 
 # --- kinds of libraries ------------------------------------------------------------------------------------------
@@ -260,9 +255,9 @@ def test_some_motions_and_the_others_are_all(people_index: WindowIndex) -> None:
     assert len(own) + len(others) == len(people_index)
     assert (own.classes, others.classes) == (("jump",), ("bow", "wave"))
     numbers = _numbers(people_index, stick_clip("wave", seed=70, frames=240))[-1]
-    whole = people_index.log_distances(numbers)
-    assert np.allclose(own.log_distances(numbers), whole[:, [1]])
-    assert np.allclose(others.log_distances(numbers), whole[:, [0, 2]])
+    whole = _logs(people_index, numbers)
+    assert np.allclose(_logs(own, numbers), whole[:, [1]])
+    assert np.allclose(_logs(others, numbers), whole[:, [0, 2]])
     for learns in (True, False):
         kept = replace(people_index, judged_by=people_index.rejection).of_some(some, learns=learns)
         assert (kept.rejection is people_index.rejection) is not learns
@@ -290,6 +285,39 @@ def test_views_by_fewer_joints(people: MotionLibrary) -> None:
     _assert_same_windows(some.by_joints(joints), view.of_some([1, 2, 20]))
     with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
         index.by_joints(joints[:4])
+
+
+def test_guests_are_compared_with_bodies_of_few_joints(people: MotionLibrary) -> None:
+    """Their windows lie among the others' by class and person; metrics and rejection are as without guests."""
+    clips = [replace(clip, actor="bc") for clip in stick_clips(actors=("dd",))]
+    alone = replace(people, learned=Learned(_few_numbers()))
+    index, bare = WindowIndex.of(alone.with_guests(clips)), WindowIndex.of(alone)
+    _assert_same_windows(index, bare)
+    joints = STICK.joints[:5]
+    view, plain = index.by_joints(joints), bare.by_joints(joints)
+    whose = _whose(view)
+    assert whose == sorted(whose)
+    assert {actor for _, actor in whose} == {"aa", "bb", "bc", "cc"}
+    assert [each for each in whose if each[1] != "bc"] == _whose(plain)
+    assert np.array_equal(view.rejection.typical, plain.rejection.typical)
+    assert view.rejection.thresholds.tolist() == plain.rejection.thresholds.tolist() == [4.0] * len(RATES)
+    assert all(map(np.array_equal, (m.axes for m in _metrics(view)), (m.axes for m in _metrics(plain))))
+    taught = replace(stick_clip("jump", seed=40, frames=100), class_name="b", actor="")
+    assert len(index.with_motions([taught]).by_joints(joints)) == len(bare.with_motions([taught]).by_joints(joints)) + (
+        len(view) - len(plain)
+    )
+    places = [place for place, motion in enumerate(people.motions) if motion.class_name != "bow"]
+    left = _whose(index.of_some(places).by_joints(joints))
+    assert left == [each for each in whose if each[0] != "bow"]
+
+
+def _few_numbers() -> dict[str, np.ndarray]:
+    numbers = replace(stand_in(len(ACROSS_LABORATORIES.groups)), thresholds=np.full(len(RATES), 4.0))
+    return {**numbers.kept().named, **replace(numbers, joints=5).kept(few=True).named}
+
+
+def _metrics(index: WindowIndex) -> list[Metric]:
+    return list(index.comparison.parts.values())
 
 
 def test_only_so_many_views_are_kept(people: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -88,10 +88,10 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     assert kept_of(replace(keeping, learned=None), across) is None
     # Numbers that hold for other motions too stay; the file of a derived library is not made larger for nothing.
     assert keeping.learned is not None
-    numbers = Learned({**keeping.learned.arrays(), "offset": np.ones(1, dtype=np.float32)})
+    numbers = Learned({**keeping.learned.named, "offset": np.ones(1, dtype=np.float32)})
     derived = replace(keeping, learned=numbers).without(motions=[one])
     assert derived.learned is not None
-    assert list(derived.learned.arrays()) == ["offset"]
+    assert list(derived.learned.named) == ["offset"]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_arrays_that_do_not_fit_are_refused(
 ) -> None:
     """An array of another shape or range raises ValueError with its name, the expectation and the value found."""
     assert keeping.learned is not None
-    arrays = {each: kept for each, kept in keeping.learned.arrays().items() if each != f"{TAUGHT}{name}"}
+    arrays = {each: kept for each, kept in keeping.learned.named.items() if each != f"{TAUGHT}{name}"}
     if array is not None:
         arrays[f"{TAUGHT}{name}"] = array.astype(np.float32)
     with pytest.raises(ValueError, match=said):

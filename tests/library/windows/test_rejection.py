@@ -15,6 +15,7 @@ from kinespace.library.windows.rejection import (
     Evidence,
     Rejection,
     learned_rejection,
+    most_of_few,
     stand_in,
     typical_evidence,
 )
@@ -83,26 +84,35 @@ def test_evidence_is_weighed(class_name: str, bias: float, slope: float) -> None
 
 def test_numbers_come_back_from_a_librarys_file() -> None:
     """They are kept as named arrays of single precision."""
-    again = Rejection.of_kept(Learned.of_arrays(REJECTION.kept().arrays()), 2)
+    again = Rejection.of_kept(Learned(REJECTION.kept().named), 2)
     for name in ("weights", "thresholds", "typical"):
         assert np.array_equal(getattr(again, name), getattr(REJECTION, name))
     assert (again.offset, again.biases, again.slopes, again.joints) == (0.75, REJECTION.biases, REJECTION.slopes, 31)
     assert again.logit(EVIDENCE, "walk") == pytest.approx(REJECTION.logit(EVIDENCE, "walk"))
 
 
+def test_numbers_for_few_joints_lie_beside_the_others() -> None:
+    """Each comes back alone; a file without them says so."""
+    few = replace(REJECTION, offset=7.0, biases={"sit": 1.0}, joints=12)
+    learned = Learned({**REJECTION.kept().named, **few.kept(few=True).named})
+    for kept, expected in ((Rejection.of_kept(learned, 2, few=each), (REJECTION, few)[each]) for each in (False, True)):
+        assert (kept.offset, kept.biases, kept.joints) == (expected.offset, expected.biases, expected.joints)
+    assert [most_of_few(each) for each in (learned, REJECTION.kept(), None)] == [12, 0, 0]
+
+
 @pytest.mark.parametrize("name", ["weights", "offset", "thresholds", "typical", "joints", "bias walk"])
 @pytest.mark.parametrize("wrong", [None, np.zeros(7), np.array([np.nan])], ids=["missing", "more", "no number"])
 def test_numbers_that_do_not_fit_are_refused(name: str, wrong: np.ndarray | None) -> None:
     """The message names them; only a class may be missing."""
-    arrays: dict[str, np.ndarray] = dict(REJECTION.kept().arrays())
+    arrays: dict[str, np.ndarray] = dict(REJECTION.kept().named)
     arrays.pop(name)
     if wrong is None and name.startswith("bias"):
-        assert Rejection.of_kept(Learned.of_arrays(arrays), 2).biases == {"jump": -0.25}
+        assert Rejection.of_kept(Learned(arrays), 2).biases == {"jump": -0.25}
         return
     if wrong is not None:
         arrays[name] = wrong
     with pytest.raises(ValueError, match=f"^{name}: expected"):
-        Rejection.of_kept(Learned.of_arrays(arrays), 2)
+        Rejection.of_kept(Learned(arrays), 2)
 
 
 def test_the_more_may_be_named_the_lower_the_threshold() -> None:
@@ -115,7 +125,7 @@ def test_the_more_may_be_named_the_lower_the_threshold() -> None:
 
 def test_moved_to_other_joints_typical_evidence_is_judged_alike() -> None:
     """Typical evidence with one set of joints gets the logit of typical evidence with another set."""
-    moved = REJECTION.moved_to(np.array([1.5, 0.5, 0.25, 0.75]))
+    moved = replace(REJECTION, typical=np.array([1.5, 0.5, 0.25, 0.75]))
     before = REJECTION.logit(Evidence((0.5, -0.25), (1.0, 0.5)), "walk")
     assert moved.logit(Evidence((1.5, 0.5), (0.25, 0.75)), "walk") == pytest.approx(before)
     assert np.array_equal(moved.thresholds, REJECTION.thresholds)
@@ -146,6 +156,9 @@ def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) ->
     assert rejection is builtin_index.rejection
     assert (rejection.offset, rejection.typical.tolist()) == (kept.offset, kept.typical.tolist())
     assert np.array_equal(rejection.weights, kept.weights)
-    view = builtin_index.of_some(range(0, 288, 9)).by_joints(builtin_index.library.skeleton.joints[::3])
-    assert np.array_equal(view.rejection.thresholds, kept.thresholds)
-    assert not np.array_equal(view.rejection.typical, kept.typical)
+    some, most = builtin_index.of_some(range(0, 288, 9)), most_of_few(learned)
+    few = Rejection.of_kept(learned, 5, few=True)
+    for joints, expected in ((most + 1, kept), (most, few)):
+        view = some.by_joints(builtin_index.library.skeleton.joints[-joints:])
+        assert np.array_equal(view.rejection.thresholds, expected.thresholds)
+        assert not np.array_equal(view.rejection.typical, expected.typical)

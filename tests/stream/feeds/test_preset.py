@@ -61,34 +61,22 @@ def test_the_least_that_is_needed_is_little() -> None:
 #: Mistakes by the text in whose place they stand, and the beginning of the line that says so.
 MISTAKES = {
     "port = 7000": {
-        "": "port: expected a value, got nothing",
         "prot = 7000": "prot: expected one of ask, axes, bones, clock, frame, joints, message, metres, ",
-        "port = 7000\nxyzzy = 1": "xyzzy: expected one of ask",
         "port = 70000": "port: expected a whole number <= 65535, got 70000",
-        "port = 7000.5": "port: expected a whole number, got 7000.5",
-        'port = "x"': "port: expected a whole number, got 'x'",
         f"port = 1{'0' * 400}": "port: expected a whole number <= 65535, got 1000",
-        "port = 7000\nprot = 1": "prot: expected one of ask, axes, bones, c",
         "port = 7000\nmetres = [1, 2]": "metres: expected a list of length 3, got [1, 2]",
         "port = 7000\nmetres = 0": "metres 1: expected a number >= 1e-09, got 0",
         "port = 7000\nmetres = inf": "metres 1: expected a number <= 1000000000.0, got inf",
         'port = 7000\naxes = "x y"': "axes: expected x, y and z in some order",
         'port = 7000\naxes = "x --y z"': "axes: expected x, y and z in some order",
         'port = 7000\nclock = "mine"': "clock: expected one of arrival, sender, got 'mine'",
-        "port = 7000\nframe = 1": "frame: expected a table, got 1",
         'port = 7000\norder = ["tail"]': "order: expected names that stand in [joints], got 'tail'",
         'port = 7000\norder = ["head", "Head"]': "order: expected distinct names",
-        "port =": "expected TOML, got a mistake: Invalid value (at line 2",
     },
     "[[message]]": {
-        "[[mesage]]": "mesage: expected one of ask",
         "[frame]\nhold = -1\n[[message]]": "frame, hold: expected a number >= 0.0, got -1",
         '[frame]\nclose = ["soon"]\n[[message]]': "frame, close 1: expected one of end, bundle",
         '[frame]\nwords = { Good = "x" }\n[[message]]': "frame, words, Good: expected a number, got 'x'",
-        "[frame]\nholdd = 1\n[[message]]": "frame, holdd: expected one of close, confidence, hold, timeout, words, got",
-    },
-    "address =": {
-        "adress =": "message 1, adress: expected one of address, arguments, each, means, got 'adress', perhaps 'addres",
     },
     '"/joint/{joint}"': {
         '"joint"': "message 1, address: expected text matching regex '^/', got 'joint'",
@@ -107,7 +95,6 @@ MISTAKES = {
     },
     'head = "head"': {
         "": "joints: expected at least two joints",
-        "head = 1": "joints, head: expected text, got 1",
         'Hand = "head"': "joints: expected names that differ in more than capitals",
         'head = "head"\n[bones]\nhand = {}': "joints: expected names that stand in [bones], got 'hea",
         'head = "head"\n[bones]\nhead = { parent = "hand" }\nhand = {}': "bones, head, parent: expected a bone before ",

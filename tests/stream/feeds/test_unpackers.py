@@ -36,6 +36,8 @@ def test_rokoko_names_actors_and_joints() -> None:
         Message("/rokoko/Bo/head", [4.0, 2.0, 3.0]),
     ]
     assert unpack_rokoko(_rokoko([{"name": "Face", "face": {"jawOpen": 3}}])) == []
+    most = {f"joint{number}": _joint(0.0) for number in range(MAX_MESSAGES)}
+    assert len(unpack_rokoko(_rokoko([{"name": "Ann", "body": most}]))) == MAX_MESSAGES
 
 
 @pytest.mark.parametrize(
@@ -70,6 +72,7 @@ def test_xsens_reads_the_body_alone() -> None:
         Message("/xsens/4/2", [1.0, 2.0, 3.0, 1500.0]),
     ]
     assert unpack_xsens(header.replace(b"MXTP02", b"MXTP13") + segments) == []
+    assert unpack_xsens(struct.pack(">6sIBBIBBBBHH", b"MXTP02", *[0] * 10)) == []
 
 
 @pytest.mark.parametrize("cut", [0, 5, 23, 24, 55])

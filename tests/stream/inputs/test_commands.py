@@ -12,7 +12,7 @@ import pytest
 from kinespace.stream import osc
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.inputs.commands import Allowed, CommandReader
+from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.teaching import Asked, commands
 
@@ -26,7 +26,7 @@ FRAME = osc.encode_frame(Frame("ann", 1.0, np.ones((5, 3), dtype=np.float32)))
 
 def test_commands_are_read_from_senders_that_may_give_them() -> None:
     """A packet without a command is not for the reader; a mistake and a stranger are commands that are refused."""
-    reader = CommandReader(Allowed([ip_network("192.0.2.7")]))
+    reader = CommandReader([ip_network("192.0.2.7")])
     assert reader.read(FRAME, HERE) is None
     assert reader.read(encode_bundle(FRAME), HERE) is None
     assert (reader.received, reader.refused) == (0, 0)
@@ -46,7 +46,7 @@ def test_commands_are_read_from_senders_that_may_give_them() -> None:
 def source() -> Iterator[Source]:
     """Give a port whose packets may hold commands."""
     made = Source(osc.OscReceiver("127.0.0.1", 0), OscDecoder())
-    made.commands = CommandReader(Allowed())
+    made.commands = CommandReader()
     yield made
     made.close()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from kinespace.stream.inputs import Source
@@ -131,3 +133,13 @@ def test_a_senders_packets_stay_in_their_order() -> None:
     assert not turns.comes_last(ANN, 100.0)
     turns.take()
     assert not turns.comes_last(EVE, 100.0)
+
+
+def test_a_packet_is_kept_at_its_arrival() -> None:
+    """What a packet waited in the system is taken off before it is recorded and decoded."""
+    kept, receiver = [], Receiver()
+    receiver.packets, receiver.waited = [(b"a", ANN)], 0.25
+    keeper = SimpleNamespace(note="", keep=lambda *packet: kept.append(packet))
+    source = Source(receiver, Costly(), keeper)  # type: ignore[arg-type]  # fakes
+    assert source.take(2.0) == [b"a"]
+    assert (kept, source.waited) == ([(b"a", 1.75, ANN)], 0.25)

@@ -6,6 +6,8 @@ import dataclasses
 import select
 import socket
 import sys
+import threading
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +15,8 @@ import pytest
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import osc
-from kinespace.stream.osc.udp import RECEIVE_BUFFER
+from kinespace.stream.osc import udp
+from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
 from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -61,15 +64,6 @@ def test_a_performer_who_left_has_no_class() -> None:
     assert osc.decode_answer(packet) == Answer("Ada_L", -1, 0.0, 0.0, "gone")
 
 
-def test_channels_hold_numbers_alone() -> None:
-    """Class, scores and status hold only integers and floats of 32 bits, as TouchDesigner's CHOP needs."""
-    bundle = osc.encode_recognition(NAMED)
-    status = osc.encode_status(Status(InputCounts(), PerformerCounts(), 0, {"p": 120.0}, 0.0, 0.0))
-    assert b"/motion/Ada/class\0\0\0,iff\0\0\0\0" in bundle
-    assert b"/motion/Ada/scores\0\0,fff\0\0\0\0" in bundle
-    assert status.startswith(b"/motion/status\0\0,ifii\0\0\0")
-
-
 @pytest.mark.parametrize("count", [1, 2, 11, 140, 220, 1000])
 def test_an_answer_fits_one_packet(count: int) -> None:
     """No answer is larger than 1200 bytes: the scores go when there are too many, class and label never do."""
@@ -93,11 +87,6 @@ def test_performers_stand_in_addresses(performer: str, part: str) -> None:
     assert osc.address_part(performer) == part
     addresses = _params(osc.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
     assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "label", "scores")}
-
-
-def test_classes_are_sent_in_the_order_of_their_indices() -> None:
-    """The names of all classes are one message, the first of index 0."""
-    assert _params(osc.encode_classes(("bow", "jump"))) == {"/motion/classes": ["bow", "jump"]}
 
 
 def test_the_status_is_sent() -> None:
@@ -144,7 +133,8 @@ def test_datagrams_arrive_in_order(receiver: osc.OscReceiver, sender: osc.OscSen
         sender.send(packet)
     assert [_receive(receiver) for _ in packets] == packets
     assert receiver.receive() is None
-    assert sender.failed == 0
+    assert receiver.waited > 0.0 or sys.platform != "linux"
+    assert (sender.failed, sender.unheard, receiver.kernel_drops) == (0, 0, 0)
 
 
 def test_the_system_is_asked_for_room(receiver: osc.OscReceiver) -> None:
@@ -183,4 +173,44 @@ def test_datagrams_that_cannot_be_sent_are_counted(receiver: osc.OscReceiver, se
     sender.send(bytes(70_000))
     sender.send(b"small")
     assert sender.failed == 1
+    assert (receiver.send_to(bytes(70_000), receiver.address), str(sender)) == (False, str(receiver)[4:])
     assert _receive(receiver) == b"small"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems report lost datagrams later")
+def test_datagrams_that_reach_no_program_are_counted_on_request(receiver: osc.OscReceiver) -> None:
+    """A sender that asks counts each datagram that came back; one that does not ask counts none, and neither fails."""
+    place = receiver.address
+    receiver.close()
+    with closing(osc.OscSender(*place, asks=True)) as asking, closing(osc.OscSender(*place)) as sender:
+        for _ in range(3):
+            asking.send(b"x")
+            sender.send(b"x")
+        assert [(each.unheard, each.failed) for each in (asking, asking, sender)] == [(3, 0), (3, 0), (0, 0)]
+
+
+def test_a_host_is_looked_up_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers are an address at once; a name becomes one in a thread, when the name server answers."""
+    assert LookedUp(LOOPBACK, 9).address == (LOOPBACK, 9)
+    resolved, failing = udp._resolved, [True, True]  # noqa: SLF001 - in place of a name server
+
+    def answer(host: str, port: int) -> object:
+        # An earlier test's look-up may still be trying.
+        if failing and host == "stage.local":
+            failing.pop()
+            raise OSError
+        return resolved(LOOPBACK, port)
+
+    monkeypatch.setattr(udp, "_resolved", answer)
+    pauses: list[float] = []
+    monkeypatch.setattr(udp.time, "sleep", pauses.append)
+    found = LookedUp("stage.local", 9)
+    for thread in threading.enumerate():
+        if thread.name == "kinespace look-up":
+            thread.join(10.0)
+    assert (found.address, pauses) == ((LOOPBACK, 9), [5.0, 5.0])
+
+
+def test_this_machines_addresses_are_known() -> None:
+    """An address that can be bound is this machine's."""
+    assert [osc.is_ours(host) for host in (LOOPBACK, "192.0.2.1", "2001:db8::1")] == [True, False, False]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import socket
 from contextlib import ExitStack
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Frame, osc
 from kinespace.stream.inputs import Admission, OscDecoder, Source
-from kinespace.stream.outputs import LAYOUTS, NativeLayout, ReplySink
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
 from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.teaching import State, Step, wire
 
 LOOPBACK = "127.0.0.1"
 CLASSES = ("bow", "jump", "wave")
@@ -52,13 +54,37 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
             assert len(packet) <= osc.MAX_ANSWER
 
 
-def test_native_layout_equals_the_osc_answers() -> None:
-    """The native layout's bytes equal those of the OSC answers."""
-    layout = NativeLayout()
-    assert layout.recognition(recognition()) == osc.encode_recognition(recognition())
-    assert layout.event(START) == osc.encode_event(START, recognition().time)
-    assert layout.classes(CLASSES) == osc.encode_classes(CLASSES)
-    assert layout.status(STATUS) == osc.encode_status(STATUS)
+def test_every_layout_has_the_usual_port_of_its_programs() -> None:
+    """A program that listens where it usually does hears us without an option."""
+    ports = {"native": 9311, "max": 7400, "puredata": 9312, "supercollider": 57120, "touchdesigner": 10000}
+    ports |= {"wekinator": 12000, "vmc-thru": 39539, "vrchat": 9000}
+    assert {name: make().port for name, make in LAYOUTS.items()} == ports
+    assert {make().name for make in LAYOUTS.values()} == ports.keys()
+
+
+def test_the_native_sink_sends_the_osc_answers() -> None:
+    """Every message of the service goes out as OSC; of those that a layout does not know nothing is sent."""
+    sent, told = list[bytes](), State("Ada L", Step.WAITING)
+    sender = SimpleNamespace(send=sent.append, failed=2, close=lambda: sent.append(b"closed"))
+    for layout in (NativeLayout(), LAYOUTS["vrchat"]()):
+        sink = LayoutSink(layout, sender)  # type: ignore[arg-type]  # not all of a sender is used
+        sink.publish(recognition())
+        sink.publish_event(START)
+        sink.publish_gone("Ada L")
+        sink.publish_classes(CLASSES)
+        sink.publish_status(STATUS)
+        sink.publish_notice(told)
+    assert sent[:6] == [
+        osc.encode_recognition(recognition()),
+        osc.encode_event(START, recognition().time),
+        osc.encode_gone("Ada L"),
+        osc.encode_classes(CLASSES),
+        osc.encode_status(STATUS),
+        wire.encode(told),
+    ]
+    assert len(sent) == 8
+    sink.close()
+    assert (sink.failed, sent[-1]) == (2, b"closed")
 
 
 def test_touchdesigner_gets_numbers_only() -> None:
@@ -67,21 +93,19 @@ def test_touchdesigner_gets_numbers_only() -> None:
     first, again = read(layout.recognition(recognition())), read(layout.recognition(recognition()))
     assert first == {"/motion/Ada_L/class": [1, 0.75, 0.5, 1], "/motion/Ada_L/scores": [0.25, 0.75, 0.25]}
     assert again["/motion/Ada_L/class"][-1] == 0
-    unknown = read(layout.recognition(recognition(Outcome.UNKNOWN)))
+    unknown, left = read(layout.recognition(recognition(Outcome.UNKNOWN))), read(layout.gone("Ada L"))
     assert unknown["/motion/Ada_L/class"] == [-1, 0.75, 0.5, 1]
+    assert left == {"/motion/Ada_L/class": [-1, 0.0, 0.0, 0], "/motion/Ada_L/going": [-1]}
     assert read(layout.event(START)) == {"/motion/Ada_L/going": [1]}
+    assert read(layout.event(dataclasses.replace(START, kind=EventKind.END))) == {"/motion/Ada_L/going": [-1]}
     assert layout.classes(CLASSES) is None
     for told in (first, again, unknown, read(layout.status(STATUS))):
         assert all(type(value) in (int, float) for values in told.values() for value in values)
 
 
-@pytest.mark.parametrize(
-    ("name", "port"), [("native", 9311), ("max", 7400), ("puredata", 9312), ("supercollider", 57120)]
-)
-def test_event_times_are_floats_since_the_first_answer(name: str, port: int) -> None:
+def test_event_times_are_floats_since_the_first_answer() -> None:
     """Events hold a float of seconds since the first answer: Pure Data and node-osc know no doubles."""
-    layout = LAYOUTS[name]()
-    assert (layout.name, layout.port) == (name, port)
+    layout = NativeLayout()
     layout.recognition(dataclasses.replace(recognition(), time=START.time - 2.5))
     packet = layout.event(START)
     assert read(packet) == {"/motion/Ada_L/event": ["start", "jump", 1, 0.75, 2.5]}
@@ -90,6 +114,19 @@ def test_event_times_are_floats_since_the_first_answer(name: str, port: int) -> 
     layout.recognition(dataclasses.replace(recognition(), time=START.time + 100.0))
     layout.recognition(dataclasses.replace(recognition(), time=START.time))
     assert read(layout.event(START))["/motion/Ada_L/event"][-1] == 0.0
+
+
+def test_at_most_256_performers_are_remembered() -> None:
+    """Among more, which only a sender that makes up names has, a layout forgets all others."""
+    channels, outputs = LAYOUTS["touchdesigner"](), LAYOUTS["wekinator"]()
+
+    def changed(performer: str) -> object:
+        return read(channels.recognition(recognition(performer=performer)))[f"/motion/{performer}/class"][-1]
+
+    assert [changed(f"{number}") for number in range(255)] == [1] * 255
+    assert [changed(name) for name in ("5", "255", "5", "6", "5")] == [0, 1, 0, 1, 0]
+    told = [read(outputs.recognition(recognition(performer=f"{number}"))) for number in range(257)]
+    assert [len(each["/wek/outputs"]) for each in told] == [*range(1, 257), 1]
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -152,6 +189,7 @@ def test_vmc_programs_pass_it_on() -> None:
     assert read(layout.recognition(recognition())) == {"/VMC/Thru/motion/class": ["jump", 1]}
     assert read(layout.recognition(recognition(Outcome.STILL))) == {"/VMC/Thru/motion/class": ["still", -1]}
     assert read(layout.event(START)) == {"/VMC/Thru/motion/start": ["jump", 1]}
+    assert read(layout.gone("Ada L")) == {"/VMC/Thru/motion/class": ["gone", -1]}
 
 
 def test_vrchat_gets_parameters() -> None:
@@ -161,6 +199,7 @@ def test_vrchat_gets_parameters() -> None:
     assert told == {"/avatar/parameters/Motion": [2], "/avatar/parameters/MotionScore": [0.75]}
     assert read(layout.recognition(recognition(Outcome.STILL)))["/avatar/parameters/Motion"] == [0]
     assert read(layout.recognition(recognition(best=999, classes=1000)))["/avatar/parameters/Motion"] == [255]
+    assert read(layout.gone("Ada L")) == {"/avatar/parameters/Motion": [0], "/avatar/parameters/MotionScore": [0.0]}
 
 
 @pytest.mark.parametrize("back", [True, False], ids=["to its own port", "to a port of its host"])
@@ -175,6 +214,7 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
             senders[name].bind((host, 0 if back or name != "q" else senders["p"].getsockname()[1]))
             senders[name].settimeout(5.0)
         sink = ReplySink(NativeLayout(), receiver, 0 if back else senders["p"].getsockname()[1], admission)
+        assert str(sink) == ("native the sender" if back else f"native the sender:{sink.port}")
         sink.publish(recognition())
         receiver.socket.settimeout(5.0)
         for name, sender in senders.items():

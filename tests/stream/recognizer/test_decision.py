@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
-from kinespace.stream.recognizer.limits import Limits, index_for
+from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 
@@ -30,7 +30,7 @@ NAMED, STILL, UNKNOWN = Outcome.NAMED, Outcome.STILL, Outcome.UNKNOWN
 HOP = 1 / 30
 #: The lead after which a class starts.
 NEEDED = 3.0
-ANYTHING = Limits(-math.inf, 0.0)
+ANYTHING = -math.inf
 MOVING = Leading(0.1, 0.5, 0.5)
 
 
@@ -142,18 +142,21 @@ def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -
 
 
 @pytest.mark.parametrize(
-    ("limits", "seen", "outcome"),
+    ("threshold", "stillness", "seen", "outcome"),
     [
-        (ANYTHING, MOVING, NAMED),
-        (Limits(math.inf, 0.0), MOVING, UNKNOWN),
-        (Limits(-math.inf, 0.2), MOVING, STILL),
-        (Limits(math.inf, 0.1), MOVING, UNKNOWN),
-        (ANYTHING, MOVING._replace(gap=0.0), NAMED),
+        (ANYTHING, 0.0, MOVING, NAMED),
+        (math.inf, 0.0, MOVING, UNKNOWN),
+        (ANYTHING, 0.2, MOVING, STILL),
+        (math.inf, 0.1, MOVING, UNKNOWN),
+        (ANYTHING, 0.0, MOVING._replace(gap=0.0), NAMED),
     ],
 )
-def test_reasons_for_naming_no_class(index: WindowIndex, limits: Limits, seen: Leading, outcome: Outcome) -> None:
+def test_reasons_for_naming_no_class(
+    index: WindowIndex, threshold: float, stillness: float, seen: Leading, outcome: Outcome
+) -> None:
     """Too little evidence is unknown, a body that hardly moves still; the gap matters only to the paper's signature."""
-    decided = Decision(NEEDED).push(_windows(index, 0.1, 1.0, 1.0), seen, limits, 0.01, 0.0)
+    decision = Decision(NEEDED, stillness=stillness)
+    decided = decision.push(_windows(index, 0.1, 1.0, 1.0), seen, threshold, 0.01, 0.0)
     assert decided.outcome is outcome
     assert decided.evidence is not None
     assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))

@@ -14,7 +14,7 @@ from naive_progress import Pace, beginning_of, below, gone_on, weighed
 
 from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
-from kinespace.library.progress.phase_table import PhaseTable, moving_point
+from kinespace.library.progress.phase_table import VELOCITY, PhaseTable
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
@@ -87,7 +87,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
     for index, point in enumerate(points_of(clip_of(class_name, "bk").positions[::2])[:60]):
         past.append(point)
         belief = gone_on(belief, phases, few.starts.tolist(), beginning, cyclic=few.cyclic)
-        live = moving_point(past[max(0, len(past) - 5)], point)
+        live = np.concatenate([point, VELOCITY * (point - past[max(0, len(past) - 5)])])
         belief = weighed(belief, few.vectors.T, live @ table.whitening, 1 / 16)
         told = follower.push(index * STEP, point, class_name)
         assert told

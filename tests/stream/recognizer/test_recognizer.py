@@ -21,19 +21,12 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from kinespace.library.clip import Clip
     from kinespace.library.windows.index import WindowIndex
-
-
-@pytest.fixture(scope="module")
-def library(sticks: MotionLibrary) -> MotionLibrary:
-    """Give the library of these tests."""
-    return sticks
 
 
 def _frames(class_name: str, *, seconds: float = 3.0, rate: float = 120.0, start: float = 0.0) -> list[Frame]:
@@ -71,7 +64,7 @@ STEPS = st.sampled_from(
 )
 @settings(max_examples=60)
 def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917 - a feed has many sides
-    library: MotionLibrary,
+    sticks: MotionLibrary,
     steps: list[float],
     hop: float,
     longest_gap: float,
@@ -81,7 +74,7 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
     """Frames late, repeated, after gaps, of a clock that began again: the slow twin answers at the same frames."""
     others = {} if window is None else {"signature": LiveSignature.PAPER, "window": window}
     given = Settings(hop=hop, longest_gap=longest_gap, plausibility=False, **others)  # type: ignore[arg-type]
-    recognizer, generator, time = Recognizer(library, given), np.random.default_rng(1), start
+    recognizer, generator, time = Recognizer(sticks, given), np.random.default_rng(1), start
     feed = NaiveFeed([0], hop, longest_gap, window or 2.0)
     for step in steps:
         time += step
@@ -89,16 +82,16 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
         answer = recognizer.push(Frame("p", time, positions))
         due = feed.push(time, naive.distance_rows(positions[None], naive.pairs(6))[0])
         assert (answer is None) == (due is None)
-        assert answer is None or (answer.time, answer.performer, answer.classes) == (time, "p", library.classes)
+        assert answer is None or (answer.time, answer.performer, answer.classes) == (time, "p", sticks.classes)
     counts = recognizer.counts
     assert (counts.out_of_order, counts.restarts) == (feed.out_of_order, feed.restarts)
     assert counts.frames + counts.out_of_order == len(steps)
 
 
-def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(library: MotionLibrary) -> None:
+def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(sticks: MotionLibrary) -> None:
     """Answers are those of the frames since, and a motion that went on ends when the gap was long."""
-    for start, ended in ((2.992 + 0.51, False), (2.992 + MAX_PAUSE + 0.01, True), (-100.0, False)):
-        recognizer = Recognizer(library)
+    for start, ended in ((2.992 + 0.51, False), (2.992 + 0.81, True), (-100.0, False)):
+        recognizer = Recognizer(sticks)
         before = _pushed(recognizer, _frames("bow"))
         after = _pushed(recognizer, _frames("jump", start=start))
         assert ({each.label for each in before}, {each.label for each in after}) == ({"bow"}, {"jump"})
@@ -114,9 +107,9 @@ def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(library: MotionLibr
 # --- one performer, one thread -----------------------------------------------------------------------------------
 
 
-def test_it_follows_one_performer(library: MotionLibrary) -> None:
+def test_it_follows_one_performer(sticks: MotionLibrary) -> None:
     """Frames of another performer, or of another body, are refused until a reset, and change nothing."""
-    recognizer, frames = Recognizer(library), _frames("bow")
+    recognizer, frames = Recognizer(sticks), _frames("bow")
     answers = _pushed(recognizer, frames[:150])
     with pytest.raises(ValueError, match="performer: expected 'p' until `reset`, got 'q'"):
         recognizer.push(replace(frames[150], performer="q"))
@@ -124,21 +117,21 @@ def test_it_follows_one_performer(library: MotionLibrary) -> None:
         with pytest.raises(ValueError, match=rf"positions: expected \({len(STICK.joints)}, 3\)"):
             recognizer.push(Frame("p", frames[150].time, np.zeros((joints, 3))))
     answers += _pushed(recognizer, frames[150:])
-    _assert_same(answers, _pushed(Recognizer(library), frames))
+    _assert_same(answers, _pushed(Recognizer(sticks), frames))
     assert recognizer.counts.frames == len(frames)
     recognizer.reset()
     others = _pushed(recognizer, [replace(frame, performer="q") for frame in frames])
     assert {answer.performer for answer in others} == {"q"}
 
 
-def test_every_change_is_for_one_thread_at_a_time(library: MotionLibrary) -> None:
+def test_every_change_is_for_one_thread_at_a_time(sticks: MotionLibrary) -> None:
     """A call during another call is refused, whatever it changes; afterwards the recogniser is usable."""
-    recognizer, frames = Recognizer(library), _frames("bow")
+    recognizer, frames = Recognizer(sticks), _frames("bow")
     changes = (
         recognizer.reset,
         recognizer.end,
         partial(recognizer.set_sensitivity, 0.1),
-        partial(recognizer.exchange, library),
+        partial(recognizer.exchange, sticks),
         partial(recognizer.push, frames[0]),
     )
 
@@ -153,40 +146,40 @@ def test_every_change_is_for_one_thread_at_a_time(library: MotionLibrary) -> Non
 
     meanwhile = replace(frames[100], time=Meanwhile(frames[100].time))
     answers = _pushed(recognizer, [*frames[:100], meanwhile, *frames[101:]])
-    _assert_same(answers, _pushed(Recognizer(library), frames))
+    _assert_same(answers, _pushed(Recognizer(sticks), frames))
 
 
 # --- its library -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("classes", [["nope"], ["bow"], "bow", [*STICK_CLASSES, "bow"]], ids=str)
-def test_classes_that_are_not_all_are_refused(library: MotionLibrary, classes: Sequence[str]) -> None:
+def test_classes_that_are_not_all_are_refused(sticks: MotionLibrary, classes: Sequence[str]) -> None:
     """A class of the library that is left out would be named as another: it is refused at once, and in an exchange."""
     for made in (Recognizer, Performers):
         with pytest.raises(ValueError, match="classes: expected all of the library's"):
-            made(library, classes=classes)
+            made(sticks, classes=classes)
         with pytest.raises(ValueError, match="classes: expected all of the library's"):
-            made(library).exchange(library, classes)
+            made(sticks).exchange(sticks, classes)
 
 
 @pytest.mark.parametrize("given", ["mine.npz", None, {}])
-def test_other_than_a_library_and_settings_is_refused(library: MotionLibrary, given: object) -> None:
+def test_other_than_a_library_and_settings_is_refused(sticks: MotionLibrary, given: object) -> None:
     """A path, nothing or a dictionary is neither a library nor settings."""
     for settings_ in (Settings(), Settings(LiveSignature.PAPER)):
         with pytest.raises(ValueError, match="library: expected a MotionLibrary or its windows, got"):
             Recognizer(given, settings_)  # type: ignore[arg-type]
     if given is not None:
         with pytest.raises(ValueError, match="settings: expected Settings, got"):
-            Recognizer(library, given)  # type: ignore[arg-type]
+            Recognizer(sticks, given)  # type: ignore[arg-type]
 
 
 def test_in_another_library_no_window_and_no_answer_is_lost(
-    library: MotionLibrary, small_library: MotionLibrary
+    sticks: MotionLibrary, small_library: MotionLibrary
 ) -> None:
     """The next hop is compared with the new one; a motion whose class is gone ends; other joints are refused."""
     frames, settings_ = _frames("bow"), Settings(progress=True)
-    index = opened(library)
-    fewer = index.of_some([place for place, each in enumerate(library.motions) if each.class_name != "bow"])
+    index = opened(sticks)
+    fewer = index.of_some([place for place, each in enumerate(sticks.motions) if each.class_name != "bow"])
     expected, never = (_pushed(Recognizer(each, settings_), frames) for each in (index, fewer))
     recognizer = Recognizer(index, settings_)
     with pytest.raises(SkeletonMismatchError):
@@ -206,7 +199,7 @@ def test_in_another_library_no_window_and_no_answer_is_lost(
 
 
 def test_more_sensitivity_names_more(
-    library: MotionLibrary, small_library: MotionLibrary, some_clips: tuple[Clip, ...]
+    sticks: MotionLibrary, small_library: MotionLibrary, some_clips: tuple[Clip, ...]
 ) -> None:
     """From the next hop on; the paper's signature has no sensitivity."""
     named = []
@@ -221,7 +214,7 @@ def test_more_sensitivity_names_more(
         assert recognizer.settings.sensitivity == share
     assert named == sorted(named)
     assert named[0] < named[-1]
-    paper = Recognizer(library, Settings(LiveSignature.PAPER))
+    paper = Recognizer(sticks, Settings(LiveSignature.PAPER))
     paper.set_sensitivity(0.5)
     assert paper.settings.sensitivity is None
 
@@ -269,11 +262,11 @@ def test_nothing_that_is_a_frame_stops_it(
             assert max(numbers) <= 1.0
 
 
-def test_the_noise_of_a_feed_is_evidence(library: MotionLibrary) -> None:
+def test_the_noise_of_a_feed_is_evidence(sticks: MotionLibrary) -> None:
     """The noise of the distances is estimated, and is part of the evidence; a clean feed has hardly any."""
     clean, generator = _frames("bow"), np.random.default_rng(3)
     noisy = [replace(each, positions=each.positions + 0.02 * generator.normal(size=(6, 3))) for each in clean]
-    expected, answers = (_pushed(Recognizer(library), frames) for frames in (clean, noisy))
+    expected, answers = (_pushed(Recognizer(sticks), frames) for frames in (clean, noisy))
     noise = [answer.evidence.noise for answer in answers if answer.evidence]
     assert noise[-1] == pytest.approx(0.02 * 2**0.5, rel=0.3)
     assert max(answer.evidence.noise for answer in expected if answer.evidence) < 0.005

@@ -12,7 +12,7 @@ from synthetic import stick_clip
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.index import opened
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.stream.recognizer.limits import index_for, limits_for, needed_lead, usual_sensitivity
+from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for, usual_sensitivity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +35,7 @@ PAPER = LiveSignature.PAPER
             for each in (-1e-9, math.inf, math.nan)
         ),
         ({"sensitivity": 1.1}, "sensitivity: expected a share from 0 to 1, got 1.1"),
-        ({"hop": 61.0}, "hop: expected at most 60 seconds, got 61"),
+        *(({"hop": each}, f"hop: expected 0, or 0.001 to 60 seconds, got {each}") for each in (61.0, 0.0009)),
         *(({"hop": each}, "hop: expected a number, got") for each in ("1", None, True)),
         *(({"progress": each}, "progress: expected True or False, got") for each in (1, None)),
         ({"lead": "3"}, "lead: expected a number, got '3'"),
@@ -50,6 +50,7 @@ def test_settings_that_make_no_sense_are_refused(given: dict[str, Any], said: st
 def test_settings_at_their_bounds() -> None:
     """Numbers of any kind do, and None where a library decides; a signature may be its text."""
     Settings(sensitivity=1, lead=0, hop=60, stillness=np.float32(0.0))
+    assert [Settings(hop=hop).hop for hop in (0, 0.001)] == [0, 0.001]
     assert Settings(signature="paper", window=0.1).signature is PAPER  # type: ignore[arg-type]
     assert Settings(sensitivity=None, lead=None) == Settings()
 
@@ -85,8 +86,8 @@ def test_what_a_movement_needs_to_be_named(sticks: MotionLibrary) -> None:
     index = opened(sticks)
     for given in (None, 0.1):
         share = given or usual_sensitivity(sticks)
-        settings = Settings(sensitivity=given, stillness=0.02)
-        assert limits_for(index, settings) == (index.rejection.threshold_at(share), 0.02)
-        assert limits_for(index, settings, of_fewer=True)[0] == index.rejection.threshold_at(0.6 * share)
+        settings = Settings(sensitivity=given)
+        assert threshold_for(index, settings) == index.rejection.threshold_at(share)
+        assert threshold_for(index, settings, of_fewer=True) == index.rejection.threshold_at(0.6 * share)
     paper = Settings(PAPER)
-    assert limits_for(index_for(index, paper), paper) == (-math.inf, 0.01)
+    assert threshold_for(index_for(index, paper), paper) == -math.inf

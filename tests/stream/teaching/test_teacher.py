@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from synthetic import stick_clip
+from synthetic import gesture, stick_clip
 
 from kinespace.library import MotionLibrary
-from kinespace.library.teaching.examples import Check, Roster
+from kinespace.library.teaching.examples import Check, Example, Roster
 from kinespace.stream.frame import Frame
 from kinespace.stream.teaching import Changed, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.lesson import MAX_RECORDING, MAX_WAITING
@@ -86,7 +86,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
     stage = Stage()
     stage.stand(1.0)
     stage.ask(commands.Teach("ann", "wave"))
-    stage.stand(4.0)
+    stage.stand(3.7)
     stage.perform()
     assert stage.steps() == [*[Step.COUNTDOWN] * 3, Step.WAITING, Step.RECORDING, Step.CHECKING]
     assert [each.seconds for each in stage.told if isinstance(each, State)][:3] == [3.0, 2.0, 1.0]
@@ -128,6 +128,9 @@ def test_undo_and_redo_without_end() -> None:
         commands.Forget("bow"),
     ):
         stage.ask(command)
+    changes = [each for each in stage.told if isinstance(each, State) and each.step is Step.DONE]
+    assert [(each.performer, each.seconds) for each in changes] == [("", 0.0)] * 4
+    assert [each.reason for each in changes[::3]] == ["wave is bow", "bow forgotten"]
     assert stage.teacher.roster.examples == ()
     rosters = [stage.teacher.roster]
     for _ in range(5):
@@ -145,9 +148,10 @@ def test_undo_and_redo_without_end() -> None:
     assert rosters[2].examples[0].begin > 0.0
     assert rosters[2].disabled == {"squat1Reps"}
     assert stage.ask(commands.Undo())[0] == State("", Step.REFUSED, 0.0, "nothing to undo")
-    for roster in rosters[-2::-1]:
-        stage.ask(commands.Redo())
-        assert stage.teacher.roster is roster
+    told = [stage.ask(commands.Redo())[1] for _ in rosters[1:]]
+    assert stage.teacher.roster is rosters[0]
+    assert told[0] == State("", Step.DONE, 0.0, "1 example of 1 class")
+    assert told[-1] == State("", Step.DONE, 0.0, "0 examples of 0 classes")
     stage.ask(commands.Undo())
     stage.ask(commands.Rename("bow", "nod"))
     assert stage.ask(commands.Redo())[0] == State("", Step.REFUSED, 0.0, "nothing to redo")
@@ -259,6 +263,74 @@ def test_standing_still_throughout() -> None:
     assert "stood still" in stage.reason()
 
 
+def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:
+    """Once a second, as a share; after five seconds the way out is said."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.stand(6.2)
+    waits = [each for each in stage.told if isinstance(each, State)]
+    assert {each.step for each in waits} == {Step.WAITING}
+    reasons = [each.reason for each in waits]
+    assert reasons[:5] == ["", *["movement 0% of what is needed"] * 4]
+    assert reasons[5:] == ["movement 0% of what is needed; or show it and ask for /motion/teach/last"] * 2
+    body = stage.library.motions[40].positions[0].copy()
+    lifted = [body.copy() for _ in range(90)]
+    for place, each in enumerate(lifted):
+        each[stage.library.skeleton.joints.index("lhand"), 1] += 0.12 * place / 60
+    stage.show(lifted)
+    shares = [
+        int(each.reason.split("%")[0].split()[1]) for each in stage.told if "movement" in getattr(each, "reason", "")
+    ]
+    assert 10 < max(shares) < 100
+
+
+def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
+    """Who stands in the countdown without trembling begins with a small movement of the head alone."""
+    stage = Stage()
+    nod = gesture("nod").positions
+    stage.show([nod[0]] * 60)
+    stage.ask(commands.Teach("ann", "nod", 2, 2.0))
+    stage.show([nod[0]] * 150)
+    for _ in range(2):
+        stage.show(nod)
+    assert [each.seconds for each in stage.teacher.roster.of("nod")] == [pytest.approx(2.0, abs=0.4)] * 2
+    assert stage.ask(commands.Trim(on=True))[-1].reason.endswith("s kept")
+
+
+def test_stillness_is_a_setting() -> None:
+    """With ten times the usual stillness no motion begins."""
+    stage = Stage()
+    stage.teacher = Teacher(stage.library.skeleton, Roster(), (), 0.1)
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.perform()
+    assert {*stage.steps()} == {Step.WAITING}
+
+
+def test_a_hole_in_the_feed_makes_no_example() -> None:
+    """A recording with missing frames is refused, also of the last seconds; a lesson ends with it."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave", 2, 0.0))
+    motion = stage.library.motions[40].positions
+    stage.show(motion[:60])
+    stage.now += 2.0
+    stage.show(motion[60:])
+    stage.stand(1.0)
+    assert (stage.steps()[-1], stage.reason()) == (Step.REFUSED, "frames are missing in the recording")
+    stage.ask(commands.Last("ann", 5.0, "wave"))
+    assert stage.reason() == "5 s have not been seen"
+    assert (stage.teacher.lesson, stage.teacher.roster.examples) == (None, ())
+
+
+def test_an_example_without_movement_is_not_trimmed() -> None:
+    """What does not move has no beginning and end to find."""
+    still = stick_clip("bow").moved_to(np.repeat(stick_clip("bow").positions[:1], 120, axis=0))
+    stage = Stage(Roster((Example(1, "still", still, 0.0, 1.0),)))
+    assert stage.ask(commands.Trim(on=True)) == [State("", Step.REFUSED, 0.0, "expected 0.4 s or more of movement")]
+
+
 def test_two_at_once() -> None:
     """The second is refused, the first goes on."""
     stage = Stage()
@@ -313,6 +385,14 @@ def test_a_slower_feed_keeps_its_rate() -> None:
         clip = memory.between(0.0, 2.0)
         assert clip
         assert clip.frame_rate == pytest.approx(kept)
+
+
+def test_a_feed_with_pauses_is_remembered_for_as_many_seconds_as_any() -> None:
+    """Frames that are rare, or a performer who comes and goes, keep no longer a past than a steady feed."""
+    stage, memory = Stage(), Memory(MotionLibrary.builtin().skeleton)
+    for second in range(400):
+        memory.push(float(second), stage.library.motions[0].positions[0], 0.0)
+    assert [memory._frames[end][0] for end in (0, -1)] == [99.0, 399.0]  # noqa: SLF001 - unseen
 
 
 def test_an_example_of_some_seconds_ago_is_the_movement_of_then(sticks: MotionLibrary) -> None:

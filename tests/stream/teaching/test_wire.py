@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.stream.osc.packet import decode_message, encode_bundle, encode_message
+from kinespace.stream.osc.packet import decode_packet, encode_bundle, encode_message
 from kinespace.stream.teaching import State, Step, Taught, commands, wire
 from kinespace.stream.teaching.commands import CommandError
 
@@ -113,7 +113,14 @@ def test_no_bytes_break_a_decoder(some: bytes) -> None:
 def test_notices() -> None:
     """Every notice has its OSC message and its JSON."""
     state, taught = State("ann", Step.REFUSED, 1.5, "why"), Taught("wave", 2, 1.25, "good", 3)
-    assert decode_message(wire.encode(state)) == ("/motion/teach/state", ["ann", "refused", 1.5, "why"])
-    assert decode_message(wire.encode(taught)) == ("/motion/teach/taught", ["wave", 2, 1.25, "good", 3])
+    assert wire.as_json(State("ann", Step.WAITING, 1.23456)) == {
+        "performer": "ann",
+        "state": "waiting",
+        "seconds": 1.235,
+    }
+    assert wire.as_line(state) == "teaching ann: refused 1.5 s: why"
+    assert wire.as_line(State("", Step.DONE)) == "teaching: done"
+    assert decode_packet(wire.encode(state)) == [("/motion/teach/state", ["ann", "refused", 1.5, "why"])]
+    assert decode_packet(wire.encode(taught)) == [("/motion/teach/taught", ["wave", 2, 1.25, "good", 3])]
     assert wire.as_json(state) == {"performer": "ann", "state": "refused", "seconds": 1.5, "reason": "why"}
     assert "taught wave" in wire.as_line(taught)

@@ -72,7 +72,6 @@ class Fed:
         ]
 
 
-@pytest.mark.slow
 def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """No event is lost when one of two workers is killed, or hangs; another process takes its place, under its name."""
     monkeypatch.setattr(local, "_MAX_ABSENT", 0.5)
@@ -100,7 +99,6 @@ def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: p
         assert not [each for each in processes if Path(f"/proc/{each}").exists()]
 
 
-@pytest.mark.slow
 def test_a_worker_that_cannot_begin_is_an_error(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """No gateway waits for a worker that ends before it is ready."""
     monkeypatch.setattr(local, "_work", sys.exit)

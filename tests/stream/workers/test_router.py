@@ -142,6 +142,10 @@ def test_performers_move_in_pieces_if_their_former_worker_answers(sticks: Motion
     assert router.most_at_once <= 16
     assert {worker for worker, _ in router.newest} == {"ann", "ben"}
     router.join("cat")
+    moves = {name: track.move for name, track in router._performers.items() if track.move}  # noqa: SLF001 - not begun anew
+    router.join("dan")
+    assert any(router._performers[name].move is move for name, move in moves.items())  # noqa: SLF001 - as above
+    router.leave("dan")
     router.catch_up()
     router.lose("ben")
     assert router.most_at_once > 16

@@ -21,8 +21,8 @@ CLASSES = ("squat", "jog")
 class Ann:
     """A performer's track, with numbers for its frames; every second frame is answered."""
 
-    def __init__(self, first: int = 1) -> None:
-        self.track = Track(1.0, 1.0, first - 1, Decision(0.01))
+    def __init__(self, first: int = 1, hop: float = 0.0) -> None:
+        self.track = Track(1.0, 1.0, first - 1, Decision(0.01), hop=hop)
         self.number = first - 1
 
     def frame(self, now: float) -> SentFrame:
@@ -31,12 +31,12 @@ class Ann:
         return self.track.send(Frame("ann", now, np.ones((3, 3))), self.number, now, None)
 
     def answer(
-        self, seq: int, time: float, named: str = "squat", classes: tuple[str, ...] = CLASSES
+        self, seq: int, time: float, named: str = "squat", classes: tuple[str, ...] = CLASSES, at: float | None = None
     ) -> tuple[Event, ...] | None:
         """Take in an answer; give the events that listeners get, None where it is no news."""
         scores, guess = np.full(len(classes), 0.5), classes.index(named)
         made = Recognition("ann", time, Outcome.NAMED, classes, scores, 0.1, lead=1.0, guess=guess)
-        return self.track.accept(Answered(seq, time, made), CLASSES)
+        return self.track.accept(Answered(seq, time if at is None else at, made), CLASSES)
 
     def play(self, begin: float, end: float, named: str, classes: tuple[str, ...] = CLASSES) -> list[tuple[str, str]]:
         """Send frames and answer them; give what started and ended."""
@@ -55,6 +55,29 @@ def test_only_the_first_answer_to_an_own_frame_is_news() -> None:
     assert ann.answer(5, 1.0) is ann.answer(second + 1, 1.2) is None
     assert ann.answer(second, 1.1) == ()
     assert ann.answer(second, 1.1) is ann.answer(first, 1.0) is None
+
+
+def test_an_answer_has_its_frames_times() -> None:
+    """What a worker says of a frame's time and arrival is compared with the frame."""
+    ann = Ann()
+    seq = ann.frame(1.0).seq
+    for time, at in ((np.nan, 1.0), (np.inf, 1.0), (1.01, 1.0), (1.0, np.nan), (1.0, 0.9)):
+        assert ann.answer(seq, time, at=at) is None
+    assert ann.answer(seq, 1.0) == ()
+
+
+def test_one_answer_a_hop_counts() -> None:
+    """A worker that answers every frame is believed as often as one that answers once a hop, late or not."""
+    ann, generator = Ann(hop=0.1), np.random.default_rng(3)
+    times = np.cumsum(generator.uniform(0.01, 0.03, 400))
+    heard = sum(ann.answer(ann.frame(time).seq, time) is not None for time in times.tolist())
+    assert heard <= times[-1] / 0.1 + 3
+    honest, due = Ann(hop=0.1), 0.0
+    for time in times.tolist():
+        seq = honest.frame(time).seq
+        if time >= due:
+            assert honest.answer(seq, time) is not None
+            due = max(due + 0.1, time) if due + 0.1 > time else time + 0.1
 
 
 def test_motions_start_and_end_once() -> None:

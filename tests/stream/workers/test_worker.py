@@ -77,7 +77,6 @@ def _guess(answer: Answered) -> tuple[str, int | None]:
     return answer.recognition.outcome, answer.recognition.guess
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("change", [exchanged, in_millimetres, jumping, trembling])
 def test_a_takeover_changes_no_answer(
     change: Callable[[NDArray[np.float64], MotionLibrary], NDArray[np.float64]], builtin: MotionLibrary

@@ -12,12 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import STICK_CLASSES, stick_clip
 
+from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Event, EventKind, Progress
 from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.recognizer.joints.mending import LongAgo
+from kinespace.stream.workers import router, wire
 from kinespace.stream.workers import terms as agreed
-from kinespace.stream.workers import wire
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,6 +89,28 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
     assert (found.seq, found.at, found.long_ago, found.carried) == (9, 5.0, answer.long_ago, None)
     assert np.array_equal(found.recognition.scores, whole.scores)
     assert {**asdict(found.recognition), "scores": ()} == {**asdict(whole), "scores": ()}
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *({name: value} for name in ("time", "movement", "share", "gap", "eigenvector_score") for value in (NAN, INF)),
+        *({"lead": NAN}, {"guess": 99}, {"guess": -1}, {"classes": ()}, {"scores": np.array([NAN] * 3)}),
+        {"progress": Progress("somebody's", 0.5, 0.4, 1.0, 1.1, 0.9, 2)},
+        *({"progress": Progress(STICK_CLASSES[0], *(INF,) * 5, 2)}, {"evidence": Evidence((NAN,), (0.0,))}),
+        *({"long_ago": LongAgo(factor=INF)}, {"long_ago": LongAgo(last_jump=NAN)}, {"carried": Carried((NAN,), ())}),
+    ],
+    ids=str,
+)
+def test_no_answer_that_is_not_finite_is_believed(recognition: Recognition, changes: dict[str, Any]) -> None:
+    """A worker's answer names classes that are there, and no number of it is NaN or infinite, but a lead."""
+    assert router._is_whole(wire.Answered(9, 5.0, replace(recognition, lead=INF), LongAgo()))  # noqa: SLF001 - the check itself
+    beside = {name: changes[name] for name in changes if name in ("long_ago", "carried")}
+    told = replace(recognition, **{name: changes[name] for name in changes if name not in beside})
+    assert not router._is_whole(wire.Answered(9, 5.0, told, **beside))  # noqa: SLF001 - as above
 
 
 def test_terms_come_back() -> None:

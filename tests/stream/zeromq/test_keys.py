@@ -170,10 +170,8 @@ def test_nobody_knows_it_is_open_to_others(address: str, kind: int, tmp_path: Pa
     ("options", "option"),
     [
         ("live --zmq-in tcp://*:*", "--zmq-in"),
-        ("live --zmq-out tcp://*:*", "--zmq-out"),
         ("live --teach {}/mine.npz --control tcp://*:*", "--control"),
         ("record {}/a.kinerec --zmq-in tcp://*:*", "--zmq-in"),
-        ("replay squat1Reps --zmq @tcp://*:*", "--zmq"),
         ("replay squat1Reps --listen @tcp://*:*", "--listen"),
     ],
 )

@@ -26,14 +26,13 @@ CORE += (
     "stream/inputs/decoder.py",
     "stream/inputs/detection.py",
     "stream/packet.py",
-    "stream/inputs/recording/playback.py",
+    "stream/inputs/recording/takes.py",
 )
 CORE += tuple(
     f"stream/feeds/{name}.py"
     for name in (
         "decoder",
         "frame_assembler",
-        "handshake",
         "kinematics",
         "message_reader",
         "preset",

@@ -30,6 +30,7 @@ CODE = [line for _, code in FENCED for line in code.splitlines() if not line.sta
 CODE += re.findall(r"`([^`\n]+)`", _FENCE.sub("", ALL))
 #: Each command of ours, without the name of the program that it begins with.
 COMMANDS = re.findall(r"(?:^|[ /])kinespace +([a-z][^#&|>\n]*)", "\n".join(CODE), re.MULTILINE)
+ALL_PROGRAMS = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
 #: A page of this many lines is no first page any more.
 MAX_README_LINES = 110
 
@@ -69,8 +70,7 @@ def test_every_command_shown_exists(line: str, capsys: pytest.CaptureFixture[str
 
 def test_every_option_named_alone_exists(capsys: pytest.CaptureFixture[str]) -> None:
     """Each option that stands on a page without its command belongs to some program."""
-    programs = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
-    known = set().union(*(options_of(program, capsys) for program in programs))
+    known = set().union(*(options_of(program, capsys) for program in ALL_PROGRAMS))
     mentioned = {option for code in CODE for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
     assert mentioned <= known | {"--version", "--help", "--max-memory"}
 
@@ -81,6 +81,12 @@ def test_every_make_target_named_exists() -> None:
     named = {word for code in CODE for word in re.findall(r"(?:^|\s)make ([a-z-]+)", code)}
     assert named
     assert named <= targets
+
+
+def test_every_program_with_json_has_a_row_on_its_page(capsys: pytest.CaptureFixture[str]) -> None:
+    """The rows are those of the programs that take `--json`; `test_experiments` compares the evaluations' keys."""
+    rows = re.findall(r"^\| `([a-z ]+)`", PAGES[ROOT / ".github/docs/json.md"], re.MULTILINE)
+    assert set(rows) == {each for each in ALL_PROGRAMS if "--json" in options_of(each, capsys)}
 
 
 def anchors(text: str) -> set[str]:

@@ -10,7 +10,6 @@ import pytest
 
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 
 if TYPE_CHECKING:
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
     from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Recognition
 
 
 #: Everything holds of the compiled loops and of numpy.
@@ -57,17 +56,6 @@ def _pushed(recognizer: Recognizer, frames: Sequence[Frame]) -> list[Recognition
     return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
 
 
-def _exchanged(
-    frames: Sequence[Frame], first: WindowIndex, then: WindowIndex, at: int, settings: Settings | None = None
-) -> tuple[list[Recognition], list[Recognition], Event | None]:
-    """Exchange a recogniser's library before a frame; give the answers before and after, and the event."""
-    recognizer = Recognizer(first, settings)
-    before = _pushed(recognizer, frames[:at])
-    ended = recognizer.exchange(then)
-    assert recognizer.library is then.library
-    return before, _pushed(recognizer, frames[at:]), ended
-
-
 @pytest.mark.parametrize("signature", LiveSignature)
 @pytest.mark.parametrize("name", ["taught", "other"])
 def test_answers_are_as_if_the_library_had_been_there_all_along(
@@ -76,7 +64,11 @@ def test_answers_are_as_if_the_library_had_been_there_all_along(
     """Scores are the same at once, guess and outcome once they have forgotten the former library."""
     index: WindowIndex = request.getfixturevalue(name)
     settings = Settings(signature=signature, plausibility=False)
-    before, after, _ = _exchanged(frames, small_index, index, 300, settings)
+    recognizer = Recognizer(small_index, settings)
+    before = _pushed(recognizer, frames[:300])
+    recognizer.exchange(index)
+    assert recognizer.library is index.library
+    after = _pushed(recognizer, frames[300:])
     along = _pushed(Recognizer(index, settings), frames)
     assert [each.time for each in before + after] == [each.time for each in along]
     for one, expected in zip(after, along[len(before) :], strict=True):
@@ -85,19 +77,3 @@ def test_answers_are_as_if_the_library_had_been_there_all_along(
         assert (one.eigenvector_class, one.classes) == (expected.eigenvector_class, expected.classes)
         if one.time > after[0].time + FORGOTTEN:
             assert (one.guess, one.outcome) == (expected.guess, expected.outcome)
-
-
-def test_a_motion_that_goes_on_goes_on(small_index: WindowIndex, taught: WindowIndex, frames: list[Frame]) -> None:
-    """A class that stays is neither ended nor started again, though its index is another."""
-    before, after, ended = _exchanged(frames, small_index, taught, 130)
-    events = [event for answer in before + after for event in answer.events]
-    assert ended is None
-    assert {answer.classes[answer.best] for answer in (before[-1], *after[:3])} == {"kickLFront1Reps"}
-    assert [event.label for event in events[:2]] == ["kickLFront1Reps"] * 2
-    start, end = events[:2]
-    assert (start.kind, end.kind) == (EventKind.START, EventKind.END)
-    assert start.time < frames[130].time < end.time
-    assert (start.index, end.index) == (
-        small_index.library.classes.index("kickLFront1Reps"),
-        taught.library.classes.index("kickLFront1Reps"),
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import naive_windows
 import numpy as np
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
 
 
 #: Everything holds of the compiled loops and of numpy.
@@ -32,25 +31,18 @@ STILL = 1e-6
 EVERY = 15
 
 
-class Error(NamedTuple):
-    """How far covariances and variances are from the true ones, relative to the largest, and how many were compared."""
-
-    worst: float
-    hops: int
-
-
 class Followed:
-    """Rows that run through a window of half a second, and the sums that follow it."""
+    """Rows that run through a window of half a second, 120 a second, and the sums that follow it."""
 
-    def __init__(self, width: int, rate: float = 120.0) -> None:
-        self.rate, self.length = rate, round(rate / 2)
-        self._window = SlidingWindow(0.5, width, beside=width)
+    def __init__(self, width: int) -> None:
+        self.length = 60
+        self._window = SlidingWindow(0.5, width, point_width=width)
         self.covariance, self.moments = ProductSums(self._window, 0.5), MomentSums(self._window, 0.5)
         self._pushed = 0
 
     def push(self, rows: np.ndarray) -> None:
         """Take in some rows and follow them."""
-        times = (np.arange(self._pushed, self._pushed + len(rows)) / self.rate).tolist()
+        times = (np.arange(self._pushed, self._pushed + len(rows)) / 120).tolist()
         self._pushed += len(rows)
         self._window.push(times, rows, rows)
         for each in (self.covariance, self.moments):
@@ -66,34 +58,6 @@ class Followed:
         variance, largest = np.maximum(squares - total**2, 0.0), np.abs(exact).max()
         error = max(np.abs(covariance - exact).max(), np.abs(variance - exact.diagonal()).max())
         return float(error / largest) if largest > 0 else 0.0
-
-
-def _streamed(rows: np.ndarray, *, hop: int, rate: float = 120.0, truth: np.ndarray | None = None) -> Error:
-    """Let rows run through a window, and compare after every hop.
-
-    The truth is the same rows, better known: the rows themselves when not given.
-    """
-    truth = rows if truth is None else truth
-    followed, worst, hops = Followed(rows.shape[1], rate), 0.0, 0
-    for end in range(hop, len(rows) + 1, hop):
-        followed.push(rows[end - hop : end])
-        worst = max(worst, followed.error(truth[max(0, end - followed.length) : end]))
-        hops += 1
-    return Error(worst, hops)
-
-
-# --- real motion -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("unit", ["m", "mm"])
-def test_all_motions_after_every_hop(builtin: MotionLibrary, unit: str) -> None:
-    """On motions of all kinds, in metres and in millimetres, every hop's covariance and variances are exact."""
-    factor = 1.0 if unit == "m" else 1000.0
-    for place, motion in enumerate(builtin.motions[unit == "m" :: 8]):
-        rows = distance_rows(motion.positions, SKELETON)[:, place % EVERY :: EVERY] * factor
-        error = _streamed(rows, hop=4, rate=60.0)
-        assert error.worst <= MOVING, motion.name
-        assert error.hops == motion.frames // 4
 
 
 # --- two hundred thousand frames -----------------------------------------------------------------------------------
@@ -150,5 +114,10 @@ def _stop(clip: Clip, noise: float, *, frames: int = 480) -> np.ndarray:
 def test_still_right_after_moving(some_clips: tuple[Clip, ...], noise: float, unit: float) -> None:
     """When a performer stops, down to a hundredth of a millimetre of noise, the still window's covariance is right."""
     for clip in some_clips[::4]:
-        rows = distance_rows(_stop(clip, noise), SKELETON)[:, ::EVERY] * unit
-        assert _streamed(rows, hop=5).worst <= STILL
+        rows, followed = (
+            distance_rows(_stop(clip, noise), SKELETON)[:, ::EVERY] * unit,
+            Followed(len(SKELETON.pairs[::EVERY])),
+        )
+        for end in range(5, len(rows) + 1, 5):
+            followed.push(rows[end - 5 : end])
+            assert followed.error(rows[max(0, end - followed.length) : end]) <= STILL

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ from twins import Twin
 
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
-from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.decision import LEAD
 from kinespace.tools.feeding.feed import resampled
 
@@ -155,21 +154,15 @@ def _count(courses: list[Course]) -> int:
 # --- real motions ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("rate", "hop"), [(120.0, HOP), (60.0, HOP), (30.0, 0.0)])
+@pytest.mark.parametrize(("rate", "hop"), [(120.0, HOP), (60.0, 0.05), (30.0, 0.0)])
 def test_at_every_rate(clips: list[Clip], twin: Twin, rate: float, hop: float) -> None:
-    """Real motions at 120, 60 and 30 frames a second are answered at every hop as the twin answers."""
+    """Real motions at 120, 60 and 30 frames a second are answered at any hop as the twin answers."""
     outcomes = set[Outcome]()
     for clip in clips[1:3]:
         courses = _compare(twin, _frames(resampled(clip, rate)), Settings(hop=hop))
-        assert _count(courses) >= 30 * (clip.duration - 0.15) - 2
+        assert _count(courses) >= (clip.duration - 0.15) / max(hop, HOP) - 2
         outcomes |= {answer.outcome for course in courses for answer in course.answers}
     assert Outcome.NAMED in outcomes
-
-
-@pytest.mark.parametrize("hop", [0.0, 0.05, 0.3])
-def test_every_hop_equals_the_twin(clips: list[Clip], twin: Twin, hop: float) -> None:
-    """For any hop, down to every frame, the answers equal the twin's."""
-    assert _count(_compare(twin, _frames(clips[0]), Settings(hop=hop))) >= {0.0: 60, 0.05: 10, 0.3: 2}[hop]
 
 
 def test_with_everything_that_goes_wrong(clips: list[Clip], twin: Twin) -> None:
@@ -203,16 +196,6 @@ def test_a_stop_right_after_moving(clips: list[Clip], twin: Twin, noise: float) 
     assert outcomes[0] is not Outcome.STILL
 
 
-def test_all_joints_in_one_point(clips: list[Clip], twin: Twin) -> None:
-    """A body, and before and after it all joints in one point, get the twin's answers."""
-    clip = clips[0]
-    nobody = np.full((40, *clip.positions.shape[1:]), 0.5)
-    frames = _frames(clip.moved_to(np.concatenate([nobody, clip.positions[:80], nobody])))
-    (course,) = _compare(twin, frames)
-    assert course.answers[0].outcome is Outcome.STILL
-    assert course.answers[0].movement == 0.0
-
-
 @pytest.mark.parametrize("noise", [0.004, 0.02])
 def test_a_trembling_sensor(clips: list[Clip], twin: Twin, noise: float) -> None:
     """With noise of some millimetres or of two centimetres on every coordinate the twin averages and answers alike."""
@@ -228,36 +211,3 @@ def test_another_library_and_its_weights(clips: list[Clip], builtin_index: Windo
     twin = Twin(builtin_index.of_some(kept))
     assert len(twin.index.comparison.weighing.views) == 2
     assert _count(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))) > 15
-
-
-# --- the paper's signature ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("window", [0.3, 1.0])
-def test_the_papers_signature_equals_the_twin_at_every_hop(
-    clips: list[Clip], small_index: WindowIndex, window: float
-) -> None:
-    """Share, gap and |inner products| equal those of the leading eigenvector of the window's covariance.
-
-    The basis holds nearly all of the variance, so that numbers are the twin's but for what it loses.
-    """
-    settings = Settings(signature=LiveSignature.PAPER, window=window, hop=0.1)
-    pairs = [(int(first), int(second)) for first, second in small_index.library.skeleton.pairs]
-    for clip in clips[:3]:
-        recognizer = Recognizer(small_index, settings)
-        feed = NaiveFeed([0], hop=0.1, longest=window, longest_gap=min(0.5, window))
-        rows = naive.distance_rows(clip.positions, pairs)
-        answers = 0
-        for frame, row in zip(_frames(clip), rows, strict=True):
-            answer, hop = recognizer.push(frame), feed.push(frame.time, row)
-            assert (answer is None) == (hop is None)
-            if answer is None or hop is None or answer.outcome is Outcome.STILL:
-                continue
-            inside = hop.last(window)[1]
-            values = np.linalg.eigvalsh(np.cov(inside, rowvar=False))
-            assert answer.share == pytest.approx(values[-1] / values.sum(), abs=0.03)
-            assert answer.gap == pytest.approx(1 - values[-2] / values[-1], abs=0.03)
-            distances = np.log(1e-3 + 1 - np.minimum(answer.eigenvector_score, 1) ** 2)
-            assert math.isclose(float(_distances(answer).min()), distances, abs_tol=1e-3)
-            answers += 1
-        assert answers >= 3

@@ -5,13 +5,15 @@ from __future__ import annotations
 import errno
 import os
 import re
+import resource
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, finished
+from programs import LOOPBACK
 from recorded import write_take, write_takes
 from synthetic import stick_clips
 
@@ -23,7 +25,7 @@ from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
+
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
 
@@ -96,15 +98,6 @@ def test_a_recording_that_cannot_be_read_is_named(
     assert not made.exists()
 
 
-def test_a_feed_without_answers_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A recording is sent whole to a listener that does not answer, and the program says so."""
-    path = write_take(tmp_path, "bd", "bendLeft", 1, frames=20)
-    with closing(osc.OscReceiver(LOOPBACK, 0)) as mute:
-        to = f"{LOOPBACK}:{mute.address[1]}"
-        assert main(["replay", str(path), "--osc", to, "--listen", f"{LOOPBACK}:0"]) == 1
-    assert "no answers heard" in capsys.readouterr().out
-
-
 LIBRARY_READERS: dict[str, Callable[[Path], tuple[object, ...]]] = {
     "info": lambda path: ("info", path),
     "live": lambda path: ("live", "--osc-in", f"{LOOPBACK}:0", "--library", path),
@@ -161,35 +154,7 @@ def test_a_busy_port_is_named(arguments: str, mark: str, tmp_path: Path, capsys:
         assert receiver.receive() is None
 
 
-def test_a_library_cannot_be_written_where_there_is_no_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A library to be written into a missing folder, or over a folder, ends with one line that names the place."""
-    path = write_take(tmp_path, "bd", "bendLeft", 1)
-    missing, folder = tmp_path / "missing" / "made.npz", tmp_path / "bendLeft"
-    assert one_line(capsys, "build", path, "-o", missing) == f"{missing.parent}: {os.strerror(errno.ENOENT)}"
-    assert one_line(capsys, "build", path, "-o", folder) == f"{folder}: {os.strerror(errno.EISDIR)}"
-
-
-def test_a_real_command_shows_no_traceback() -> None:
-    """As a process of its own, a command that cannot do its work ends with 2 and one line, not a traceback."""
-    status, output, errors = finished("replay", "nowhere")
-    assert (status, output) == (2, "")
-    assert errors.startswith("kinespace: ")
-    assert errors.count("\n") == 1
-
-
 # --- Hostile files ----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("text", ["a = " + "[" * 20_000, "a." * 50_000 + "a = 1"], ids=["deep", "long"])
-def test_a_preset_that_is_too_deep_or_too_long_is_named(
-    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """TOML that nests without end, or takes minutes to parse, is one line."""
-    path = tmp_path / "deep.toml"
-    path.write_text(text)
-    assert one_line(capsys, "live", "--feed", path).startswith(f"{path}: expected ")
 
 
 @pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
@@ -239,3 +204,115 @@ def test_a_file_that_would_take_too_much_memory_is_refused_before(
         assert error.startswith(f"{path}: ")
         assert "expected at most 0 MB once it is read" in error
         assert "--max-memory" in error
+
+
+def _hierarchy(joints: str, closing: str, frames: int) -> str:
+    top = "HIERARCHY\nROOT r\n{\nOFFSET 0 1 0\nCHANNELS 3 Xrotation Yrotation Zrotation\n"
+    return f"{top}{joints}{closing}}}\nMOTION\nFrames: {frames}\nFrame Time: 0.01\n" + "0 0 0\n" * frames
+
+
+#: Some megabytes of text that once took gigabytes or minutes, and the line that refuses them.
+BOMBS: dict[str, tuple[str, Callable[[], str], str]] = {
+    "joints one in another": (
+        "deep.bvh",
+        lambda: _hierarchy("".join(f"JOINT j{n}\n{{\nOFFSET 0 1 0\n" for n in range(20_000)), "}\n" * 20_000, 2),
+        "expected at most 1000 joints",
+    ),
+    "joints without numbers of their own": (
+        "broad.bvh",
+        lambda: _hierarchy("".join(f"JOINT j{n}\n{{\nOFFSET {n} 1 0\n}}\n" for n in range(400)), "", 30_000),
+        "expected at most 1000 MB once it is read, got 17",
+    ),
+    "many columns": (
+        "broad.csv",
+        lambda: ",".join(f"j{n}_{axis}" for n in range(2000) for axis in "xyz") + ("\n" + "0," * 5999 + "0") * 3,
+        "expected at most 1000 joints",
+    ),
+    "a row of many lines": (
+        "row.csv",
+        lambda: 'time,a_x,a_y,a_z,b_x,b_y,b_z\n1,"' + '","\n'.join("0" * 9) + "\n" + '0,"\n' * 400_000,
+        "a quotation mark that does not end",
+    ),
+    "a long line": (
+        "line.trc",
+        lambda: "PathFileType\t4\t(X/Y/Z)\n" + "DataRate\t" * 200_000,
+        "expected a shorter line",
+    ),
+    "a long name": (
+        "name.bvh",
+        lambda: _hierarchy(f"JOINT {'a.' * 50_000}\n{{\nOFFSET 0 1 0\n}}\n", "", 2),
+        "expected names of at most 400 characters, got 100000",
+    ),
+    "a long skeleton": ("take.amc", lambda: "", "expected a shorter text"),
+    "two times a year apart": (
+        "year.csv",
+        lambda: "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + "".join(f"{t},1,1,{t},2,2,2\n" for t in (0, 0.01, 0.02, 50_000)),
+        "expected at most 1000 MB once it is read",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", BOMBS)
+def test_some_megabytes_take_little_memory(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Counts and depths are bounded, and no number in a file says how much memory is taken."""
+    name, text, line = BOMBS[kind]
+    path = tmp_path / name
+    path.write_text(text())
+    path.with_suffix(".asf").write_text(":bonedata\n" + "a b\n" * 400_000)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert line in one_line(capsys, "info", path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 150_000
+
+
+def test_a_million_labels_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Labels are bounded by their text; as many as it may hold are cut at once."""
+    take, labels = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "labels.csv"
+    for count in (1_000_000, 60_000):
+        labels.write_text("start_s,end_s,label\n" + "".join(f"{n}.1,{n + 1},a\n" for n in range(count)))
+        if count == 1_000_000:
+            error = one_line(capsys, "build", take, "--labels", labels, "-o", tmp_path / "made.npz")
+            assert error == f"{labels}: expected a shorter text, got more characters"
+        else:
+            assert main(["build", str(take), "--labels", str(labels), "-o", str(tmp_path / "made.npz")]) == 0
+
+
+#: Every program that reads a file which a person names, by the file's ending; {} is the file.
+READERS = (
+    *(f"info {{}}.{ending}" for ending in ("bvh", "c3d", "trc", "csv", "npz", "kinerec")),
+    "info {take} --asf {}.asf",
+    "info {take} --names {}.toml",
+    "build {take} --labels {}.csv -o made.npz",
+    "feeds {}.toml",
+    "replay {}.kinerec --osc 127.0.0.1:9",
+    "live --osc-in 127.0.0.1:0 --library {}.npz",
+    "live --osc-in 127.0.0.1:0 --teach {}.npz",
+    "evaluate stream --takes {}.csv",
+)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes and devices in folders")
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+@pytest.mark.parametrize("command", READERS)
+def test_a_pipe_or_a_device_is_no_file(
+    command: str, kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What never ends, or never begins, is refused before it is read."""
+    take, place = write_take(tmp_path, "bd", "bendLeft", 1), tmp_path / "endless"
+    arguments = command.format(place, take=take).split()
+    path = next(each for each in arguments if each.startswith(str(place)))
+    if kind == "pipe":
+        os.mkfifo(path)
+    else:
+        Path(path).symlink_to("/dev/zero")
+    assert one_line(capsys, *arguments) == f"{path}: expected a file, got a pipe or a device"
+
+
+def test_a_long_name_is_cut_in_its_middle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A refusal is a line of 300 characters at most that keeps its beginning and its end."""
+    deep = tmp_path / "/".join(["x" * 200] * 3)
+    deep.mkdir(parents=True)
+    (deep / "take.bvh").write_text("nothing")
+    error = one_line(capsys, "info", deep / "take.bvh")
+    assert len(error) < 290
+    assert error.startswith(str(tmp_path))
+    assert error.endswith("expected a word of a BVH hierarchy, got 'nothing'")

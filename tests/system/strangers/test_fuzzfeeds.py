@@ -39,7 +39,7 @@ def test_a_survey_takes_any_packet() -> None:
     survey = Survey()
     golden = [packet for preset in PRESETS for packet in golden_packets(preset.name)]
     for number, packet in zip(range(PACKETS), broken(golden, np.random.default_rng(0)), strict=False):
-        survey.see(packet, "10.0.0.7:1", number / 30)
+        survey.keep(packet, number / 30, ("10.0.0.7", 1))
     assert survey.packets == PACKETS
     guess = survey.guess(PRESETS[:6])
     assert guess is None or guess.joints

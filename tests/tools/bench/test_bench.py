@@ -14,15 +14,12 @@ from kinespace.library import MotionLibrary, kernels
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.bench import recorded, run, sockets, stages
 from kinespace.tools.bench.report import Measured, rounded, shown
-from kinespace.tools.bench.stages import ROUND, WARM_UP
 from kinespace.tools.bench.timing import in_turns
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Recognition
 
 #: What receivers of `--json` rely on.
 KEYS = {
@@ -83,8 +80,8 @@ def test_parts_run_in_their_order(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     assert main(["bench", "--seconds", "3", "--crowd", "4", "--json"]) == 0
     assert [name for name, _ in plans] == list(run.PARTS)
     assert {plan for _, plan in plans} == {(3.0, 4)}
-    told = json.loads(capsys.readouterr().out)
-    assert {name: value for name, value in told.items() if value} == {
+    printed = json.loads(capsys.readouterr().out)
+    assert {name: value for name, value in printed.items() if value} == {
         part.FIGURES[1]: 1.235 for part in run.PARTS.values()
     }
 
@@ -95,37 +92,18 @@ def test_figures_have_four_digits() -> None:
     assert [shown(value, 1) for value in (1234.56, math.nan)] == ["1,234.6", "-"]
 
 
-@pytest.mark.parametrize("arguments", [["speed"], ["sockets", "--seconds", "0"], ["scale", "--crowd", "1.5"]])
-def test_impossible_benchmarks_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """Unknown parts, no seconds and half performers end with status 2."""
-    with pytest.raises(SystemExit) as refused:
-        main(["bench", *arguments])
-    assert refused.value.code == 2
-    assert "error: argument" in capsys.readouterr().err
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("by_numpy", [False, True])
+@pytest.mark.usefixtures("_short_rounds")
 def test_the_loops_are_left_aside_when_asked(
     by_numpy: bool,  # noqa: FBT001 - a parameter of the test
     played: NDArray[np.float32],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A job pushes each next frame once, in four seconds' rounds, with the arithmetic that was asked for."""
-    seen: list[tuple[float, bool]] = []
-
-    class Watched(Recognizer):
-        def push(self, frame: Frame) -> Recognition | None:
-            seen.append((frame.time, kernels.compiled is None))
-            return super().push(frame)
-
-    monkeypatch.setattr(stages, "Recognizer", Watched)
-    job = stages.pushing(MotionLibrary.builtin(), played, Settings(), by_numpy=by_numpy)
-    assert len(seen) == WARM_UP
-    assert min(job(), job()) > 0
-    assert len(seen) == WARM_UP + 2 * ROUND
-    assert [time for time, _ in seen] == sorted({time for time, _ in seen})
-    assert {left_aside for _, left_aside in seen} == {by_numpy or kernels.compiled is None}
+    """A round pushes every frame with the arithmetic that was asked for."""
+    seen: list[bool] = []
+    monkeypatch.setattr(Recognizer, "push", lambda *_: seen.append(kernels.compiled is None))
+    assert stages.pushing(MotionLibrary.builtin(), played, Settings(), by_numpy=by_numpy)() > 0
+    assert seen == [by_numpy or kernels.compiled is None] * (stages.WARM_UP + stages.ROUND)
 
 
 def test_jobs_take_turns_and_the_first_turn_does_not_count() -> None:

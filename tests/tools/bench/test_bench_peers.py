@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary, distance_rows
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.tools.bench import peers
-from kinespace.tools.bench.baselines import Alternative, TimeWarping, by_svd, poses_in_body_frame
+from kinespace.tools.bench.baselines import Alternative, TimeWarping, poses_in_body_frame
 from kinespace.tools.feeding.feed import clip_cues, resampled
 
 pytestmark = pytest.mark.slow
@@ -37,15 +37,6 @@ def test_every_method_finds_a_motion_of_the_library(few: MotionLibrary) -> None:
             contender.begin()
             answers = [contender.push(cue.frame) for cue in clip_cues([resampled(motion, 120.0)], "me")]
             assert next(filter(None, reversed(answers))) == motion.class_name, name
-
-
-def test_the_axis_is_the_leading_eigenvector(few: MotionLibrary) -> None:
-    """It is a vector of unit length that the covariance stretches most."""
-    rows = distance_rows(few.motions[0].positions, few.skeleton)
-    covariance = np.cov(rows, rowvar=False)
-    vector = by_svd(rows)
-    assert np.linalg.norm(vector) == pytest.approx(1.0)
-    np.testing.assert_allclose(covariance @ vector, np.linalg.norm(covariance, 2) * vector, atol=1e-9)
 
 
 def _warped(library: MotionLibrary, poses: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[float]:

@@ -131,6 +131,23 @@ def test_each_person_recognises_the_others(folder: Path, takes: list[Take], caps
     assert score["mean"]["takes_found"] is score["worst"]["takes_found"] is None
 
 
+def test_intervals_are_drawn_by_segments_or_persons(
+    folder: Path, takes: list[Take], library: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The values are the same; drawn by persons, the interval ends at a mean of one person drawn three times."""
+    asked = (folder, "--library", library, "--actor-in", "name", "--resample")
+    by_segment, by_person = (_scored(capsys, *asked, unit) for unit in ("segments", "persons"))
+    assert by_segment["frame_accuracy"] == by_person["frame_accuracy"]
+    assert by_segment["intervals"]["frame_accuracy"] != by_person["intervals"]["frame_accuracy"]
+    shares = [_shares([_replayed(take, takes[:1])])[0] for take in takes]
+    assert by_person["intervals"]["frame_accuracy"] == pytest.approx([min(shares), max(shares)])
+    assert _evaluate(*asked, "persons") == 0
+    assert "95 %, by person" in capsys.readouterr().out
+    assert "expected the person of every take" in _refused(
+        capsys, folder, "--library", library, "--resample", "persons"
+    )
+
+
 # --- takes without known motions, and takes whose labels have no times -------------------------------------------
 
 
@@ -194,10 +211,10 @@ def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pyte
 
 
 def test_bodies_meet_over_the_joints_that_all_have(capsys: pytest.CaptureFixture[str]) -> None:
-    """Takes of two skeletons and a library are compared over their shared joints, and the lost ones are told."""
+    """Takes of two skeletons and a library are compared over their shared joints, and the lost ones are named."""
     joints = joints_of("kinect1")
     assert shared_joints([Skeleton(joints), Skeleton((*joints[::-1], "tail"))]) == joints
-    assert capsys.readouterr().err == "20 joints that all takes and the library have; without tail\n"
+    assert capsys.readouterr().err == "19 joints that all takes and the library have; without tail\n"
     assert shared_joints([Skeleton(joints), Skeleton(joints[::-1])]) == joints
     assert not capsys.readouterr().err
     with pytest.raises(SkeletonMismatchError, match="at least 5 that all takes and the library have, got 4"):

@@ -7,12 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from recorded import write_takes
 from takes import write_take
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation.evaluate_teach import begun
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,7 +44,7 @@ REFUSED = {
     "stream": "expected takes with --protocol library, got none",
     "stream {takes}": "joint",
     "stream {takes}/ann_01.amc --protocol leave-one-take-out": "expected at least two labelled takes, got 1",
-    "stream {takes} --protocol one-person": "expected a name that tells the actor, as HDM05's have; --actor-in",
+    "stream {takes} --protocol one-person": "expected a name with the actor in it, as HDM05's have; --actor-in",
     "stream {takes} --protocol leave-one-take-out --map fly=clap": "--map: expected a label of the takes",
     "stream {takes} --protocol leave-one-take-out --window 1": "--window: expected --signature paper",
     "stream {clips} --skeleton octopus": "--skeleton: expected one of",
@@ -52,7 +54,7 @@ REFUSED = {
     "noise --groups 1": "--groups: expected 2 to 18, the motions there are, got 1",
     "noise --groups 19": "--groups: expected 2 to 18, the motions there are, got 19",
     "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
-    "retrieval {takes}/ann_01.amc --protocol split": "ann_01: expected a name that tells the actor",
+    "retrieval {takes}/ann_01.amc --protocol split": "ann_01: expected a name with the actor in it",
     "retrieval /absent": "no such file or folder",
 }
 
@@ -87,16 +89,16 @@ def _arguments(line: str, folders: dict[str, Path]) -> list[str]:
     return ["evaluate", *before.format(**folders).split(), *([option.strip(), *names.split(",")] if option else [])]
 
 
-def _keys(told: Any) -> set[str]:  # noqa: ANN401 - JSON
+def _keys(value: Any) -> set[str]:  # noqa: ANN401 - JSON
     """Collect the keys of an object and of the objects in it; names of persons, classes and figures are not keys."""
-    if isinstance(told, list):
-        return set[str]().union(*map(_keys, told))
-    if not isinstance(told, dict):
+    if isinstance(value, list):
+        return set[str]().union(*map(_keys, value))
+    if not isinstance(value, dict):
         return set()
     named = {"classes", "persons", "intervals"}
-    below = [each for key, each in told.items() if key not in named]
-    by_name = [each for key in {"classes"} & set(told) if isinstance(told[key], dict) for each in told[key].values()]
-    return {*told}.union(*map(_keys, [*below, *by_name]))
+    below = [each for key, each in value.items() if key not in named]
+    by_name = [each for key in {"classes"} & set(value) if isinstance(value[key], dict) for each in value[key].values()]
+    return {*value}.union(*map(_keys, [*below, *by_name]))
 
 
 @pytest.mark.parametrize("run", RUNS)
@@ -117,9 +119,9 @@ def test_every_key_is_on_the_page(run: str, folders: dict[str, Path], capsys: py
 @pytest.mark.parametrize("run", RUNS)
 def test_a_person_reads_a_table(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     """Without --json a table says what its figures rest on."""
-    line, told = RUNS[run]
+    line, basis = RUNS[run]
     assert main(_arguments(line, folders)) == 0
-    assert told in " ".join(capsys.readouterr().out.split())
+    assert basis in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("line", REFUSED)
@@ -129,6 +131,13 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pyte
     assert main(_arguments(line, folders)) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    (told,) = printed.err.splitlines()
-    assert REFUSED[line] in told
+    (said,) = printed.err.splitlines()
+    assert REFUSED[line] in said
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
+
+
+def test_the_share_of_motions_that_begin_a_lesson() -> None:
+    """A motion begins one, and standing still begins none."""
+    motion = MotionLibrary.builtin().motions[0]
+    standing = replace(motion, positions=np.repeat(motion.positions[:1], 60, axis=0))
+    assert begun([motion, standing]) == {"begins": 0.5, "motions": 2}

@@ -9,7 +9,7 @@ import pytest
 from written import trc_text
 
 from kinespace.library import MotionLibrary
-from kinespace.library.windows.rejection import RATES, Evidence, Rejection
+from kinespace.library.windows.rejection import RATES, Evidence, Rejection, most_of_few
 from kinespace.tools.cli import main
 from kinespace.tools.evaluation.learn import Lesson, fitted
 
@@ -95,15 +95,47 @@ def test_learn_keeps_its_numbers_in_the_library(
     output = tmp_path / "learned.npz"
     arguments = ["learn", str(small_file), "-o", str(output), "--takes", str(takes_file), "--json"]
     assert main.main(arguments) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [each["rate"] for each in told] == list(RATES)
+    printed = json.loads(capsys.readouterr().out)
+    assert [each["rate"] for each in printed] == list(RATES)
     library = MotionLibrary.load(output)
     assert len(library) == len(MotionLibrary.load(small_file))
     assert library.learned is not None
     rejection = Rejection.of_kept(library.learned, 5)
     assert set(rejection.biases) == set(rejection.slopes) == set(_CLASSES)
     assert (np.diff(rejection.thresholds) <= 1e-6).all()
-    assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in told)
+    assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
+
+
+def test_takes_with_fewer_joints_teach_numbers_for_few_joints(
+    small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They lie beside the numbers for all joints, which stay the same, and the library keeps its guests."""
+    library, folder = MotionLibrary.load(small_file), takes_file.parent
+    table, joints = tmp_path / "fewer.csv", [*library.skeleton.joints[:8], "lhumerus", "rhumerus", "head"]
+    rows = takes_file.read_text(encoding="utf-8").splitlines()
+    for path in folder.glob("*.trc"):
+        clip = next(each for each in MotionLibrary.builtin().motions if f"{each.class_name}_{each.actor}" == path.stem)
+        fewer = clip.restricted_to(joints)
+        text = trc_text(fewer.skeleton.joints, fewer.positions, rate=fewer.frame_rate, unit="m")
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    table.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    squat = next(
+        each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps" and each.actor == "mm"
+    )
+    guested = library.without(actors={guest.actor for guest in library.guests}).with_guests(
+        [squat.restricted_to(joints)]
+    )
+    guested.save(tmp_path / "guested.npz")
+    arguments = ["learn", str(tmp_path / "guested.npz"), "-o", str(tmp_path / "learned.npz"), "--json", "--takes"]
+    assert main.main([*arguments, str(takes_file), str(table)]) == 0
+    capsys.readouterr()
+    learned = MotionLibrary.load(tmp_path / "learned.npz")
+    assert [guest.actor for guest in learned.guests] == ["mm"]
+    assert learned.learned is not None
+    assert most_of_few(learned.learned) == len(joints)
+    few, whole = (Rejection.of_kept(learned.learned, 5, few=each) for each in (True, False))
+    assert (np.diff(few.thresholds) <= 1e-6).all()
+    assert not np.array_equal(few.weights, whole.weights)
 
 
 def test_learn_needs_takes_without_known_motions(
@@ -116,12 +148,3 @@ def test_learn_needs_takes_without_known_motions(
     arguments = ["learn", str(small_file), "-o", str(tmp_path / "x.npz"), "--takes", str(table)]
     assert main.main(arguments) == 2
     assert "nothing known happens" in capsys.readouterr().err
-
-
-def test_learn_does_not_write_over_a_file(
-    small_file: Path, takes_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A file that is there stays unless it may be written over."""
-    arguments = ["learn", str(small_file), "-o", str(small_file), "--takes", str(takes_file)]
-    assert main.main(arguments) == 2
-    assert "--overwrite" in capsys.readouterr().err

@@ -48,9 +48,9 @@ def test_everything_is_in_one_file(tmp_path: Path) -> None:
     """The page holds takes, truth, answers and bodies to the millimetre; no other file is asked for."""
     clip = stick_clip("bow", frames=120)
     write_report(tmp_path / "out.html", [(_course([-1] * 30 + [0] * 60 + [1] * 30, 120.0), clip)], CLASSES)
-    told = _taken(tmp_path / "out.html")
-    (take,) = told["takes"]
-    assert tuple(told["classes"]) == CLASSES
+    page = _taken(tmp_path / "out.html")
+    (take,) = page["takes"]
+    assert tuple(page["classes"]) == CLASSES
     assert (take["performed"], take["person"]) == ([[0.0, 0.5, "bow"]], "ann")
     assert take["named"] == [[0.25, 0.75, 0], [0.75, pytest.approx(119 / 120), 1]]
     bodies = np.frombuffer(base64.b64decode(take["bodies"]), "<i2").reshape(-1, len(clip.skeleton.joints), 3) / 1000

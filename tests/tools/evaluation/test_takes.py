@@ -57,6 +57,8 @@ def test_motions_are_cut_out(folder: Path) -> None:
         ("row", 120, "ann"),
     ]
     assert np.array_equal(second.positions, take.clip.positions[120:])
+    (part,) = replace(take, segments=(Segment(0.25, 0.75, "hail"),)).motions()
+    assert part.frames == 60
 
 
 def test_labels_get_other_names(folder: Path) -> None:
@@ -100,7 +102,7 @@ def test_takes_are_seen_with_fewer_joints(folder: Path) -> None:
 
 
 def test_clips_named_as_hdm05_are_one_motion(tmp_path: Path) -> None:
-    """A clip whose name tells its class is one motion from its beginning to its end."""
+    """A clip with its class in its name is one motion from its beginning to its end."""
     write_takes(tmp_path, takes=1, frames=60)
     takes = read_takes(Sources([tmp_path]), Reading())
     assert {(take.segments[0].label, take.person) for take in takes} == {(n, a) for n in SWINGS for a in ("bd", "mm")}
@@ -111,7 +113,7 @@ def test_clips_named_as_hdm05_are_one_motion(tmp_path: Path) -> None:
 
 
 def test_other_clips_are_of_their_folders_class(tmp_path: Path) -> None:
-    """With --clips the folder is the class; clips of one name are told apart by a number."""
+    """With --clips the folder is the class; clips of one name are numbered."""
     for class_name in ("clap", "row"):
         (tmp_path / class_name).mkdir()
         write_take(tmp_path / class_name, 1, [(class_name, 0.5)], person="ann", labelled=False)
@@ -196,25 +198,3 @@ def test_all_kinds_are_read_together(folder: Path) -> None:
 
 
 # --- takes of sensors --------------------------------------------------------------------------------------------
-
-
-def test_a_sensors_frames_are_known(tmp_path: Path) -> None:
-    """Of UTKinect's takes it is known which of the clip's frames came; labels are beside it in one file."""
-    values = np.random.default_rng(0).normal(size=(4, 60))
-    lines = [" ".join(map(str, (n, *row))) for n, row in zip((10, 12, 12, 20), values.tolist(), strict=True)]
-    (tmp_path / "joints_s03_e01.txt").write_text("\n".join(lines))
-    (tmp_path / "actionLabel.txt").write_text("s03_e01\nwalk: 12 20\n")
-    (take,) = read_takes(Sources([tmp_path]), Reading())
-    assert take.delivered is not None
-    assert take.delivered.tolist() == [0, 2, 10]
-    assert (take.clip.frames, take.person) == (11, "s03")
-    assert take.segments == (Segment(2 / 30, 10 / 30, "walk"),)
-    (motion,) = take.motions()
-    assert motion.frames == 8
-
-
-def test_a_take_may_be_longer_than_its_only_segment(folder: Path) -> None:
-    """A single segment that is not the whole take is cut out of it."""
-    take = read_takes(Sources([folder / "ben_01.amc"]), BY_NAME)[0]
-    (part,) = replace(take, segments=(Segment(0.25, 0.75, "hail"),)).motions()
-    assert part.frames == 60

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from kinespace.library import Reading
 from kinespace.library.recordings import RecordingError
 from kinespace.library.recordings.formats.labels import Segment
+from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.feeding.utkinect import read_take, takes_in
 
 if TYPE_CHECKING:
@@ -33,6 +35,8 @@ def test_a_take_is_read_with_its_labels(tmp_path: Path) -> None:
     """Frames between are on straight lines; of two actions that overlap the earlier ends where the later begins."""
     path = _written(tmp_path)
     assert takes_in(tmp_path) == takes_in(path) == [path]
+    (take,) = read_takes(Sources([tmp_path]), Reading())
+    assert (take.person, take.delivered.tolist()) == ("s01", [0, 2, 4])  # type: ignore[union-attr]  # a sensor's
     clip, segments, delivered = read_take(path)
     assert (clip.frames, clip.actor, clip.take, clip.frame_rate, clip.filled) == (5, "s01", "e02", 30.0, 2 * 20)
     assert delivered.tolist() == [0, 2, 4]

@@ -166,3 +166,11 @@ def test_half_messages_are_counted(parts: list[bytes]) -> None:
     board = Board()
     board.take(parts, 0.0)
     assert board.unread == 1
+
+
+def test_the_last_performer_who_leaves_is_news() -> None:
+    """A page must learn that nobody is here any more."""
+    board = _board(_answer("ann"))
+    before = board.number
+    board.take(zeromq.encode_gone("ann"), 1.0)
+    assert _told(board, before)[0]["here"] == []

@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 import zmq
 
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.page import link
-from kinespace.tools.page.link import ControlLink, Subscription
+from kinespace.tools.page.link import Subscription, ask_control
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,15 +71,14 @@ def test_commands_are_carried_out_again_after_a_restart(monkeypatch: pytest.Monk
     """While the control is away a command gets no reply; when the control is back the next command gets one."""
     with bound(zmq.REP) as first:
         place = first.getsockopt_string(zmq.LAST_ENDPOINT)
-    control = ControlLink(Endpoint.parse(place, bind=False))
+    control = partial(ask_control, Endpoint.parse(place, bind=False), None)
     monkeypatch.setattr(link, "_MAX_REPLY", 10)
-    assert control.ask({"do": "undo"}) is None
+    assert control({"do": "undo"}) is None
     monkeypatch.setattr(link, "_MAX_REPLY", PATIENCE * 1000)
     with bound(zmq.REP, place) as second:
         replying = threading.Thread(target=reply_once, args=(second,))
         replying.start()
-        reply = control.ask({"do": "undo"})
+        reply = control({"do": "undo"})
         replying.join()
-    control.close()
     assert reply is not None
     assert reply["classes"] == ["bow"]

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
 import sys
+import threading
+import time
+import urllib.request
+from typing import TYPE_CHECKING
 
 import pytest
+from programs import PATIENCE
 
 from kinespace.tools.cli.main import main
-from kinespace.tools.page.process import PagePlan, serve_page
+from kinespace.tools.page.process import PagePlan, PageProcess, serve_page
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 #: An endpoint at which nobody publishes: a page waits for it without complaint.
 NOBODY = "tcp://127.0.0.1:9"
@@ -41,3 +51,31 @@ def test_a_page_is_served_until_it_is_to_end() -> None:
     assert told[0].startswith("http://127.0.0.1:")
     assert "token" not in told[0]
     assert "?token=" in told[1]
+
+
+def _wait(true: Callable[[], bool]) -> None:
+    until = time.monotonic() + PATIENCE
+    while not true() and time.monotonic() < until:
+        time.sleep(0.02)
+    assert true()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has other signals")
+def test_a_page_whose_process_died_is_started_again_once() -> None:
+    """At its address; both deaths are said, and nothing is left when it ends."""
+    said: list[str] = []
+    with PageProcess(PagePlan(NOBODY, "127.0.0.1:0"), said.append) as page:
+        address, again = page.address, f"page: {page.address}"
+        os.kill(page._process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as the system does when memory is short
+        _wait(lambda: again in said)
+        assert said == ["page: its process died (-9) and is started again", again]
+        with urllib.request.urlopen(address) as reply:  # noqa: S310 - our own
+            assert reply.status == 200
+        os.kill(page._process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as above
+        _wait(lambda: len(said) > 2)
+        assert said[2:] == ["page: its process died again; kinespace goes on without a page"]
+    with PageProcess(PagePlan(NOBODY, "127.0.0.1:0"), said.append):
+        pass
+    assert len(said) == 3
+    assert "kinespace page" not in {each.name for each in threading.enumerate()}

@@ -42,6 +42,7 @@ def test_our_own_page_opens_a_socket() -> None:
         {"host": "127.0.0.1.evil.example", "origin": "http://127.0.0.1.evil.example"},
         {"host": "evil@127.0.0.1:8010", "origin": "http://evil@127.0.0.1:8010"},
         {"host": "", "origin": "http://"},
+        *({"host": f"{odd}", "origin": f"http://{odd}"} for odd in ("[", "[::1", "[]", "127.0.0.1:1; script-src *")),
         {"origin": "http://127.0.0.1:8010"},
     ],
 )

@@ -14,7 +14,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate
-from kinespace.tools.page.server import MAX_PAGES, PageServer
+from kinespace.tools.page.server import MAX_PAGES, MAX_REPLIES, PageServer
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
@@ -93,7 +93,7 @@ class Served:
 async def serving(control: FakeControl | None = None) -> AsyncIterator[Served]:
     """Run a server on a port that the system chooses."""
     published, addresses, ended = Published(), asyncio.Queue[str](), list[bool]()
-    server = PageServer(published, control, Gate())  # type: ignore[arg-type]  # stand-ins
+    server = PageServer(published, control and control.ask, Gate())  # type: ignore[arg-type]  # stand-ins
     running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
     try:
         yield Served(published, control, await asyncio.wait_for(addresses.get(), PATIENCE))
@@ -135,35 +135,22 @@ async def silent(page: ClientConnection) -> bool:
 
 
 def test_a_sleeping_page_is_sent_nothing_and_then_the_newest() -> None:
-    """Of a hundred answers a page that says nothing gets none; when it says what it has drawn it gets the last."""
+    """Of ten answers a page that says nothing gets none, others all; when it says what it drew it gets the last."""
 
     async def test() -> None:
-        async with serving() as served, served.page() as page:
-            first = await told(page)
+        async with serving() as served, served.page() as page, served.page() as other:
+            first, news = await told(page), await told(other)
             assert served.published.bodies
-            for number in range(1, 101):
+            for number in range(1, 11):
                 served.published.publish(number)
+                news = await drawn_until(other, news, "answer")
+                assert news["answer"]["ann"]["score"] == number / 1000
             assert await silent(page)
             await page.send(json.dumps({"ack": first["number"]}))
-            assert (await told(page))["answer"]["ann"]["score"] == 0.1
+            assert (await told(page))["answer"]["ann"]["score"] == 0.01
             await page.send(json.dumps({"ack": first["number"]}))
             served.published.publish(200)
             assert await silent(page)
-
-    run(test())
-
-
-def test_pages_do_not_wait_for_each_other() -> None:
-    """One page sleeps, another gets every answer."""
-
-    async def test() -> None:
-        async with serving() as served, served.page() as sleeper, served.page() as page:
-            await told(sleeper)
-            news = await told(page)
-            for number in range(1, 6):
-                served.published.publish(number)
-                news = await drawn_until(page, news, "answer")
-                assert news["answer"]["ann"]["score"] == number / 1000
 
     run(test())
 
@@ -186,6 +173,45 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
                 news = news if "replies" in news else await drawn_until(page, news, "replies")
                 assert [state["state"] for reply in news["replies"] for state in reply["states"]] == refused
                 assert control.asked[-1] == command
+
+    run(test())
+
+
+def test_replies_do_not_pile_up_for_a_page_that_draws_nothing() -> None:
+    """Of two hundred refused commands it gets the last replies, once it has drawn the message before."""
+
+    async def test() -> None:
+        async with serving() as served, served.page() as page:
+            news = await told(page)
+            for number in range(200):
+                await page.send(json.dumps({"ask": {"do": "undo", "number": number}}))
+            news = await drawn_until(page, news, "replies")
+            assert len(news["replies"]) == MAX_REPLIES
+
+    run(test())
+
+
+@pytest.mark.parametrize(
+    "request_line",
+    [
+        *(f"GET / HTTP/1.1\r\nHost: {host}" for host in ("[", "[::1", "[]", "127.0.0.1; script-src *")),
+        "GET /live?token=\xff HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://127.0.0.1",
+        "GET /%00.js HTTP/1.1\r\nHost: 127.0.0.1",
+        "GET /../a\0.js HTTP/1.1\r\nHost: 127.0.0.1",
+    ],
+)
+def test_an_odd_request_leaves_no_traceback(request_line: str, caplog: pytest.LogCaptureFixture) -> None:
+    """It is refused like any other."""
+
+    async def test() -> None:
+        async with serving() as served:
+            host, _, port = served.address.removeprefix("http://").removesuffix("/").partition(":")
+            reading, writing = await asyncio.open_connection(host, int(port))
+            writing.write(f"{request_line}\r\n\r\n".encode("latin-1"))
+            reply = await reading.read()
+            writing.close()
+            assert reply.split()[1:2] in ([b"403"], [b"404"], [])
+        assert not [each for each in caplog.records if each.exc_info]
 
     run(test())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import socket
 import subprocess
 import sys
@@ -12,13 +13,14 @@ from typing import TYPE_CHECKING
 import pytest
 from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
 
-from kinespace.stream import osc
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import OscFrameSender
 from kinespace.tools.loopback.answer_listener import Listener, answer_in
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from kinespace.stream import osc
 
 pytest.importorskip("zenoh")
 
@@ -31,35 +33,71 @@ def free_place() -> str:
 
 
 @pytest.mark.slow
-def test_a_worker_recognises_for_a_gateway() -> None:
+def test_a_worker_recognises_for_a_gateway(stage: osc.OscReceiver) -> None:
     """Frames go in by OSC and answers come out, bodies are published, and Ctrl-C ends both with status 0."""
     place, cues = free_place(), ghost_cues("squat1Reps", 1.5)
-    with closing(osc.OscReceiver(LOOPBACK, 0)) as receiver:
-        ends = ("--osc-in", f"{LOOPBACK}:0", "--osc-out", f"{LOOPBACK}:{receiver.address[1]}", "--plain")
-        bodies = ("--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies")
-        with ExitStack() as stack:
-            # Machines start in any order.
-            work = stack.enter_context(started("work", "--connect", place))
-            work.expect(f"worker [0-9a-f]{{12}} tries to reach {place}; Ctrl-C ends")
-            gateway = stack.enter_context(started("gateway", *ends, *bodies, "--listen", place))
-            port = int(gateway.expect(r"listening on OSC 127\.0\.0\.1:(\d+)")[1])
-            work.expect("working for gateway [0-9a-f]{12}, library [0-9a-f]{12}")
-            gateway.expect("worker [0-9a-f]{12} works; workers: 1")
-            until, heard = time.monotonic() + PATIENCE, []
-            with closing(OscFrameSender(LOOPBACK, port)) as sender:
-                listener = Listener(receiver)
-                # The gateway may not have heard yet that the worker is ready.
-                while not heard and time.monotonic() < until:
-                    for cue in cues:
-                        sender.send(sender.encode(cue))
-                    heard = [
-                        each for each in listener.listen_until(time.perf_counter() + 0.2) if answer_in(each.packet)
-                    ]
-            assert heard
-            assert (gateway.interrupt(), gateway.errors) == (0, "")
-            work.expect("gateway [0-9a-f]{12} is gone")
-            assert (work.interrupt(), work.errors) == (0, "")
-            assert "refused 0, unread 0, strangers 0, dropped 0" in work.output
+    ends = ("--osc-in", f"{LOOPBACK}:0", "--osc-out", f"{LOOPBACK}:{stage.address[1]}", "--plain")
+    bodies = ("--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies")
+    with ExitStack() as stack:
+        # Machines start in any order.
+        work = stack.enter_context(started("work", "--connect", place))
+        work.expect(f"worker [0-9a-f]{{12}} tries to reach {place}; Ctrl-C ends")
+        gateway = stack.enter_context(started("gateway", *ends, *bodies, "--listen", place))
+        port = int(gateway.expect(r"listening on OSC 127\.0\.0\.1:(\d+)")[1])
+        work.expect("working for gateway [0-9a-f]{12}, library [0-9a-f]{12}")
+        gateway.expect("worker [0-9a-f]{12} works; workers: 1")
+        until, answers = time.monotonic() + PATIENCE, []
+        with closing(OscFrameSender(LOOPBACK, port)) as sender:
+            listener = Listener(stage)
+            # The gateway may not know yet that the worker is ready.
+            while not answers and time.monotonic() < until:
+                for cue in cues:
+                    sender.send(sender.encode(cue))
+                answers = [each for each in listener.listen_until(time.perf_counter() + 0.2) if answer_in(each.packet)]
+        assert answers
+        assert (gateway.interrupt(), gateway.errors) == (0, "")
+        work.expect("gateway [0-9a-f]{12} is gone")
+        assert (work.interrupt(), work.errors) == (0, "")
+        assert "refused 0, unread 0, strangers 0, dropped 0" in work.output
+
+
+@pytest.mark.slow
+def test_certificates_let_in_whom_we_know(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`kinespace keys` serves both ends: the owner of a known certificate works and is named, a stranger does not."""
+    pytest.importorskip("cryptography")
+    monkeypatch.chdir(tmp_path)
+    for name in ("stage", "ann", "eve"):
+        assert main(["keys", name]) == 0
+    shutil.copy("ann/ann.pem", "stage")
+    for name in ("ann", "eve"):
+        shutil.copy("stage/stage.pem", name)
+    assert {path.stat().st_mode & 0o777 for path in tmp_path.glob("*/*_secret")} == {0o600}
+    place = free_place().replace("tcp", "tls")
+    with ExitStack() as stack:
+        gateway = stack.enter_context(
+            started("gateway", "--osc-in", f"{LOOPBACK}:0", "--plain", "--listen", place, "--keys", tmp_path / "stage")
+        )
+        gateway.expect("listening on OSC")
+        strangers = [
+            stack.enter_context(started("work", "--connect", where, "--keys", tmp_path / "eve"))
+            for where in (place, place.replace("tls", "tcp"))
+        ]
+        known = stack.enter_context(started("work", "--connect", place, "--keys", tmp_path / "ann"))
+        gateway.expect(f"worker [0-9a-f]{{12}} works; workers: 1; joined: ann at tls/{LOOPBACK}:")
+        for stranger in strangers:
+            stranger.expect("no gateway is seen yet; not reached: ")
+        for each in (known, *strangers, gateway):
+            assert (each.interrupt(), each.errors) == (0, "")
+        assert gateway.output.count(" works; ") == 1
+
+
+def test_a_gateway_is_not_open_unless_that_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """An endpoint beyond this machine without certificates is one line; so is a folder without certificates."""
+    place = free_place().replace(LOOPBACK, "[::]")
+    assert main(["gateway", "--osc-in", f"{LOOPBACK}:0", "--listen", place]) == 2
+    assert capsys.readouterr().err.startswith(f"kinespace: --listen {place}: expected an endpoint on this machine")
+    assert main(["work", "--listen", place]) == 2
+    assert "--open" in capsys.readouterr().err
 
 
 def test_what_a_gateway_cannot_do_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -97,8 +135,8 @@ def test_a_port_that_is_taken_is_one_line() -> None:
 
 @pytest.mark.slow
 def test_live_alone_loads_nothing_of_it() -> None:
-    """Without the options neither workers nor Zenoh are imported."""
-    loaded = "[each for each in sys.modules if 'workers' in each or 'zenoh' in each]"
+    """Without the options neither the bus of the workers nor Zenoh is imported."""
+    loaded = "[each for each in sys.modules if 'workers.bus' in each or 'zenoh' in each]"
     code = f"import sys, kinespace.tools.programs.live.program; print({loaded})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == "[]\n"

@@ -1,4 +1,4 @@
-"""`kinespace latency`: frame sent to answer received, beside a bare echo. No figure is held against a limit here."""
+"""`kinespace latency`: frame sent to answer received, and of a bare echo. No figure is held against a limit here."""
 
 from __future__ import annotations
 
@@ -15,19 +15,6 @@ from kinespace.tools.programs.latency import Latency, measure
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
-KEYS = {
-    "transport",
-    "rate_hz",
-    "sent",
-    "answered",
-    "lost",
-    "p50_ms",
-    "p99_ms",
-    "max_ms",
-    "echo_p50_ms",
-    "echo_p99_ms",
-}
-
 
 def test_percentiles_describe_the_measured_times() -> None:
     """Percentiles are in milliseconds, of the answers or of the echo; all stand in the JSON object by name."""
@@ -36,7 +23,7 @@ def test_percentiles_describe_the_measured_times() -> None:
     assert latency.percentile(50) == pytest.approx(0.5)
     assert latency.percentile(99, echo=True) == pytest.approx(0.099)
     described = latency.as_json()
-    assert set(described) >= KEYS
+    assert {"transport", "rate_hz", "sent", "answered", "lost", "echo_p50_ms", "echo_p99_ms"} <= set(described)
     assert (described["transport"], described["rate_hz"]) == ("osc", 120.0)
     assert (described["sent"], described["answered"], described["lost"]) == (10, 9, 1)
     assert [described[name] for name in ("p50_ms", "p95_ms", "p99_ms", "p999_ms", "max_ms")] == pytest.approx(

@@ -15,10 +15,10 @@ from kinespace.tools.programs.listen import advice, as_object, command
 
 def _heard(joints: tuple[str, ...], frames: int = 20) -> Survey:
     survey = Survey()
-    survey.see(osc.encode_announcement(Announcement("ann", joints)), "127.0.0.1:9", 0.0)
+    survey.keep(osc.encode_announcement(Announcement("ann", joints)), 0.0, ("127.0.0.1", 9))
     for number in range(frames):
         frame = Frame("ann", 1.0 + number / 30, np.full((len(joints), 3), 0.5))
-        survey.see(osc.encode_frame(frame), "127.0.0.1:9", number / 30)
+        survey.keep(osc.encode_frame(frame), number / 30, ("127.0.0.1", 9))
     return survey
 
 
@@ -43,9 +43,9 @@ def test_unknown_names_are_reported() -> None:
     survey = _heard(("hip", "knee", "toe", "elbow", "nose"))
     guess = survey.looked_at_as(builtin_preset("native"))
     assert guess.frames == 0
-    told = " ".join(advice(survey, guess, None))
-    assert "0 of the 5 announced joints have known names" in told
-    assert "--names NAME" in told
+    lines = " ".join(advice(survey, guess, None))
+    assert "0 of the 5 announced joints have known names" in lines
+    assert "--names NAME" in lines
 
 
 SQUAT = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")
@@ -55,10 +55,10 @@ NATIVE = builtin_preset("native")
 def _squat(positions: np.ndarray[tuple[int, ...], np.dtype[np.floating]], unit: float = 1.0) -> Survey:
     """Hear a squat at 60 Hz, times in this unit."""
     survey = Survey()
-    survey.see(osc.encode_announcement(Announcement("ann", SQUAT.skeleton.joints)), "127.0.0.1:9", 0.0)
+    survey.keep(osc.encode_announcement(Announcement("ann", SQUAT.skeleton.joints)), 0.0, ("127.0.0.1", 9))
     for number, joints in enumerate(positions):
         moment = number / 60
-        survey.see(osc.encode_frame(Frame("ann", unit * (1 + moment), joints)), "127.0.0.1:9", moment)
+        survey.keep(osc.encode_frame(Frame("ann", unit * (1 + moment), joints)), moment, ("127.0.0.1", 9))
     return survey
 
 
@@ -81,7 +81,7 @@ def test_joints_in_another_order_are_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("preset", "feed", "place", "told"),
+    ("preset", "feed", "place", "expected"),
     [
         ("native", None, ("127.0.0.1", 9310), "kinespace live"),
         ("native", None, ("0.0.0.0", 9310), "kinespace live --osc-in 0.0.0.0:9310"),  # noqa: S104 - not bound
@@ -90,7 +90,7 @@ def test_joints_in_another_order_are_reported() -> None:
         ("vmc", "my own.toml", ("127.0.0.1", 39539), "kinespace live --feed 'my own.toml'"),
     ],
 )
-def test_the_command_names_the_port(preset: str, feed: str | None, place: tuple[str, int], told: str) -> None:
+def test_the_command_names_the_port(preset: str, feed: str | None, place: tuple[str, int], expected: str) -> None:
     """The command for recognition can be pasted: it listens on the same port."""
     guess = _heard(NATIVE.joints).looked_at_as(builtin_preset(preset))
-    assert command(guess, feed, place) == told
+    assert command(guess, feed, place) == expected

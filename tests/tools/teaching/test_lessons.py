@@ -1,19 +1,26 @@
 from __future__ import annotations
 
+import json
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import zmq
 
 from kinespace.library import MotionLibrary
-from kinespace.library.teaching.examples import Example, Roster
+from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream.frame import Admitted, Announcement, Frame
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognizer import Performers, SentJoints
-from kinespace.stream.teaching import Asked, State, Step, Taught, commands
+from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.teaching import Asked, State, Step, Taught, Teacher, commands
+from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.teaching import requests
 from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.teaching.lessons import ClassPlaces
+from kinespace.tools.teaching.opener import Change, RosterOpener
+from kinespace.tools.teaching.requests import RequestSource
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -150,8 +157,9 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     again.lessons.close()
 
 
-def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A failure to save is reported; the class is known all the same."""
+    save = MotionLibrary.save
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -163,6 +171,50 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
     assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
+    assert stage.lessons.has_unsaved
+    # When there is room again, it is saved without being asked, and said.
+    (tmp_path / "far").mkdir()
+    (tmp_path / "mine.npz").symlink_to(tmp_path / "far" / "mine.npz")
+    monkeypatch.setattr(MotionLibrary, "save", save)
+    stage.until(lambda heard: State("", Step.DONE, 0.0, "mine.npz saved, examples: 1") in heard.notices)
+    assert not stage.lessons.has_unsaved
+    assert (tmp_path / "mine.npz").is_symlink()
+
+
+def test_a_performer_who_is_taught_may_be_muted(stage: Stage) -> None:
+    """From the countdown to the end of the lesson, and only where this is asked for."""
+    _show(stage, 0, "kickLFront1Reps")
+    assert stage.lessons.muted == ""
+    for quiet, muted in ((False, ""), (True, "ann")):
+        stage.lessons.is_quiet = quiet
+        stage.command(commands.Teach("", "wave"))
+        assert stage.lessons.muted == muted
+        stage.command(commands.Cancel())
+        assert stage.lessons.muted == ""
+
+
+def test_changes_that_pour_in_are_saved_within_a_second(tmp_path: Path) -> None:
+    """The file is written while further changes wait, which take long to open."""
+    opened = list[float]()
+
+    class Slow(TaughtWindows):
+        def index_of(self, roster: Roster) -> None:  # type: ignore[override]
+            del roster
+            opened.append(time.monotonic())
+            time.sleep(0.3)
+
+    motion = MotionLibrary.builtin().motions[0]
+    change = Change(Roster((Example(1, "bow", motion, 0.0, 1.0),)), Settings())
+    teacher = Teacher(motion.skeleton, change.roster)
+    opener = RosterOpener(Slow(None, with_base=False), tmp_path / "mine.npz", teacher, lambda *_: ())
+    for _ in range(9):
+        opener.open(change)
+    until = time.monotonic() + PATIENCE
+    while not (tmp_path / "mine.npz").exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    assert len(opened) < 9
+    opener.close()
+    assert not opener.has_unsaved
 
 
 def test_saving_is_told_when_the_file_is_written(stage: Stage, tmp_path: Path) -> None:
@@ -207,7 +259,7 @@ def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
     stage.until(lambda heard: Step.DONE in heard.steps())
     _teach(stage, 20, "kick", "kickLFront1Reps")
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
-    assert stage.classes == ("squat", "kick")
+    assert (stage.classes, stage.heard.events) == (("squat", "kick"), [])
     assert _show(stage, 30, "squat1Reps", 1)[:1] == ["squat"]
     stage.lessons.close()
 
@@ -248,13 +300,26 @@ def test_a_performer_whose_joints_cannot_be_compared_is_told_so(stage: Stage, li
         assert state.reason.startswith(told)
 
 
-@pytest.mark.slow
-def test_without_a_library_nothing_starts(tmp_path: Path) -> None:
-    """Until something is taught no motion of the library that lends its metrics is told, nor its end."""
-    stage = Stage(tmp_path / "mine.npz", None)
-    assert _show(stage, 0.0, "squat1Reps") == []
-    assert _show(stage, 20.0, "squat1Reps") == []
-    stage.command(commands.Last("ann", 1.5, "dip"))
-    heard = stage.until(lambda heard: any(isinstance(each, Taught) for each in heard.notices))
-    assert heard.events == []
+@pytest.mark.parametrize("may", [True, False])
+def test_a_stranger_at_the_control_learns_nothing(
+    may: bool,  # noqa: FBT001
+    tmp_path: Path,
+    library: MotionLibrary,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A sender that may command learns the classes; another one only that it may not."""
+    monkeypatch.setattr(requests, "may_command", lambda *_: may)
+    stage = Stage(tmp_path / "t.npz", library)
+    control = RequestSource(Endpoint("tcp://127.0.0.1:*", bind=True), ())
+    with closing(control), zmq.Context() as context, context.socket(zmq.REQ) as asking:
+        asking.linger = 0
+        asking.connect(control.address)
+        asking.send(b'{"do":"list"}')
+        until = time.monotonic() + PATIENCE
+        while not (asked := control.take(0.0)) and time.monotonic() < until:
+            time.sleep(0.01)
+        stage.lessons.carry_out((asked or ())[0])
+        reply = json.loads(asking.recv())
+    assert ("classes" in reply, len(reply) == 1) == (may, not may)
+    assert control.counts.foreign == (not may)
     stage.lessons.close()

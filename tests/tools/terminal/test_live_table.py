@@ -15,6 +15,8 @@ from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.teaching import State, Step
+from kinespace.tools.terminal import live_table
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, score_shown, summary
 
 CLASSES = ("bow", "jump", "wave")
@@ -53,13 +55,18 @@ def shown(table: LiveTable, width: int = 120) -> str:
 
 
 def test_plain_lines_come_on_change_only(capsys: pytest.CaptureFixture[str]) -> None:
-    """A performer's line is printed when the label changes: once for many answers alike, again for another."""
+    """A performer's line is printed when the label changes, and again after a status without the performer."""
     lines = PlainLines()
     for best in ("bow", "bow", "wave", "wave", "bow"):
         lines.publish(recognition("me", best))
     lines.publish(recognition("me", "bow", outcome=Outcome.STILL))
+    lines.publish(recognition("you", "bow"))
+    lines.publish_status(status("you"))
+    for name in ("you", "me"):
+        lines.publish(recognition(name, "bow"))
     printed = capsys.readouterr().out.splitlines()
-    assert [line.split()[3] for line in printed] == ["bow", "wave", "bow", "still"]
+    assert [line.split()[3] for line in printed] == ["bow", "wave", "bow", "still", "bow", "bow"]
+    assert [line.split()[2] for line in printed] == ["me"] * 4 + ["you", "me"]
     assert printed[0].split() == ["0.000", "s", "me", "bow", "score", "0.900", "margin", "0.650"]
 
 
@@ -75,17 +82,6 @@ def test_plain_lines_count_from_the_first_answer(capsys: pytest.CaptureFixture[s
     assert [time for time, _, _ in told] == ["0.000", "0.000", "2.500", "2.500", "0.000"]
     assert told[1][2] == "me  start: bow"
     assert told[3][2] == "me  end: bow at 2.250 s"
-
-
-def test_a_performer_who_comes_back_is_printed_again(capsys: pytest.CaptureFixture[str]) -> None:
-    """A performer missing from a status is forgotten: the same label is printed again on return, another's is not."""
-    lines = PlainLines()
-    lines.publish(recognition("me", "bow"))
-    lines.publish(recognition("you", "bow"))
-    lines.publish_status(status("you"))
-    lines.publish(recognition("me", "bow"))
-    lines.publish(recognition("you", "bow"))
-    assert [line.split()[2] for line in capsys.readouterr().out.splitlines()] == ["me", "you", "me"]
 
 
 def test_a_name_cannot_break_the_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -204,6 +200,39 @@ def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> 
     for told in ("performer me: times are milliseconds: scaled", "you: frames refused: 2 joints, from 10.0.0.5:4000"):
         assert told in shown(table)
         assert printed.count(told) == 1
+
+
+def test_a_performer_whose_frames_stop_is_not_shown_as_living(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After half a second without an answer table and lines say so, the lines once; after its return, the label."""
+    table, lines, now = LiveTable(CLASSES), PlainLines(), [10.0]
+    monkeypatch.setattr(live_table.time, "monotonic", lambda: now[0])
+    for _ in range(2):
+        for sink in (table, lines):
+            sink.publish(recognition("me", "bow"))
+            sink.publish_status(status("me"))
+        assert "no frames" not in shown(table)
+        now[0] += 3.0
+        for sink in (table, lines, lines):
+            sink.publish_status(status("me"))
+        assert "no frames for 3 s" in shown(table)
+    lines.publish_gone("me")
+    printed = capsys.readouterr().out
+    assert printed.count("performer me: no frames\n") == 2
+    assert printed.count("performer me: gone\n") == 1
+
+
+def test_a_lesson_that_waits_takes_one_line() -> None:
+    """Of how much movement there is the newest notice is shown, and the notices before it stay."""
+    table = LiveTable(CLASSES)
+    table.publish_status(status())
+    for notice in (
+        State("", Step.DONE, 0.0, "saved"),
+        *(State("me", Step.WAITING, 0.0, each) for each in ("1%", "2%")),
+    ):
+        table.publish_notice(notice)
+    assert ("done: saved" in shown(table), "1%" in shown(table), "waiting: 2%" in shown(table)) == (True, False, True)
 
 
 def test_the_counts_name_every_loss() -> None:

@@ -2,13 +2,15 @@
 
 A figure is computed from units: segments, takes or clips. Units are drawn with replacement, as many as there are, a
 thousand times; the middle 95 % of the figures of these draws is the interval (Efron 1979). All counts of one unit are
-drawn together, because they are not independent.
+drawn together, because they are not independent. Nor are the segments of one person: to say how the figure varies with
+other persons, persons are drawn in place of units, each with all that is theirs.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,8 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    #: Says how often each of some units was drawn, shape (draws, units). The second number tells two kinds of units
-    #: apart, which are drawn independently.
+    #: Says how often each of some units was drawn, shape (draws, units). The second number is the kind of
+    #: the units: two kinds are drawn independently.
     Draw = Callable[[int, int], NDArray[np.float64]]
 
 #: The number of draws, and the seed of the first kind of units: the same figures have the same interval.
@@ -30,8 +32,17 @@ _ENDS = (2.5, 97.5)
 Interval = tuple[float, float]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Figure(ABC):
-    """A figure computed from units."""
+    """A figure computed from units.
+
+    Attributes
+    ----------
+    persons
+        For each kind of units the person of each unit; empty where persons do not matter.
+    """
+
+    persons: Sequence[Sequence[str]] = ()
 
     @abstractmethod
     def of(self, draw: Draw) -> NDArray[np.float64]:
@@ -42,9 +53,9 @@ class Figure(ABC):
         value = self.of(lambda units, _: np.ones((1, units))).item()
         return None if np.isnan(value) else value
 
-    def interval(self) -> Interval | None:
-        """Give the ends of its 95 % interval; None when there is none."""
-        drawn = self.of(_drawn)
+    def interval(self, *, by_person: bool = False) -> Interval | None:
+        """Give the ends of its 95 % interval, None when there is none; persons may be drawn in place of units."""
+        drawn = self.of(partial(_drawn_by_person, self.persons) if by_person else _drawn)
         there = drawn[np.isfinite(drawn)]
         if not there.size:
             return None
@@ -133,6 +144,12 @@ def _drawn(units: int, kind: int) -> NDArray[np.float64]:
     return generator.multinomial(units, np.full(units, 1 / units), size=RESAMPLES).astype(np.float64)
 
 
+def _drawn_by_person(persons: Sequence[Sequence[str]], _: int, kind: int) -> NDArray[np.float64]:
+    """Draw persons, for all kinds of units the same."""
+    places = {person: place for place, person in enumerate(sorted({each for kind in persons for each in kind}))}
+    return _drawn(len(places), 0)[:, [places[person] for person in persons[kind]]]
+
+
 def _quotient(above: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray[np.float64]:
     quotient: NDArray[np.float64] = np.divide(above, below, out=np.full(below.shape, np.nan), where=below > 0)
     return quotient
@@ -143,6 +160,6 @@ def values_of(figures: Mapping[str, Figure]) -> dict[str, float | None]:
     return {name: figure.value() for name, figure in figures.items()}
 
 
-def intervals_of(figures: Mapping[str, Figure]) -> dict[str, Interval | None]:
+def intervals_of(figures: Mapping[str, Figure], *, by_person: bool = False) -> dict[str, Interval | None]:
     """Give the interval of each figure."""
-    return {name: figure.interval() for name, figure in figures.items()}
+    return {name: figure.interval(by_person=by_person) for name, figure in figures.items()}

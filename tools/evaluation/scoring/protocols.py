@@ -81,7 +81,7 @@ def folds_of(takes: Sequence[Take], protocol: Protocol, library: Callable[[], Mo
 def _by_person(labelled: Sequence[Take], others: Sequence[Take], protocol: Protocol) -> list[Fold]:
     unnamed = [take.clip.name for take in labelled if not take.person]
     if unnamed:
-        raise ValueError(f"{unnamed[0]}: expected a name that tells the actor, as HDM05's have; --actor-in says where")
+        raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
     persons = sorted({take.person for take in labelled})
     _require_two(len(persons), "persons", protocol)
     folds = []

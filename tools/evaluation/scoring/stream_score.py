@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -69,10 +69,11 @@ class StreamScore:
         """The value of each figure; None where there is nothing to take a share of."""
         return values_of(self.figures)
 
-    def as_json(self) -> dict[str, object]:
-        """Give values, classes, bases, and the 95 % interval of each figure."""
+    def as_json(self, *, by_person: bool = False) -> dict[str, object]:
+        """Give values, classes, bases, and the 95 % interval of each figure (`Figure.interval`)."""
         bases = {"known": self.known, "unknown": self.unknown, "containing": self.containing}
-        return {**self.values, "classes": self.classes, **bases, "intervals": intervals_of(self.figures)}
+        intervals = intervals_of(self.figures, by_person=by_person)
+        return {**self.values, "classes": self.classes, **bases, "intervals": intervals}
 
 
 def score_courses(courses: Sequence[Course], classes: Sequence[str], window: float) -> StreamScore:
@@ -104,11 +105,12 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         "unknown_answered": _ratio(unknown, lambda each: each.named, _seconds),
         "false_per_minute": _ratio(unknown, lambda each: each.begun, _seconds, 60),
         "false_starts_per_minute": _ratio(unknown, lambda each: each.started, _seconds, 60),
-        "auc_unknown": RocArea(_scores(known), _scores(unknown)),
+        "auc_unknown": RocArea(_scores(known), _scores(unknown), persons=(_persons(known), _persons(unknown))),
         "takes_found": _ratio(containing, _found, lambda each: len(each.contains)),
         "changes_per_minute": _ratio(takes, lambda each: _changes(each.event), _seconds, 60),
         "true_changes_per_minute": _ratio(takes, lambda each: _changes(each.truth), _seconds, 60),
         "doubted": _ratio(takes, lambda each: each.doubted * each.seconds, _seconds),
+        "unlike": _ratio(takes, lambda each: bool(each.unlike), lambda each: each.unlike is not None),
     }
     of_classes = sorted(_grouped(of_known, "truth"), key=lambda own: own[0].truth)
     by_class = {classes[own[0].truth]: _score_of_class(_grouped(own, "key")) for own in of_classes}
@@ -130,14 +132,15 @@ def _ratio(
     scale: float = 1,
 ) -> Ratio:
     above, below = ([float(sum(map(count, unit))) for unit in units] for count in (counted, among))
-    return Ratio(above, below, scale)
+    return Ratio(above, below, scale, persons=(_persons(units),))
 
 
 def _percentile(
     units: Sequence[Sequence[Stretch]], measured: Callable[[Stretch], float | None], percent: float
 ) -> Percentile:
     """Take a percentile of a number over the stretches that have it."""
-    return Percentile([[value for each in unit if (value := measured(each)) is not None] for unit in units], percent)
+    values = [[value for each in unit if (value := measured(each)) is not None] for unit in units]
+    return Percentile(values, percent, persons=(_persons(units),))
 
 
 def _scores(units: Sequence[Sequence[Stretch]]) -> list[NDArray[np.float64]]:
@@ -145,7 +148,11 @@ def _scores(units: Sequence[Sequence[Stretch]]) -> list[NDArray[np.float64]]:
 
 
 def _basis(units: Sequence[Sequence[Stretch | Course]]) -> Basis:
-    return basis_of([unit[0].seconds for unit in units], [unit[0].person for unit in units])
+    return basis_of([unit[0].seconds for unit in units], _persons(units))
+
+
+def _persons(units: Sequence[Sequence[Any]]) -> list[str]:
+    return [unit[0].person for unit in units]
 
 
 def _found(course: Course) -> int:

@@ -38,6 +38,7 @@ _WHOLE = {
     "changes_per_minute": ("changes of the motion per minute", _PLAIN),
     "true_changes_per_minute": ("the same, by the labels", _PLAIN),
     "doubted": ("share of their time in which joints are doubted", _SHARE),
+    "unlike": ("takes whose body was found unlike the library's", _SHARE),
 }
 _CLASSES = (
     ("class", "{name}"),
@@ -48,8 +49,8 @@ _CLASSES = (
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 
-def print_score(score: StreamScore) -> None:
-    """Print the figures with their intervals and their basis, and each class's result."""
+def print_score(score: StreamScore, *, by_person: bool = False) -> None:
+    """Print the figures with their intervals (`Figure.interval`) and their basis, and each class's result."""
     rows = list[tuple[str, ...]]()
     for heading, basis, unit, figures in (
         ("known motions", score.known, "segment", _KNOWN),
@@ -60,9 +61,10 @@ def print_score(score: StreamScore) -> None:
         if basis["segments"]:
             rows.append((f"{heading}: {rests_on(basis, unit)}" if unit else heading,))
             for name, (text, form) in figures.items():
-                ends = interval(score.figures[name].interval(), form)
+                ends = interval(score.figures[name].interval(by_person=by_person), form)
                 rows.append((f"  {text}", written(score.values[name], form), ends))
-    print_table(("", "", "95 %"), rows, title="Answers against the motion performed at that moment")
+    headings = "", "", "95 %, by person" if by_person else "95 %"
+    print_table(headings, rows, title="Answers against the motion performed at that moment")
     if score.classes:
         by_class = ({"name": name, **each} for name, each in score.classes.items())
         print_scores(by_class, _CLASSES, title="By class")

@@ -1,4 +1,4 @@
-"""One take beside its answers: the motion performed and the answer given, at the time of every frame.
+"""One take with its answers: the motion performed and the answer given, at the time of every frame.
 
 Nothing looks ahead: at every frame's time the answer is the last one given by then. Seconds before a take's first
 answer count as unanswered.
@@ -57,6 +57,8 @@ class Course:
         Indices of the classes that are performed at some time in the take.
     doubted
         Share of the frames at which the body was implausible or joints were left out.
+    unlike
+        Whether the body was found unlike the library's; None while that was not decided.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Course:
     person: str = ""
     contains: tuple[int, ...] = ()
     doubted: float = 0.0
+    unlike: bool | None = None
 
     @property
     def seconds(self) -> float:
@@ -94,7 +97,7 @@ def course_of(
     classes: Sequence[str],
     known: Collection[str],
 ) -> Course:
-    """Put the motions performed beside the answers, at every frame's time.
+    """Put the motions performed and the answers together, at every frame's time.
 
     Parameters
     ----------

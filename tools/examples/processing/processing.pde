@@ -31,7 +31,7 @@ void draw() {
 
   background(20);
   boolean silent = label.isEmpty() && frameCount > 150;
-  text(silent ? "nothing heard yet: does kinespace live run?" : label, width / 2, height / 2);
+  text(silent ? "no answer yet: does kinespace live run?" : label, width / 2, height / 2);
 }
 
 void oscEvent(OscMessage message) {

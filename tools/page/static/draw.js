@@ -36,6 +36,13 @@ function fitted(canvas) {
   return { context, width, height };
 }
 
+/** Draw a line through points. */
+function stroke(context, points) {
+  context.beginPath();
+  for (const { x, y } of points) context.lineTo(x, y);
+  context.stroke();
+}
+
 const TRAIL = 40; // bodies that a trail shows
 const LIT = "#fff3b0"; // the light on joints that carry the decision
 const NEAR = 0.2; // metres before the eye, at least
@@ -47,26 +54,11 @@ class Stage {
     this.yaw = 0.6;
     this.pitch = 0.16;
     this.zoom = 1;
-    this.clear();
+    this.setSkeleton([], []);
     canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", (event) => event.buttons && this.turn(event.movementX / 150, event.movementY / 200));
     canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.closer(Math.exp(event.deltaY / 800)); }, { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
-  }
-
-  clear() {
-    this.names = [];
-    this.parents = [];
-    this.bones = [];
-    this.trunk = [];
-    this.tips = [];
-    this.feet = [];
-    this.head = -1;
-    this.trails = [];
-    this.upright = [0, 0];
-    this.centre = null;
-    this.floor = Infinity;
-    this.size = 0;
   }
 
   turn(yaw, pitch) {
@@ -85,9 +77,11 @@ class Stage {
 
   /** Take the joints' names and parents; -1: a joint without a parent. */
   setSkeleton(names, parents) {
-    this.clear();
     this.names = names;
-    this.parents = parents;
+    this.upright = [0, 0];
+    this.centre = null;
+    this.floor = Infinity;
+    this.size = 0;
     this.bones = parents.map((parent, joint) => [parent, joint]).filter(([parent]) => parent >= 0);
     this.head = names.findIndex((name) => /^head$/i.test(name));
     const tips = [/^l(hand|wrist)$/i, /^r(hand|wrist)$/i, /^l(toes|foot)$/i, /^r(toes|foot)$/i].map(
@@ -126,7 +120,7 @@ class Stage {
     const [cx, cz] = [x / count, z / count];
     const far = !this.centre || Math.hypot(cx - this.centre.x, cz - this.centre.z) > 2 * this.size;
     const pace = far ? 1 : 0.06;
-    this.centre = { x: (this.centre?.x ?? 0) * (far ? 0 : 1 - pace) + cx * pace, z: (this.centre?.z ?? 0) * (far ? 0 : 1 - pace) + cz * pace };
+    this.centre = { x: (this.centre?.x ?? 0) * (1 - pace) + cx * pace, z: (this.centre?.z ?? 0) * (1 - pace) + cz * pace };
     this.at = { x: cx, z: cz };
     this.tips.forEach((joint, index) => {
       const last = this.trails[index].at(-1);
@@ -223,21 +217,16 @@ class Stage {
   }
 
   _drawRing(context, phase, colour, theme) {
-    const circle = (from, to) => {
-      context.beginPath();
-      for (let step = 0; step <= 48; step += 1) {
-        const angle = 2 * Math.PI * (from + (to - from) * step / 48) - Math.PI / 2;
-        const point = this._project({ x: this.at.x + 0.36 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.36 * this.size * Math.sin(angle) });
-        context.lineTo(point.x, point.y);
-      }
-      context.stroke();
-    };
+    const arc = (share) => Array.from({ length: 49 }, (_, step) => {
+      const angle = 2 * Math.PI * share * step / 48 - Math.PI / 2;
+      return this._project({ x: this.at.x + 0.36 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.36 * this.size * Math.sin(angle) });
+    });
     context.lineWidth = 4;
     context.strokeStyle = theme.line;
-    circle(0, 1);
+    stroke(context, arc(1));
     context.lineWidth = 8;
     context.strokeStyle = colour;
-    circle(0, Math.min(Math.max(phase, 0.001), 1));
+    stroke(context, arc(Math.min(Math.max(phase, 0.001), 1)));
   }
 
   _drawTrails(context, colour) {
@@ -247,9 +236,7 @@ class Stage {
       for (let from = 0; from < points.length - 1; from += 5) {
         context.globalAlpha = 0.55 * (from + 5) / TRAIL;
         context.lineWidth = 1 + 3 * (from + 5) / TRAIL;
-        context.beginPath();
-        for (const { x, y } of points.slice(from, from + 6)) context.lineTo(x, y);
-        context.stroke();
+        stroke(context, points.slice(from, from + 6));
       }
     }
     context.globalAlpha = 1;
@@ -309,12 +296,7 @@ class Stage {
     context.globalAlpha = 0.7;
     context.lineWidth = 1.5;
     context.setLineDash([5, 5]);
-    context.beginPath();
-    for (const [one, other] of carried.pairs) {
-      context.moveTo(points[one].x, points[one].y);
-      context.lineTo(points[other].x, points[other].y);
-    }
-    context.stroke();
+    for (const pair of carried.pairs) stroke(context, pair.map((joint) => points[joint]));
     context.setLineDash([]);
     context.globalAlpha = 1;
   }
@@ -331,7 +313,7 @@ const gutterOf = (rows, width) => rows.some((row) => row.name) && width > 500 ? 
  * perhaps a `line` ([[second, 0 to 1]]); ticks are counted from `origin`. Gives the bars' places, for a pointer:
  * [{x, y, width, height, bar, row}].
  */
-function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, told }) {
+function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, named }) {
   const { context, width, height } = fitted(canvas);
   const gutter = gutterOf(rows, width);
   const place = (second) => gutter + (second - from) / (to - from) * (width - gutter);
@@ -343,11 +325,8 @@ function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, told })
   context.lineWidth = 1;
   context.textAlign = "center";
   for (let second = origin + Math.ceil((from - origin) / tick) * tick; second <= to; second += tick) {
-    context.beginPath();
-    context.moveTo(place(second), 0);
-    context.lineTo(place(second), height - 16);
-    context.stroke();
-    if (place(second) > gutter + 16 && place(second) < width - 16) context.fillText(told(second), place(second), height - 8);
+    stroke(context, [{ x: place(second), y: 0 }, { x: place(second), y: height - 16 }]);
+    if (place(second) > gutter + 16 && place(second) < width - 16) context.fillText(named(second), place(second), height - 8);
   }
   let top = 2;
   for (const row of rows) {
@@ -386,10 +365,7 @@ function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, told })
   if (at !== null) {
     context.strokeStyle = theme.warm;
     context.lineWidth = 2;
-    context.beginPath();
-    context.moveTo(place(at), 0);
-    context.lineTo(place(at), height - 16);
-    context.stroke();
+    stroke(context, [{ x: place(at), y: 0 }, { x: place(at), y: height - 16 }]);
   }
   return hits;
 }
@@ -406,12 +382,7 @@ function drawBar(context, { x, y, width, height }, bar, theme) {
     context.lineWidth = 2;
     context.stroke();
   }
-  if (bar.mark === "wrong") {
-    context.beginPath();
-    context.moveTo(x, y + height / 2);
-    context.lineTo(x + width, y + height / 2);
-    context.stroke();
-  }
+  if (bar.mark === "wrong") stroke(context, [{ x, y: y + height / 2 }, { x: x + width, y: y + height / 2 }]);
   if (height > 14 && bar.label) {
     context.textAlign = "left";
     context.fillStyle = bar.mark === "wrong" ? theme.text : "#10151d";

@@ -4,6 +4,7 @@
 const SHOWN = 60; // seconds of the timeline
 const KEPT_SCORES = 620; // points of a score's line: a minute at ten a second
 const OLD = 3; // seconds after which a notice is neither said nor sounded
+const NO_FRAMES = 0.5; // seconds without a body after which a performer is grey
 const SILENT = 2.5; // seconds without a status after which the recogniser counts as away
 /** Make an element with text; text from outside never becomes markup. */
 function made(kind, { className = "", text = "" } = {}, ...children) {
@@ -17,7 +18,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  hits: [], wrong: null, sound: true, theme: null };
+  hits: [], wrong: null, taught: "", sound: true, theme: null };
 window.kinespace = page;
 
 // --- what comes ---
@@ -32,7 +33,7 @@ function connect() {
   socket.addEventListener("open", () => forget());
   socket.addEventListener("message", ({ data }) => { waiting = data; requestAnimationFrame(show); });
   socket.addEventListener("close", () => {
-    tellState("no connection to kinespace page, trying again …", true);
+    showState("no connection to kinespace page, trying again …", true);
     setTimeout(connect, 1000);
   });
 }
@@ -57,7 +58,9 @@ function show() {
   try {
     take(news);
     for (const [name, joints] of news.bodies ?? []) {
-      page.performers.get(name)?.stage.setBody(new Float32Array(message, place, 3 * joints));
+      const performer = page.performers.get(name);
+      performer?.stage.setBody(new Float32Array(message, place, 3 * joints));
+      if (performer) performer.seen = performance.now();
       place += 12 * joints;
     }
     draw();
@@ -118,13 +121,13 @@ function enter(name) {
   doing.setAttribute("aria-live", "polite");
   lesson.setAttribute("aria-hidden", "true");
   const card = made("article", { className: "stage" }, canvas,
-    made("div", { className: "told" }, made("p", { className: "who", text: name }), doing, moment), carried, lesson);
+    made("div", { className: "answers" }, made("p", { className: "who", text: name }), doing, moment), carried, lesson);
   card.setAttribute("aria-label", name);
   card.addEventListener("pointerdown", () => choose(name));
   canvas.addEventListener("focus", () => choose(name));
   byId("stages").append(card);
   page.performers.set(name, { name, card, doing, moment, lesson, carriedBy: carried, stage: new Stage(canvas), carried: null,
-    answer: null, motions: new Map(), guesses: [], scores: [] });
+    seen: performance.now(), answer: null, motions: new Map(), guesses: [], scores: [] });
   arrange();
 }
 
@@ -158,6 +161,14 @@ function draw() {
 }
 
 function drawPerformer(performer) {
+  const silent = (performance.now() - performer.seen) / 1000;
+  performer.card.classList.toggle("silent", silent > NO_FRAMES);
+  if (silent > NO_FRAMES) {
+    performer.stage.draw({ colour: colourOf(-1), carried: null, phase: null, theme: page.theme });
+    performer.moment.textContent = `no frames for ${Math.round(silent)} s`;
+    performer.carriedBy.textContent = "";
+    return;
+  }
   const { answer, stage, carried } = performer;
   const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.doing.textContent) : -1;
   const progress = answer?.progress;
@@ -177,7 +188,8 @@ function carriedInWords(stage, carried) {
 }
 
 function drawScores() {
-  const answer = page.performers.get(page.chosen)?.answer;
+  const chosen = page.performers.get(page.chosen);
+  const answer = chosen?.card.classList.contains("silent") ? null : chosen?.answer;
   page.rows?.forEach(({ row, fill, score, name }, index) => {
     const value = answer?.scores[index] ?? null;
     fill.style.transform = `scaleX(${value === null ? 0 : Math.max(0, Math.min(value, 1)).toFixed(3)})`;
@@ -192,7 +204,7 @@ function drawPast() {
   const height = `${Math.max(heightOf(rows), 70)}px`;
   if (canvas.style.height !== height) canvas.style.height = height;
   page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, at: null, theme: page.theme, origin: page.now,
-    tick: 10, told: (second) => `${Math.round(second - page.now)} s` });
+    tick: 10, named: (second) => `${Math.round(second - page.now)} s` });
 }
 
 function rowOf(performer) {
@@ -222,7 +234,13 @@ function listClasses() {
     row.disabled = !teaches();
     row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
     row.addEventListener("click", () => openClass(name));
-    list.append(made("li", {}, row));
+    const again = made("button", { className: "again", text: "+" });
+    again.type = "button";
+    again.hidden = !examples || !teaches();
+    again.setAttribute("aria-label", `another example of ${name}`);
+    again.title = `another example of ${name}`;
+    again.addEventListener("click", () => teach(name));
+    list.append(made("li", {}, row, again));
     return { row, fill, score, name };
   });
   if (!page.classes.length) list.append(made("li", { className: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
@@ -253,10 +271,10 @@ function showStatus() {
   byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
   byId("notes").replaceChildren(...lines.map((text) => made("li", { text })));
-  tellState(`live · ${number(frames, 0)} frames/s`, false);
+  showState(`live · ${number(frames, 0)} frames/s`, false);
 }
 
-function tellState(text, lost) {
+function showState(text, lost) {
   const state = byId("state");
   if (state.textContent !== text) state.textContent = text;
   state.classList.toggle("lost", lost);
@@ -264,8 +282,9 @@ function tellState(text, lost) {
 
 setInterval(() => {
   if (socket.readyState !== WebSocket.OPEN || document.hidden) return;
-  if (!page.status || nowThere() - page.status.at > SILENT) tellState("no recogniser: waiting for kinespace live", true);
-}, 500);
+  if ([...page.performers.values()].some((each) => performance.now() - each.seen > 1000 * NO_FRAMES)) draw();
+  if (!page.status || nowThere() - page.status.at > SILENT) showState("no recogniser: waiting for kinespace live", true);
+}, 250);
 
 // --- teaching ---
 
@@ -286,23 +305,31 @@ function showControl() {
 byId("teach").addEventListener("submit", (event) => {
   event.preventDefault();
   beep(0, 0);
-  ask({ do: "teach", performer: page.chosen, class: byId("name").value.trim(), repetitions: Number(byId("times").value) });
+  byId("name").blur();
+  teach(byId("name").value.trim(), Number(byId("times").value));
 });
+/** Begin a lesson of the performer who is chosen; `a` gives another example of its class. */
+function teach(name, repetitions = 1) {
+  page.taught = name;
+  ask({ do: "teach", performer: page.chosen, class: name, repetitions });
+}
 for (const button of document.querySelectorAll("[data-do]")) button.addEventListener("click", () => ask({ do: button.dataset.do }));
 byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensitivity", share: Number(target.value) }));
 
 function takeNotice({ at, performer: name, state, seconds, reason, taught, check, examples }) {
   const old = page.now - at > OLD;
-  if (taught && !old) { say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
+  if (taught && !old) { if (byId("name").value.trim() === taught) byId("name").value = ""; say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
   const performer = page.performers.get(name);
+  // How much a performer moves who is waited for.
+  const goes = state === "waiting" && reason.startsWith("movement");
   const words = { waiting: "move now", recording: "recording", checking: "checking" }[state];
   if (performer) {
-    performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : words ?? "";
+    performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : [words, goes && reason].filter(Boolean).join(" · ");
     performer.lesson.classList.toggle("words", state !== "countdown");
   }
   if (old) return;
   if (state === "countdown") { beep(440, 0.12); say(String(Math.round(seconds))); }
-  if (state === "waiting") { beep(880, 0.3); say("move now"); }
+  if (state === "waiting" && !goes) { beep(880, 0.3); say("move now"); }
   if (state === "checking") beep(660, 0.15);
   if (state === "refused") { beep(180, 0.4); say(`refused: ${reason}`); }
   if (state === "done" && !performer) say(reason);
@@ -405,7 +432,8 @@ document.addEventListener("keydown", (event) => {
   if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey) return;
   const name = [...page.performers.keys()][Number(event.key) - 1];
   if (name && event.target.tagName !== "CANVAS") choose(name);
-  if (event.key === "t" && teaches()) { event.preventDefault(); byId("name").focus(); }
+  if (event.key === "t" && teaches()) { event.preventDefault(); byId("name").select(); }
+  if (event.key === "a" && teaches() && page.taught) teach(page.taught);
   if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
 });
 

@@ -4,7 +4,7 @@
 const { classes, takes } = JSON.parse(byId("takes").textContent);
 const stage = new Stage(byId("body"));
 const colourOfClass = (name) => colourOf(classes.indexOf(name));
-const report = { take: null, at: 0, playing: false, last: 0, bodies: null, theme: null, hits: [] };
+const report = { take: null, at: 0, playing: false, last: 0, bodies: null, theme: null };
 window.kinespace = report;
 
 function choose(index) {
@@ -59,8 +59,8 @@ function draw() {
   rows.push({ name: "score", lanes: [], line: take.scores });
   report.gutter = gutterOf(rows, timeline.clientWidth);
   timeline.style.height = `${heightOf(rows)}px`;
-  report.hits = drawTimeline(timeline, rows, { from: 0, to: Math.max(take.seconds, 0.1), at: report.at, theme, origin: 0,
-    tick: [1, 2, 5, 10, 20, 60, 120, 300].find((each) => take.seconds / each < 14) ?? 600, told: (second) => `${second} s` });
+  drawTimeline(timeline, rows, { from: 0, to: Math.max(take.seconds, 0.1), at: report.at, theme, origin: 0,
+    tick: [1, 2, 5, 10, 20, 60, 120, 300].find((each) => take.seconds / each < 14) ?? 600, named: (second) => `${second} s` });
 }
 
 function play(playing) {

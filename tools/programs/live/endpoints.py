@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import ipaddress
-from contextlib import ExitStack
-from typing import TYPE_CHECKING, NamedTuple
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.commands import Allowed, CommandReader
+from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
-from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, ReplySink, Sink, ZmqSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
 from kinespace.tools.page.process import PagePlan, PageProcess, require_websockets
 from kinespace.tools.teaching.requests import RequestSource
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs import Admission
-    from kinespace.stream.outputs.zeromq_sink import Followed
     from kinespace.stream.packet import Networks
+    from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
 
 #: The addresses of all of a machine's networks, and of the machine itself.
@@ -48,29 +49,24 @@ def open_ends(
     with ExitStack() as opened:
         if options.osc_in:
             with opening("--osc-in"):
-                receivers.append(osc.OscReceiver(*host_and_port(options.osc_in), networks))
-            opened.callback(receivers[-1].close)
+                receiver: _AnyReceiver = osc.OscReceiver(*host_and_port(options.osc_in), networks)
+            receivers.append(opened.enter_context(closing(receiver)))
         if options.zmq_in:
             with opening("--zmq-in"):
                 endpoint = _endpoint(options, options.zmq_in)
-                receivers.append(zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring))
-            opened.callback(receivers[-1].close)
-        if options.osc_out:
-            with opening("--osc-out"):
-                sinks.append(LayoutSink(NativeLayout(), osc.OscSender(*host_and_port(options.osc_out))))
-                opened.callback(sinks[-1].close)
+                receiver = zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring)
+            receivers.append(opened.enter_context(closing(receiver)))
+        native = [("--osc-out", f"native={options.osc_out}")] if options.osc_out else []
+        for option, out in [*native, *(("--out", each) for each in options.out)]:
+            with opening(option):
+                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission))))
                 _require_no_loop(receivers, sinks[-1])
         if options.zmq_out:
             with opening("--zmq-out"):
                 endpoint = _endpoint(options, options.zmq_out)
                 known = bool(keyring or networks) or not endpoint.is_open_to_others
-                sinks.append(ZmqSink(zeromq.ZmqSender(endpoint, keyring, _and_here(networks)), named=known))
-            opened.callback(sinks[-1].close)
-        for out in options.out:
-            with opening("--out"):
-                sinks.append(_layout_sink(out, receivers, admission))
-                opened.callback(sinks[-1].close)
-                _require_no_loop(receivers, sinks[-1])
+                sink = ZmqSink(zeromq.ZmqSender(endpoint, keyring, _and_here(networks)), named=known)
+            sinks.append(opened.enter_context(closing(sink)))
         # Last, because it may take another file's place.
         writer = _writer(options.record, receivers, preset) if options.record else None
         recorders = [Recorder(writer, index) if writer else None for index in range(len(receivers))]
@@ -95,11 +91,11 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admiss
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(layout, osc.OscSender(host, port))
-    heard = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
-    if not heard:
+    by_osc = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
+    if not by_osc:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
-    return ReplySink(layout, heard[0], port, admission)
+    return ReplySink(layout, by_osc[0], port, admission)
 
 
 def _require_no_loop(receivers: Sequence[_AnyReceiver], sink: Sink) -> None:
@@ -148,32 +144,23 @@ def open_controls(
 ) -> list[RequestSource]:
     """Let the frames' own ports take commands, and open the further ways in for them."""
     networks = _networks(options)
-    allowed = Allowed(networks)
     for source in sources:
-        source.commands = CommandReader(allowed)
+        source.commands = CommandReader(networks)
     controls: list[RequestSource] = []
     for control in options.control:
-        if "://" not in control:
-            raise ValueError(f"--control: expected an endpoint like tcp://127.0.0.1:9330, got {control!r}")
         with opening("--control"):
             # The owner of a known key may command from any network.
             near = () if keyring else _and_here(networks)
-            controls.append(RequestSource(_endpoint(options, control), allowed, keyring, networks=near))
+            controls.append(RequestSource(_endpoint(options, control), networks, keyring, networks=near))
     return controls
 
 
-class PageEnds(NamedTuple):
-    """A page, and a recogniser's ends of the link to it, to be closed with its other sinks and sources."""
-
-    sinks: Sequence[Sink] = ()
-    sources: Sequence[RequestSource] = ()
-    page: PageProcess | None = None
-
-
 def open_page(
-    options: argparse.Namespace, keyring: Keyring | None, performers: Followed, *, commands: bool
-) -> PageEnds:
+    options: argparse.Namespace, keyring: Keyring | None, performers: Recognising, *, commands: bool
+) -> tuple[list[Sink], list[RequestSource], PageProcess | None]:
     """Start the page that is asked for, and open a publisher for it and, if it may give commands, a socket for them.
+
+    The sinks and the sources are to be closed with the recogniser's others.
 
     Raises
     ------
@@ -181,9 +168,9 @@ def open_page(
         As `tools.page.process.PageProcess`.
     """
     if not options.page:
-        return PageEnds()
+        return [], [], None
     require_websockets()
     sender = zeromq.ZmqSender(_HERE, keyring)
-    requests = [RequestSource(_HERE, Allowed(), keyring)] if commands else []
+    requests = [RequestSource(_HERE, (), keyring)] if commands else []
     plan = PagePlan(sender.address, options.page, requests[0].address if requests else None, options.keys)
-    return PageEnds([ZmqSink(sender), BodySink(sender, performers)], requests, PageProcess(plan))
+    return [ZmqSink(sender), BodySink(sender, performers)], requests, PageProcess(plan, say)

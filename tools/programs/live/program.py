@@ -3,34 +3,21 @@
 from __future__ import annotations
 
 import os
-from contextlib import closing, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinespace.library import MotionLibrary
+from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream.outputs import LAYOUTS
-from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.cli.arguments import (
-    OSC_IN,
-    add_library,
-    add_names,
-    add_overwrite,
-    add_settings,
-    add_shared,
-    count,
-    names,
-    settings_of,
-)
-from kinespace.tools.programs.live.recognisers import Where
+from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
+from kinespace.tools.programs.live.recognisers import in_this_process, in_workers
 from kinespace.tools.programs.live.session import recognise
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
 
-    from kinespace.stream.recognizer import SentJoints
-    from kinespace.tools.programs.live.recognisers import Known
+    from kinespace.tools.programs.live.recognisers import Making
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -46,6 +33,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
     )
     parser.add_argument(
+        "--stillness",
+        type=positive,
+        default=STILLNESS,
+        help="movement, relative to the body, that counts as rest between taught motions; twice as much begins one "
+        "(default %(default)s)",
+    )
+    parser.add_argument(
+        "--quiet-lessons", action="store_true", help='answer a performer who is being taught "unknown", without events'
+    )
+    parser.add_argument(
         "--control",
         action="append",
         default=[],
@@ -57,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that `kinespace gateway` has, too."""
     parser.description = (
-        f"Recognises frames and publishes answers until Ctrl-C. Unless told otherwise: OSC in on {OSC_IN}, out to "
+        f"Recognises frames and publishes answers until Ctrl-C. By default: OSC in on {OSC_IN}, out to "
         f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
     )
     add_shared(parser, "--osc-in", "--zmq-in")
@@ -68,7 +65,9 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     parser.add_argument(
-        "--feed", metavar="NAME", help="read the feed of this product, see kinespace feeds; or FILE.toml"
+        "--feed",
+        metavar="NAME",
+        help="read the feed of this product, by default on its own port; or FILE.toml: see kinespace feeds",
     )
     add_shared(parser, "--sender")
     parser.add_argument(
@@ -88,7 +87,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
     )
     add_names(parser, "senders")
-    add_library(parser)
+    add_shared(parser, "--library")
     add_settings(parser)
     parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
     parser.add_argument(
@@ -96,13 +95,13 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=(),
         metavar="NETWORK,...",
-        help="read packets from these networks alone; let them teach; let them and this machine hear the answers by "
+        help="read packets from these networks alone; let them teach; let them and this machine get the answers by "
         "ZeroMQ",
     )
     add_shared(parser, "--keys", "--open")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
-    add_overwrite(parser)
+    add_shared(parser, "--overwrite")
     parser.add_argument(
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
@@ -110,42 +109,16 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
 
 
-def run(options: argparse.Namespace, where: Where | None = None) -> int:
-    """Run the program with these options; return the exit status. Performers are recognised `where` it is said."""
+def run(options: argparse.Namespace, make: Making | None = None) -> int:
+    """Run the program with these options; return the exit status. `make` makes recognisers elsewhere."""
     if not (options.osc_in or options.zmq_in or options.feed):
         options.osc_in = OSC_IN
     if not (options.osc_out or options.zmq_out or options.out):
         options.osc_out = OSC_OUT
-    where = where or (in_workers() if options.workers else Where())
-    with closing(where), Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        return recognise(options, keyring, where)
+    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
+        return recognise(options, keyring, make or (in_workers if options.workers else in_this_process))
 
 
 def workers(text: str) -> int:
     """Read a number of workers; `auto`: one for each core but one, which receives."""
     return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
-
-
-def in_workers() -> Where:
-    """Recognise in processes of their own."""
-    from kinespace.library.windows.index import opened  # noqa: PLC0415 - only where there are workers
-    from kinespace.stream.workers.local import LocalGateway  # noqa: PLC0415 - as above
-    from kinespace.stream.workers.terms import Terms  # noqa: PLC0415 - as above
-
-    def make(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]) -> LocalGateway:
-        settings = settings_of(options)
-        if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
-            library = opened(library)
-        terms = Terms(
-            settings=settings,
-            most=options.performers,
-            assumed=joints.assumed,
-            naming=options.naming,
-            classes=tuple(classes),
-        )
-        gateway = LocalGateway(options.workers, library, terms)
-        where.sources.append(gateway.source)
-        return gateway
-
-    where = Where(make)
-    return where

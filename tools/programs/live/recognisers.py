@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
-from kinespace.stream.recognizer import Performers, Recognizer, SentJoints
-from kinespace.stream.service.background_opener import BackgroundViews
-from kinespace.stream.service.recognising import Teachable
+from kinespace.library.windows.index import opened
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
+from kinespace.stream.workers.background_opener import BackgroundViews
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.teaching.beginning import open_lessons
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from kinespace.library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
-    from kinespace.stream.service.loop import Source
-    from kinespace.stream.service.recognising import Recognising
+    from kinespace.stream.workers.gateway import Recognising
+    from kinespace.stream.workers.local import LocalGateway
     from kinespace.tools.teaching.lessons import Lessons
 
     #: A library, perhaps opened already.
     Known = MotionLibrary | WindowIndex
+    #: Makes recognisers by the options, the joints that senders do not name, and the order of the classes.
     Making = Callable[[argparse.Namespace, Known, SentJoints, Sequence[str]], Recognising]
 
 #: In place of a library: only taught motions are known.
@@ -38,32 +39,28 @@ _NO_LIBRARY = Path("none")
 
 def in_this_process(
     options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]
-) -> Teachable:
+) -> Recognising:
     """Make recognisers that the service's own loop calls."""
     settings, views = settings_of(options), BackgroundViews()
     return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
 
 
-@dataclass(slots=True)
-class Where:
-    """Where performers are recognised: in this process, unless `make` makes recognisers elsewhere.
+def in_workers(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]) -> LocalGateway:
+    """Make recognisers in processes of their own."""
+    from kinespace.stream.workers.local import LocalGateway  # noqa: PLC0415 - only where there are workers
+    from kinespace.stream.workers.terms import Terms  # noqa: PLC0415 - as above
 
-    Attributes
-    ----------
-    make
-        Makes the recognisers of a library by the options, the joints that senders do not name, and the order of the
-        classes; it appends to `sources`.
-    sources
-        Where their answers come back.
-    """
-
-    make: Making = in_this_process
-    sources: list[Source] = field(default_factory=list)
-
-    def close(self) -> None:
-        """Close the sources, also when the service that would have done so was never made."""
-        for each in self.sources:
-            each.close()
+    settings = settings_of(options)
+    if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
+        library = opened(library)
+    terms = Terms(
+        settings=settings,
+        most=options.performers,
+        assumed=joints.assumed,
+        naming=options.naming,
+        classes=tuple(classes),
+    )
+    return LocalGateway(options.workers, library, terms)
 
 
 def recognisers(options: argparse.Namespace, preset: Preset | None, make: Making) -> tuple[Recognising, Lessons | None]:
@@ -103,34 +100,28 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     shared = motions.restricted_to(joints)
     if shared is not motions:
         for name in joints:
-            told = "" if name in motions.skeleton.joints else meant(name, [*{*motions.skeleton.joints} - {*joints}])
-            if told:
-                console.print(f"{whose}: the library has no joint {name!r}{told}", soft_wrap=True)
+            near = "" if name in motions.skeleton.joints else meant(name, [*{*motions.skeleton.joints} - {*joints}])
+            if near:
+                say(f"{whose}: the library has no joint {name!r}{near}")
         further = [name for name in joints if name not in motions.skeleton.joints]
         if further:
-            console.print(
-                f"{whose}: not compared, because the library lacks them: {', '.join(further)}", soft_wrap=True
-            )
-        console.print(
-            f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints",
-            soft_wrap=True,
-        )
+            say(f"{whose}: not compared, because the library lacks them: {', '.join(further)}")
+        say(f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints")
     return shared
 
 
 def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints, make: Making) -> Lessons:
     """Open the taught library."""
 
-    def performers(index: WindowIndex, classes: Sequence[str]) -> Teachable:
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Recognising:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = replace(sent, assumed=sent.assumed if covers else ())
         _require_room_for(index, settings_of(options))
-        made = make(options, index, joints, classes)
-        if not isinstance(made, Teachable):
-            raise ValueError(f"--teach: expected recognisers that take another library, got {type(made).__name__}")  # noqa: TRY004 - the program's options are at fault
-        return made
+        return make(options, index, joints, classes)
 
-    return open_lessons(options.teach, motions, sent.assumed, performers)
+    lessons = open_lessons(options.teach, motions, sent.assumed, performers, options.stillness)
+    lessons.is_quiet = options.quiet_lessons
+    return lessons
 
 
 def _require_room_for(motions: Known, settings: Settings) -> None:

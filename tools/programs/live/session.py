@@ -21,21 +21,19 @@ from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.programs.live.endpoints import open_controls, open_ends, open_page
-from kinespace.tools.programs.live.recognisers import Where, recognisers
+from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.teaching.keys import Keys
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import console, say
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
-    from contextlib import AbstractContextManager
 
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.outputs import Sink
     from kinespace.stream.recognizer import Settings
     from kinespace.stream.zeromq import Keyring
+    from kinespace.tools.programs.live.recognisers import Making
     from kinespace.tools.teaching.lessons import Lessons
 
 #: Times a second the table is drawn.
@@ -44,25 +42,25 @@ _REDRAWS = 5
 MAX_CONNECTIONS = 16_384
 
 
-def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where) -> int:
+def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     _allow_many_connections()
     settings, record = settings_of(options), options.record
     preset = _checked(options, settings)
-    performers, lessons = recognisers(options, preset, where.make)
-    shown: PlainLines | LiveTable = (
-        PlainLines()
-        if options.plain or not console.is_terminal
-        else LiveTable(lessons.classes if lessons else performers.classes)
-    )
+    performers, lessons = recognisers(options, preset, make)
+    # The answers of workers come back by a source.
+    from_workers = [source] if (source := getattr(performers, "source", None)) else []
+    in_lines = options.plain or not console.is_terminal
+    shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
     admission = Admission(silence=performers.silence, allowed=options.allow)
-    # Before the sockets are open: no packet is to wait until the page runs.
-    ends = open_page(options, keyring, performers, commands=lessons is not None)
-    sources, sinks, kept = open_ends(options, preset, keyring, admission)
-    feeds = [source for source in sources if isinstance(source, FeedSource)]
     with ExitStack() as opened:
-        for close in [each.close for each in sources] + [each.close for each in sinks] + ([kept.close] if kept else []):
-            opened.callback(close)
+        for each in from_workers:
+            opened.callback(each.close)
+        # Before the sockets are open: no packet is to wait until the page runs.
+        page_sinks, page_sources, page_process = open_page(options, keyring, performers, commands=lessons is not None)
+        sources, sinks, kept = open_ends(options, preset, keyring, admission)
+        for each in (*sources, *sinks, *([kept] if kept else ())):
+            opened.callback(each.close)
         controls = open_controls(options, sources, keyring) if lessons else []
         opened.pop_all()
     if options.bodies:
@@ -71,36 +69,34 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, where: Where
         kept or nullcontext(),
         Service(
             performers,
-            [*sources, *controls, *ends.sources, *where.sources],
-            [*sinks, shown, *ends.sinks, *([lessons] if lessons else [])],
+            [*sources, *controls, *page_sources, *from_workers],
+            [*sinks, shown, *page_sinks, *([lessons] if lessons else [])],
             admission=admission,
             control=lessons,
         ) as service,
-        ends.page or nullcontext() as page,
+        page_process or nullcontext() as page,
     ):
         if lessons:
             lessons.sinks = service.sinks
         # Before the program says that it runs.
         stop_on_signals(service.stop)
-        _announce([*sources, *controls], sinks)
+        listening, answering = ", ".join(map(str, [*sources, *controls])), ", ".join(map(str, sinks)) or "nobody"
+        say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
         if page:
-            console.print(f"page: {page.address}", soft_wrap=True)
+            say(f"page: {page.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
-        with _keys(lessons, shown):
-            if isinstance(shown, LiveTable):
-                _run_with_table(service, shown)
-            else:
-                service.run()
+        _run(service, shown, lessons)
         if lessons:
             lessons.close()
         status = service.status()
-    console.print(summary(status, settings.hop), soft_wrap=True)
-    for source in feeds:
-        console.print(frames_made(source), soft_wrap=True, markup=False)
+    say(summary(status, settings.hop))
+    for source in sources:
+        if isinstance(source, FeedSource):
+            say(frames_made(source))
     if kept:
-        console.print(f"{record}: {kept.written} packets, {kept.failed} could not be written", soft_wrap=True)
-    return 0
+        say(f"{record}: {kept.written} packets, {kept.failed} could not be written")
+    return 2 if lessons and lessons.has_unsaved else 0
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
@@ -129,22 +125,15 @@ def _allow_many_connections() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
-def _keys(lessons: Lessons | None, shown: PlainLines | LiveTable) -> AbstractContextManager[object]:
-    """Read keys where people may teach and a table is shown."""
-    return Keys(lessons, shown) if lessons and isinstance(shown, LiveTable) else nullcontext()
-
-
-def _announce(sources: Sequence[object], sinks: Sequence[Sink]) -> None:
-    listening, answering = ", ".join(map(str, sources)), ", ".join(map(str, sinks)) or "nobody"
-    console.print(f"listening on {listening}; answering to {answering}; Ctrl-C ends", soft_wrap=True)
-
-
-def _run_with_table(service: Service, shown: LiveTable) -> None:
-    """Draw in a second thread, so that the feed waits at most for the lock, never for a picture."""
+def _run(service: Service, shown: PlainLines | LiveTable, lessons: Lessons | None) -> None:
+    """Run, and draw the table in a second thread: the feed waits at most for the lock, never for a picture."""
+    if isinstance(shown, PlainLines):
+        service.run()
+        return
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
     try:
-        with Live(console=console, auto_refresh=False) as live:
+        with Keys(lessons, shown) if lessons else nullcontext(), Live(console=console, auto_refresh=False) as live:
             while loop.is_alive():
                 live.update(shown.drawn(), refresh=True)
                 time.sleep(1 / _REDRAWS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,17 +21,16 @@ from kinespace.library.recordings import (
 from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
-    add_actor_in,
     add_labels,
-    add_overwrite,
     add_reading,
     add_shared,
+    count,
     library_at,
     mapping,
     names,
     reading_of,
 )
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.console import progress, say
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import counted
@@ -51,23 +50,6 @@ _MAX_NAMED = 10
 _MIN_WINDOW = 0.25
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
-    """The terms of motions, and the authors to name; by default the file's own, or HDM05's for names like HDM05's."""
-
-    licence: str | None = None
-    attribution: str | None = None
-
-    def put_on(self, clip: Clip, path: Path) -> Clip:
-        """Set a clip's source and terms."""
-        notes = clip.source or path.name, clip.licence, clip.attribution
-        ours = hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION
-        source, licence, attribution = ours if hdm05.read_clip_name(path) else notes
-        return replace(
-            clip, source=source, licence=self.licence or licence, attribution=self.attribution or attribution
-        )
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
@@ -79,7 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
-    add_overwrite(parser)
     parser.add_argument(
         "--without",
         action="extend",
@@ -97,12 +78,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="OLD=NEW",
         help=f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"',
     )
+    parser.add_argument(
+        "--guests",
+        nargs="+",
+        action="extend",
+        type=Path,
+        default=[],
+        metavar="TAKE",
+        help="add their motions, for bodies of few joints alone; the joints that they lack are computed",
+    )
+    parser.add_argument(
+        "--every", type=count, default=1, metavar="N", help="add every Nth of the guests' motions alone"
+    )
     add_labels(
         parser, "for each recording, in order: cut it into these motions (default: the file beside it, if there is one)"
     )
-    add_shared(parser, "--feed")
+    add_shared(parser, "--overwrite", "--feed", "--actor-in")
     add_reading(parser)
-    add_actor_in(parser)
     parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
     parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
 
@@ -116,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     require_place_for(output, overwrite=options.overwrite)
     libraries = [library_at(file) for file in files]
-    read = _Recordings(reading_of(options), Terms(options.licence, options.attribution))
+    read = _Recordings(reading_of(options), options.licence, options.attribution)
     clips = list(read.motions(places, labels)) if places else []
     if not (clips or libraries):
         notes = f" ({'; '.join(read.notes)})" if read.notes else ""
@@ -124,12 +116,14 @@ def run(options: argparse.Namespace) -> int:
     libraries += by_body(clips)
     merged = changed(reduce(MotionLibrary.merged_with, libraries), options.without, dict(options.rename))
     if not merged.classes:
-        raise ValueError(f"motions: expected some of a class beside {NOTHING!r}, got none")
+        raise ValueError(f"motions: expected some of another class than {NOTHING!r}, got none")
+    if options.guests:
+        merged = merged.with_guests(list(read.motions(options.guests, ()))[:: options.every])
     merged.save(output)
     made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
-    console.print(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB", soft_wrap=True)
+    say(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB")
     for line in (*read.notes, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
-        console.print(line, soft_wrap=True)
+        say(line)
     return 0
 
 
@@ -168,19 +162,19 @@ class _Recordings:
         On the labels, for a person, a line each.
     """
 
-    def __init__(self, reading: Reading, terms: Terms) -> None:
-        self._reading, self._terms = reading, terms
+    def __init__(self, reading: Reading, licence: str | None, attribution: str | None) -> None:
+        self._reading, self._licence, self._attribution = reading, licence, attribution
         self.uncut: list[Clip] = []
         self.notes: list[str] = []
         self._filled = self._read = 0
 
-    def motions(self, places: Sequence[Path], labels: Sequence[Path] = ()) -> Iterator[Clip]:
+    def motions(self, places: Sequence[Path], labels: Sequence[Path]) -> Iterator[Clip]:
         """Give the motions of recordings, by the given labels or the labels beside the recordings."""
         paths = find_recordings(places)
         if labels and len(labels) != len(paths):
             raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
         given = list(map(read_labels, labels)) if labels else list(map(segments_beside, paths))
-        tell, found = NameTeller(), sum(each is not None for each in given)
+        named, found = NameTeller(), sum(each is not None for each in given)
         if found and not labels:
             self.notes.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels beside")
         beside = {} if labels else {path: labels_beside(path) for path in paths}
@@ -191,7 +185,7 @@ class _Recordings:
         reader = RecordingReader(self._reading)
         for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
             try:
-                clips = [self._terms.put_on(tell(clip), path) for clip in reader.clips(path)]
+                clips = [self._with_terms(named(clip), path) for clip in reader.clips(path)]
             except RecordingError as error:
                 damaged.append(str(error))
                 continue
@@ -199,12 +193,21 @@ class _Recordings:
             self._read += sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
             yield from self._motions_of(clips, path, segments)
         if damaged:
-            more = f"; and {len(damaged) - _MAX_NAMED} more" if len(damaged) > _MAX_NAMED else ""
-            raise RecordingError("; ".join(damaged[:_MAX_NAMED]) + more)
+            more = [f"and {len(damaged) - _MAX_NAMED} more"] if len(damaged) > _MAX_NAMED else []
+            raise RecordingError(*damaged[:_MAX_NAMED], *more)
         if self._filled:
             self.notes.append(
                 f"{self._filled} of {self._read} joint positions were missing and were filled with straight lines"
             )
+
+    def _with_terms(self, clip: Clip, path: Path) -> Clip:
+        """Set a clip's source and terms: the given ones, the file's own, or HDM05's for names like HDM05's."""
+        notes = clip.source or path.name, clip.licence, clip.attribution
+        ours = hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION
+        source, *terms = ours if hdm05.read_clip_name(path) else notes
+        return replace(
+            clip, source=source, licence=self._licence or terms[0], attribution=self._attribution or terms[1]
+        )
 
     def _motions_of(self, clips: Sequence[Clip], path: Path, segments: Sequence[Segment] | None) -> Iterator[Clip]:
         """Give the motions of one recording, a clip for each performer."""
@@ -226,7 +229,7 @@ class _Recordings:
                 )
         for take in takes:
             own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
-            if others := sorted({each.performer for each in segments if each not in own} - performers):
+            if others := sorted({each.performer for each in segments} - {each.performer for each in own} - performers):
                 lost = sum(each.performer in others for each in segments)
                 self.notes.append(
                     f"{path.name}: {counted(lost, 'label')} of {', '.join(others)} left out: "

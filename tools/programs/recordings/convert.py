@@ -17,9 +17,9 @@ from kinespace.library.motion_library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.recording.takes import events_of, ordered_frames, seen_in
-from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_shared, reading_of
+from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.console import printable, progress, say
 from kinespace.tools.terminal.named_joints import NameTeller
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
@@ -58,8 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, required=True, metavar="FILE", help="a file that ends in .npz or .csv"
     )
     parser.add_argument("--performer", help="the performer to convert, if there are several")
-    add_overwrite(parser)
-    add_shared(parser, "--feed")
+    add_shared(parser, "--overwrite", "--feed")
     add_reading(parser)
 
 
@@ -87,13 +86,12 @@ def run(options: argparse.Namespace) -> int:
         motion, refused = _of_file(source, reading_of(options)), 0
     motion.postures = progress(motion.postures, "Writing", motion.frames)
     frames = write(output, motion)
-    console.print(
+    say(
         f"{output}: {frames} frames of {len(motion.skeleton.joints)} joints"
-        + (f", {refused} frames of other joints left out" if refused else ""),
-        soft_wrap=True,
+        + (f", {refused} frames of other joints left out" if refused else "")
     )
     if damage:
-        console.print(damage, soft_wrap=True)
+        say(damage)
     return 0
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
-from kinespace.tools.cli.arguments import add_overwrite, add_reading, add_shared, positive, reading_of
-from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
+from kinespace.tools.terminal.console import printable, progress, say
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
 
@@ -40,10 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--stillness",
         type=positive,
         default=STILLNESS,
-        help="movement, relative to the body, that counts as rest (0.01)",
+        help="movement, relative to the body, that counts as rest (default %(default)s)",
     )
-    add_overwrite(parser)
-    add_shared(parser, "--feed")
+    add_shared(parser, "--overwrite", "--feed")
     add_reading(parser)
 
 
@@ -66,16 +65,12 @@ def run(options: argparse.Namespace) -> int:
         rows.writerow(COLUMNS)
         rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
     whose = ", ".join(printable(take.actor or "one performer") for take in takes)
-    console.print(
-        f"{labels}: {len(found)} movements of {whose}; write a class behind each; a movement without one is left out",
-        soft_wrap=True,
-    )
+    say(f"{labels}: {len(found)} movements of {whose}; write a class behind each; a movement without one is left out")
     long = [each for each, _ in found if each.duration > _MAX_SECONDS]
     if long:
         advice = f"cut at quieter moments by --stillness above {options.stillness:g}"
-        console.print(
+        say(
             f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, because the performer never stood still: divide "
-            f"these rows where the motions change, or {advice}",
-            soft_wrap=True,
+            f"these rows where the motions change, or {advice}"
         )
     return 0

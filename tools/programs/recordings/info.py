@@ -16,23 +16,23 @@ from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.recording import decoded
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
-from kinespace.tools.cli.arguments import (
-    BUILT_IN,
-    add_actor_in,
-    add_json,
-    add_reading,
-    add_shared,
-    class_at,
-    library_at,
-    reading_of,
-)
+from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.terminal.console import console, printable, progress
+from kinespace.tools.terminal.console import console, printable, progress, say
 from kinespace.tools.terminal.named_joints import read_and_tell
 from kinespace.tools.terminal.tables import add_names, narrow_table
 
 #: Characters of the columns beside names of recordings, and of classes and persons.
 _BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 52
+#: Headings of listed recordings and of a library's listed motions, and the form of each cell.
+_OF_RECORDINGS = (
+    *(("recording", "{name}"), ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}"), ("joints", "{joints}")),
+    *(("metres across", "{metres_across:.2f}"), ("filled in", "{filled:.1%}")),
+)
+_OF_LIBRARY = (
+    *(("class", "{class}"), ("person", "{person}"), ("take", "{take}")),
+    *(("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")),
+)
 
 if TYPE_CHECKING:
     import argparse
@@ -57,10 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"a library, a recording, a folder of them, or a class of the built-in library (default: {BUILT_IN})",
     )
     parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
-    add_json(parser)
-    add_shared(parser, "--feed")
+    add_shared(parser, "--json", "--feed", "--actor-in")
     add_reading(parser)
-    add_actor_in(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -117,16 +115,13 @@ def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
 def _show_raw(described: Mapping[str, Any]) -> None:
     console.print(f"{described['file']}: recorded {described['recorded']}, {described['seconds']:.1f} s")
     for sender, count in described["packets"].items():
-        console.print(f"{printable(sender)}: {count} packets", soft_wrap=True)
+        say(f"{printable(sender)}: {count} packets")
     for name, same in described["presets"].items():
-        console.print(
-            f"preset {printable(name)}: kept in the recording, {'same as' if same else 'other than'} the built-in one",
-            soft_wrap=True,
-        )
+        say(f"preset {printable(name)}: kept in the recording, {'same as' if same else 'other than'} the built-in one")
     for performer, count in described["frames"].items():
-        console.print(f"performer {printable(performer)}: {count} frames", soft_wrap=True)
+        say(f"performer {printable(performer)}: {count} frames")
     if described["damage"]:
-        console.print(described["damage"], soft_wrap=True)
+        say(described["damage"])
 
 
 # --- libraries and folders ---
@@ -173,24 +168,31 @@ def _summed_up(motions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others: str) -> None:
     """Print a table of classes or of persons."""
-    table = Table(title=title, title_justify="left")
-    indexed = any("index" in row for row in rows)
-    if indexed:
-        table.add_column("index", justify="right")
-    add_names(table, what, [printable(row[what]) or "?" for row in rows], beside=_BESIDE_CLASSES)
-    for heading in ("motions", others, "seconds", "Hz"):
-        table.add_column(heading, justify="right")
-    for row in rows:
+    figures = (("motions", "{motions}"), (others, f"{{{others}}}"), ("seconds", "{seconds:.1f}"), ("Hz", "{rates}"))
+    indexed = (("index", "{index}"),) if any("index" in row for row in rows) else ()
+    shown = [
+        {**row, what: row[what] or "?", others: row[others] or "?"}
         # The class `nothing` has no index.
-        index = ["" if row["index"] is None else str(row["index"])] if indexed else []
-        table.add_row(
-            *index,
-            printable(row[what]) or "?",
-            str(row["motions"]),
-            str(row[others] or "?"),
-            f"{row['seconds']:.1f}",
-            ", ".join(f"{rate:g}" for rate in row["frame_rates"]),
-        )
+        | {"index": "" if row.get("index") is None else row["index"]}
+        | {"rates": ", ".join(f"{rate:g}" for rate in row["frame_rates"])}
+        for row in rows
+    ]
+    table = Table(title=title, title_justify="left")
+    _print_rows(table, shown, (*indexed, (what, f"{{{what}}}"), *figures), what, _BESIDE_CLASSES)
+
+
+def _print_rows(
+    table: Table, rows: Sequence[Mapping[str, Any]], columns: Sequence[tuple[str, str]], names: str, beside: int
+) -> None:
+    """Print rows by headings and forms; the column of one heading holds names, which are kept whole."""
+    cells = [[printable(form.format(**row)) for _, form in columns] for row in rows]
+    for place, (heading, _) in enumerate(columns):
+        if heading == names:
+            add_names(table, heading, [each[place] for each in cells], beside=beside)
+        else:
+            table.add_column(heading, justify="right")
+    for each in cells:
+        table.add_row(*each)
     console.print(table)
 
 
@@ -205,7 +207,9 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
         joints |= dict.fromkeys(clip.skeleton.joints)
         motions.append(_row(clip, name))
         if clips or len(paths) == 1:
-            across = float(np.median(distance_rows(clip.positions, clip.skeleton).max(axis=1)))
+            # A few frames at a time: all pairs of all frames take many times the recording's memory.
+            parts = np.array_split(clip.positions, 1 + clip.frames * len(clip.skeleton.pairs) // 1_000_000)
+            across = float(np.median(np.concatenate([distance_rows(p, clip.skeleton).max(axis=1) for p in parts])))
             measured = {
                 "joints": len(clip.skeleton.joints),
                 "metres_across": round(across, 3),
@@ -221,21 +225,7 @@ def _show_recordings(described: Mapping[str, Any]) -> None:
     if "clips" in described:
         table = narrow_table(described["place"])
         table.padding = 0
-        add_names(
-            table, "recording", [printable(each["name"]) for each in described["clips"]], beside=_BESIDE_RECORDINGS
-        )
-        for heading in ("seconds", "Hz", "joints", "metres across", "filled in"):
-            table.add_column(heading, justify="right")
-        for each in described["clips"]:
-            table.add_row(
-                printable(each["name"]),
-                f"{each['seconds']:.1f}",
-                f"{each['frame_rate']:g}",
-                str(each["joints"]),
-                f"{each['metres_across']:.2f}",
-                f"{each['filled']:.1%}",
-            )
-        console.print(table)
+        _print_rows(table, described["clips"], _OF_RECORDINGS, "recording", _BESIDE_RECORDINGS)
     if described["motions"] > 1:
         _show_sums(described["place"], described["classes"], "class", "persons")
         _show_sums("", described["persons"], "person", "classes")
@@ -258,6 +248,7 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
         "arithmetic": kernels.kind(),
         "licence": library.licence,
         "attribution": library.attribution,
+        "guests": len(library.guests),
     }
     return described | ({"clips": motions} if clips else {})
 
@@ -265,18 +256,13 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
 def _show_library(described: Mapping[str, Any]) -> None:
     """Print a library's classes with their indices, its persons, joints, licence and attribution."""
     if "clips" in described:
-        table = narrow_table(described["library"])
-        names = [(printable(each["class"]), printable(each["person"]) or "?") for each in described["clips"]]
-        add_names(table, "class", [name for name, _ in names], beside=_BESIDE_RECORDINGS)
-        for heading in ("person", "take", "seconds", "Hz"):
-            table.add_column(heading, overflow="fold")
-        for (name, person), each in zip(names, described["clips"], strict=True):
-            table.add_row(name, person, printable(each["take"]), f"{each['seconds']:.1f}", f"{each['frame_rate']:g}")
-        console.print(table)
+        clips = [each | {"person": each["person"] or "?"} for each in described["clips"]]
+        _print_rows(narrow_table(described["library"]), clips, _OF_LIBRARY, "class", _BESIDE_RECORDINGS)
     _show_sums(described["library"], described["classes"], "class", "persons")
     _show_sums("", described["persons"], "person", "classes")
     classes = sum(row["index"] is not None for row in described["classes"])
     persons = [row["person"] for row in described["persons"] if row["person"]]
+    guests = {"guests": f"{described['guests']}, for bodies of few joints"} if described["guests"] else {}
     _tell(
         {
             "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
@@ -287,9 +273,10 @@ def _show_library(described: Mapping[str, Any]) -> None:
             "licence": described["licence"] or "not stated",
             "attribution": described["attribution"] or "none",
         }
+        | guests
     )
 
 
 def _tell(lines: Mapping[str, str]) -> None:
     for heading, text in lines.items():
-        console.print(f"{heading}: {printable(text)}", soft_wrap=True)
+        say(f"{heading}: {printable(text)}")

@@ -15,10 +15,10 @@ from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.recording import source_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.cli.arguments import OSC_IN, add_overwrite, add_shared, positive
+from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.live.endpoints import open_ends
-from kinespace.tools.terminal.console import console, progress_console
+from kinespace.tools.terminal.console import progress_console, say
 from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
@@ -39,9 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "kinespace replay sends the file again bit for bit; kinespace live --record records while it recognises."
     )
     parser.add_argument("output", type=Path, metavar="FILE", help="the recording to make, like tonight.kinerec")
-    add_shared(parser, "--osc-in", "--zmq-in", "--keys", "--open")
+    add_shared(parser, "--osc-in", "--zmq-in", "--keys", "--open", "--overwrite")
     parser.add_argument("--seconds", type=positive, help="seconds to record (default: until Ctrl-C)")
-    add_overwrite(parser)
     # A recording has no answers, and lets everybody in.
     parser.set_defaults(osc_out=None, zmq_out=None, out=(), allow_from=(), sender="")
 
@@ -61,14 +60,13 @@ def run(options: argparse.Namespace) -> int:
                 opened.callback(source.close)
             stop_on_signals(stopped.set)
             names = ", ".join(source_name(source.receiver) for source in sources)
-            console.print(f"recording {names} to {output}; Ctrl-C ends", soft_wrap=True)
+            say(f"recording {names} to {output}; Ctrl-C ends")
             _record(sources, writer, stopped, options.seconds, shown)
             counts = sum((source.counts for source in sources), InputCounts())
-    console.print(
+    say(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"
-        + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else ""),
-        soft_wrap=True,
+        + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else "")
     )
     return 0
 
@@ -80,7 +78,7 @@ def _record(
     poller = zmq.Poller()
     for source in sources:
         poller.register(source.pollable, zmq.POLLIN)
-    began = told = now = time.monotonic()
+    began = drawn = now = time.monotonic()
     over = False
     while not over:
         over = stopped.is_set() or (seconds is not None and now >= began + seconds)
@@ -89,7 +87,7 @@ def _record(
             while source.take(time.monotonic()) is not None and not stopped.is_set():
                 pass
         now = time.monotonic()
-        if now >= told + 1.0:
-            told = now
+        if now >= drawn + 1.0:
+            drawn = now
             if writer.written:
-                shown.update(f"{writer.written} packets in {told - began:.0f} s")
+                shown.update(f"{writer.written} packets in {drawn - began:.0f} s")

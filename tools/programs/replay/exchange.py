@@ -1,4 +1,4 @@
-"""A feed that is sent, the answers that are heard meanwhile, and the report on both."""
+"""A feed that is sent, the answers that come meanwhile, and the report on both."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from kinespace.stream import osc
-from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, told_unheard
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, lost_at
 from kinespace.tools.loopback.answer_listener import answer_in
-from kinespace.tools.terminal.console import console, printable, progress_console
+from kinespace.tools.terminal.console import console, printable, progress_console, say
 from kinespace.tools.terminal.tables import add_names
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.frame import Announcement
     from kinespace.tools.feeding.feed import Cue, FrameSender
-    from kinespace.tools.loopback.answer_listener import Heard, Listener
+    from kinespace.tools.loopback.answer_listener import Listener, Received
 
 #: Seconds without an answer after which no more are expected, and seconds to wait after the last frame, at most.
 _LINGER, _MAX_LINGER = 0.3, 3.0
@@ -58,7 +58,7 @@ class Score:
         self.right[performed] += performed == label
 
     @property
-    def heard(self) -> int:
+    def count(self) -> int:
         """The number of answers, at labelled moments and others."""
         return self.answers.total() + self.unlabelled
 
@@ -91,7 +91,7 @@ class Exchange:
         # OSC answers name the performer in their address, which cannot hold every character.
         self._names = {announcement.performer, osc.address_part(announcement.performer)}
         self._score = Score()
-        self._sent = self._heard = 0
+        self._sent = self._received = 0
         self._stood_still = 0.0
         self._performed = ""
 
@@ -116,45 +116,45 @@ class Exchange:
             self._performed = cue.class_name
         end = time.perf_counter() + _MAX_LINGER
         while self._listener and time.perf_counter() < end:
-            if not self._hear(self._listener.listen_until(time.perf_counter() + _LINGER)):
+            if not self._take_in(self._listener.listen_until(time.perf_counter() + _LINGER)):
                 break
 
     def _wait(self, pace: Pace, due: float) -> None:
         if self._listener:
-            self._hear(self._listener.listen_until(pace.moment(due)))
+            self._take_in(self._listener.listen_until(pace.moment(due)))
         else:
             pace.wait_for(due)
 
-    def _hear(self, heard: Sequence[Heard]) -> bool:
+    def _take_in(self, received: Sequence[Received]) -> bool:
         """Count the answers that came; say whether one about our performer was among them."""
-        self._heard += len(heard)
-        before = self._score.heard
-        for each in heard:
+        self._received += len(received)
+        before = self._score.count
+        for each in received:
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
-        return self._score.heard > before
+        return self._score.count > before
 
     @property
     def answered(self) -> bool:
-        """Whether any answer was heard."""
-        return bool(self._score.heard)
+        """Whether any answer came."""
+        return bool(self._score.count)
 
     @property
     def was_unheard(self) -> bool:
-        """Whether it is known that no frame was heard."""
+        """Whether it is known that no frame reached a program."""
         return bool(self._sent) and self._sender.unheard >= self._sent
 
     def _silence(self) -> str:
         """Say that no answer came, and list checks."""
-        if self._heard:
+        if self._received:
             return (
-                f"no answers about {self._announcement.performer!r} heard, but {self._heard} other packets: do the "
+                f"no answers about {self._announcement.performer!r} came, but {self._received} other packets: do the "
                 "frames reach the recogniser, and can it use their joints? It counts and shows both"
             )
         if self.was_unheard:
-            return "no answers heard"
-        return "no answers heard: is a recogniser running, and does it send its answers here?"
+            return "no answers came"
+        return "no answers came: is a recogniser running, and does it send its answers here?"
 
     def report(self, *, as_json: bool) -> None:
         """Print the counts and, when listening, the share of right answers."""
@@ -174,9 +174,9 @@ class Exchange:
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
         if self._sender.unheard:
-            console.print(told_unheard(self._place, self._sender.unheard), soft_wrap=True)
-        if self._listener and not score.heard:
-            console.print(self._silence(), soft_wrap=True)
+            say(lost_at(self._place, self._sender.unheard))
+        if self._listener and not score.count:
+            say(self._silence())
         elif self._listener:
             console.print(score.table())
 
@@ -189,6 +189,6 @@ def shown(cues: Iterable[Cue], recordings: int | None) -> Iterator[Cue]:
         for cue in cues:
             if cue.recording != shown:
                 shown = cue.recording
-                told = f"{shown + 1} of {recordings}" if recordings else f"{shown + 1}"
-                bar.update(task, completed=shown, description=f"Sending {told}: {escape(printable(cue.name))}")
+                place = f"{shown + 1} of {recordings}" if recordings else f"{shown + 1}"
+                bar.update(task, completed=shown, description=f"Sending {place}: {escape(printable(cue.name))}")
             yield cue

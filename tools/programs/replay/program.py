@@ -17,7 +17,6 @@ from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import (
     OSC_IN,
-    add_json,
     add_reading,
     add_shared,
     not_negative,
@@ -52,10 +51,10 @@ _MEETING = 0.5
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.description = (
-        "Sends recordings as live packets on an absolute schedule. With --listen it hears the answers and prints the "
+        "Sends recordings as live packets on an absolute schedule. With --listen it counts the answers and prints the "
         "share that was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels "
         "with a take's name lies beside the take, the class is the label of the moment. Exit status: 0 sent (and, with "
-        "--listen, answered), 1 no program heard the frames, or no answer came to --listen, 2 could not be done."
+        "--listen, answered), 1 the frames reached no program, or no answer came to --listen, 2 could not be done."
     )
     parser.add_argument(
         "clips",
@@ -88,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share of frames with the next frame"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default %(default)s)")
-    add_json(parser)
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -96,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
 
     Returns
     -------
-    The exit status: 1 when no program heard the frames, or when listening and no answers came, else 0.
+    The exit status: 1 when the frames reached no program, or when listening and no answers came, else 0.
 
     Raises
     ------

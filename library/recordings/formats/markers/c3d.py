@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from kinespace.library import memory
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.units import guessed_metres, metres_of
@@ -111,7 +112,7 @@ def _frames(first: int, last: int, said: _Parameters) -> int:
 
 def _read(path: Path) -> tuple[_Parameters, NDArray[np.float64]]:
     """Read the parameters and the points, (frames, points, 3) in the file's unit, NaN where a point is out of sight."""
-    content = path.read_bytes()
+    content = memory.content(path, memory.limit())
     if len(content) < _BLOCK or content[1] != _KEY or not content[0]:
         raise RecordingError(f"{path}: byte 1: expected a C3D's 0x50, got a file of another kind")
     start = (content[0] - 1) * _BLOCK
@@ -127,6 +128,7 @@ def _read(path: Path) -> tuple[_Parameters, NDArray[np.float64]]:
         file.fail(2, f"an impossible header ({points} points, {analog} analog values, {frames} frames)")
     if len(content) < end:
         file.fail(len(content), f"the file ends, expected {end} bytes")
+    memory.require_numbers(frames * points * 3)
     numbers = np.frombuffer(content[begin:end], dtype="<f4" if scale < 0 else "<i2")
     each = numbers.reshape(frames, -1)[:, : 4 * points].reshape(frames, points, 4).astype(np.float64)
     positions = each[:, :, :3] if scale < 0 else each[:, :, :3] * scale
@@ -194,13 +196,7 @@ def _unit(said: _Parameters, positions: NDArray[np.float64]) -> float:
     metres = metres_of(named) if named else None
     if named and metres is None:
         raise ValueError(f"expected POINT:UNITS like mm or m, got {named!r}")
-    if metres is not None:
-        return metres
-    seen = positions[~np.isnan(positions).all(axis=(1, 2))]
-    if not len(seen):
-        raise ValueError("no point is ever in sight")
-    extent = np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1)
-    return guessed_metres(float(np.median(np.linalg.norm(extent, axis=1))))
+    return guessed_metres(positions) if metres is None else metres
 
 
 def _rate(said: _Parameters) -> float:

@@ -9,49 +9,25 @@ from __future__ import annotations
 
 import math
 from array import array
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.recordings.formats.errors import positive_in, refuse
+from kinespace.library import memory
+from kinespace.library.recordings.formats.errors import count_in, positive_in, refuse
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.units import metres_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
-    from typing import TextIO
-
-    from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
 
 
-@dataclass(frozen=True, slots=True)
-class _Header:
-    labels: tuple[str, ...]
-    frames: int
-    frame_rate: float
-    metres_per_unit: float
-
-
-def _read(path: Path) -> tuple[_Header, NDArray[np.float64]]:
-    """Read the header and the positions, (frames, markers, 3) in the file's unit, NaN where one is out of sight."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        header, values, number = _header(path, file), array("d"), 5
-        columns = 2 + 3 * len(header.labels)
-        for number, line in enumerate(file, start=6):
-            if line.strip():
-                values.extend(_numbers(path, number, line, columns))
-    positions = np.frombuffer(values, dtype=np.float64).reshape(-1, columns)[:, 2:]
-    if len(positions) != header.frames:
-        refuse(path, number, f"the file ends after {len(positions)} of {header.frames} frames")
-    return header, positions.reshape(header.frames, -1, 3)
-
-
-def _header(path: Path, file: TextIO) -> _Header:
-    kind, names, values, labels, axes = (file.readline().rstrip("\r\n") for _ in range(5))
+def _header(path: Path, lines: Iterator[str]) -> tuple[tuple[str, ...], int, float, float]:
+    """Read the five lines of the header: the markers' names, frames, frames per second, and metres of the unit."""
+    kind, names, values, labels, axes = (next(lines, "").rstrip("\r\n") for _ in range(5))
     if not kind.startswith("PathFileType"):
         refuse(path, 1, f"expected PathFileType, got {kind[:40]!r}")
     said = dict(zip(names.split(), values.split(), strict=False))
@@ -64,16 +40,10 @@ def _header(path: Path, file: TextIO) -> _Header:
     found = tuple(label.strip() for label in labels.split("\t")[2:] if label.strip())
     if not axes.split() or axes.split()[0].lower() != "x1":
         refuse(path, 5, f"expected X1 Y1 Z1 ..., got {axes[:40]!r}")
-    if len(found) != _count(path, "NumMarkers", said["NumMarkers"]):
+    if len(found) != count_in(said["NumMarkers"], path, 3, "NumMarkers"):
         refuse(path, 4, f"expected {said['NumMarkers']} names of markers, got {len(found)}")
     rate = positive_in([said["DataRate"]], path, 3, "DataRate")
-    return _Header(found, _count(path, "NumFrames", said["NumFrames"]), rate, metres)
-
-
-def _count(path: Path, name: str, text: str) -> int:
-    if not text.isdecimal() or len(text) > 9 or int(text) == 0:
-        refuse(path, 3, f"expected a number as {name}, got {text!r}")
-    return int(text)
+    return found, count_in(said["NumFrames"], path, 3, "NumFrames"), rate, metres
 
 
 def _numbers(path: Path, number: int, line: str, columns: int) -> list[float]:
@@ -116,6 +86,15 @@ def read_clip(
     OSError
         The file cannot be opened.
     """
-    header, positions = _read(path)
-    metres = metres_per_unit or header.metres_per_unit
-    return clip_of_markers(path, header.labels, positions * metres, frame_rate or header.frame_rate, joints)
+    lines = memory.lines(path, errors="replace")
+    (labels, frames, rate, metres), values, number = _header(path, lines), array("d"), 5
+    columns = 2 + 3 * len(labels)
+    for number, line in enumerate(lines, start=6):
+        if line.strip():
+            values.extend(_numbers(path, number, line, columns))
+    memory.require_numbers(len(values))
+    positions = np.frombuffer(values, dtype=np.float64).reshape(-1, columns)[:, 2:]
+    if len(positions) != frames:
+        refuse(path, number, f"the file ends after {len(positions)} of {frames} frames")
+    positions = positions.reshape(frames, -1, 3) * (metres_per_unit or metres)
+    return clip_of_markers(path, labels, positions, frame_rate or rate, joints)

@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from written import METRES, Written, csv_table, trc_text, write_c3d, written
 
+from kinespace.library.memory import limited_to
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader
-from kinespace.library.recordings.formats.gap_filling import MAX_GAP
-from kinespace.library.recordings.memory import limited_to
+from kinespace.library.recordings.formats.timed_frames import MAX_GAP
 
 if TYPE_CHECKING:
     from collections.abc import Callable

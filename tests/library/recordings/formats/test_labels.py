@@ -187,9 +187,7 @@ def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str, said: st
             HEADER + "2,3,bow\n0,2.001,wave\n", "'wave' (to 2.001) and 'bow' (from 2.0) overlap", id="overlapping"
         ),
         pytest.param((HEADER + "0,1,Übung\n").encode("latin-1"), "expected a CSV in UTF-8", id="Latin-1"),
-        pytest.param(
-            HEADER.encode("utf-16"), "expected a CSV in UTF-8, got another encoding: save the file as", id="UTF-16"
-        ),
+        pytest.param(HEADER.encode("utf-16"), "expected a CSV in UTF-8, as a spreadsheet can save it", id="UTF-16"),
         pytest.param(
             "start_frame,end_frame,label\n0,468,a\n",
             "expected start_s,end_s,label, got frame numbers: divide them by the take's frames per second",

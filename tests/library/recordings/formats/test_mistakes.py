@@ -90,7 +90,7 @@ BROKEN = {
             ":7: expected a hierarchy of",
         ),
         (GOOD["bvh"][GOOD["bvh"].index("MOTION") :], "", ":20: expected HIERARCHY and MOTION"),
-        ("Frames: 4", "Frames: 0", ":22: expected a number of frames, got '0'"),
+        ("Frames: 4", "Frames: 0", ":22: expected a number as Frames, got '0'"),
         ("Frames: 4", "Frames 4", ":22: expected Frames: and a number"),
         ("Frames: 4", "Frames: 3", ":27: a frame more than the 3 that were announced"),
         ("Frames: 4", "Frames: 5", ":27: the file ends after 4 of 5 frames"),
@@ -116,7 +116,7 @@ BROKEN = {
         ("X1\t", "Q1\t", ":5: expected X1 Y1 Z1"),
         ("\n2\t", "\n2\tone\t", ":8: expected 11 fields, got 12"),
         ("\n2\t0.02\t", "\n2\t0.02\tone", ":8: expected numbers .could not convert string to float: 'one"),
-        ("knee", "hip", ": the file has 'hip' twice"),
+        ("heel", "knee", ": the file has 'knee' twice"),
     ],
     "csv": [
         ("knee_z", "knee", ":1: expected columns like head_x, head_y, head_z"),

@@ -92,10 +92,10 @@ _LATER = kinerec._record(  # noqa: SLF001 - a whole record
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "byte 0: not a raw recording"),
-        (b"PK\x03\x04" + b"\0" * 500, "byte 0: not a raw recording"),
-        (encode_packet(PACKETS[0]), "byte 0: not a raw recording"),
-        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording"),  # noqa: SLF001 - a whole record
+        (b"", "byte 0: not a raw recording (no header)"),
+        (b"PK\x03\x04" + b"\0" * 500, "byte 0: not a raw recording (no header)"),
+        (encode_packet(PACKETS[0]), "byte 0: not a raw recording (no header)"),
+        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording (another format)"),  # noqa: SLF001 - a whole record
         (kinerec._record(b"\0[]"), "byte 0: not a raw recording"),  # noqa: SLF001 - as above
         (encode_header(RawHeader("now", SOURCES))[:-3], "byte 0: not a raw recording"),
         (_LATER, "format version 9, this kinespace reads 1"),
@@ -156,6 +156,7 @@ def test_a_disk_that_refuses_for_a_while_costs_nothing(tmp_path: Path, read_only
         assert writer.trouble == ("Read-only file system" if read_only else "No space left on device")
         assert Recorder(writer, 0).note == f"recording: {writer.trouble}; 0 packets lost"
         assert list(RawFile(path).packets()) == []
+        assert writer._waiting_bytes == sum(len(encode_packet(packet)) for packet in PACKETS[:2])  # noqa: SLF001 - unseen
         writer.write(PACKETS[2])
         disk.room = 1 << 20
         writer._try_to_sync()  # noqa: SLF001 - as above
@@ -165,6 +166,22 @@ def test_a_disk_that_refuses_for_a_while_costs_nothing(tmp_path: Path, read_only
     recording = RawFile(path)
     assert list(recording.packets()) == PACKETS
     assert recording.damage() == ""
+
+
+def test_a_disk_that_is_nearly_full_keeps_the_packets_that_fit(tmp_path: Path) -> None:
+    """Of large packets that wait, the first ones are in the file whole; the others wait, and are lost at the end."""
+    large = [RawPacket(float(number), 0, "", (bytes(30_000),)) for number in range(10)]
+    path, size = tmp_path / "a.kinerec", len(encode_packet(large[0]))
+    with RawWriter(path, SOURCES) as writer:
+        writer._file = disk = _Disk(writer._file, 4 * size - 1)  # type: ignore[assignment]  # noqa: SLF001 - as above
+        for packet in large:
+            writer.write(packet)
+        for kept in (3, 4):
+            writer._try_to_sync()  # noqa: SLF001 - as above
+            assert list(RawFile(path).packets()) == large[:kept]
+            disk.room = size
+    assert (writer.written, writer.failed) == (5, 5)
+    assert list(RawFile(path).packets()) == large[:5]
 
 
 def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

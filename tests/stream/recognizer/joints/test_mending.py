@@ -10,7 +10,7 @@ from synthetic import STICK
 
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints, LongAgo
 from kinespace.tools.feeding.feed import resampled
@@ -141,6 +141,62 @@ def test_after_a_jump_of_a_rigid_body_the_windows_begin_anew(small_library: Moti
     assert [answer.scores.tolist() for answer in after] == [pytest.approx(answer.scores.tolist()) for answer in alone]
 
 
+def _two_exchanged(squat: Clip, library: MotionLibrary) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give a squat, as it stands and a metre and a half aside, going on where a kick was shown before: as exchanged."""
+    kick = resampled(next(m for m in library.motions if m.class_name.startswith("kick")), RATE)
+    aside = squat.positions + np.array([1.5, 0.0, 0.0]) + kick.positions[-1, 0] - squat.positions[0, 0]
+    return np.concatenate([kick.positions, aside]), aside
+
+
+@pytest.mark.parametrize("tremble", [0.0, 0.02])
+def test_a_body_in_another_bodys_place_begins_anew(small_library: MotionLibrary, squat: Clip, tremble: float) -> None:
+    """Said; the motion that goes on ends; the answers are the new body's alone, whether or not the feed trembles."""
+    both, aside = _two_exchanged(squat, small_library)
+    both += tremble * np.random.default_rng(4).standard_normal(both.shape)
+    recognizer = Recognizer(small_library)
+    answers, alone = _played(recognizer, both), _played(Recognizer(small_library), both[-len(aside) :])
+    exchanged = 1 + (len(both) - len(aside)) / RATE
+    assert recognizer.doubt == f"joints: the whole body jumped at {exchanged:.2f} s"
+    after = [answer for answer in answers if answer.time >= exchanged]
+    assert [answer.scores.tolist() for answer in after] == [pytest.approx(each.scores.tolist()) for each in alone]
+    if not tremble:
+        first = next(event for answer in answers for event in answer.events if event.kind is EventKind.END)
+        assert first.label.startswith("kick")
+        assert first.time == pytest.approx(exchanged, abs=1 / RATE)
+
+
+def test_a_body_of_another_size_in_its_place_is_no_change_of_unit(small_library: MotionLibrary, squat: Clip) -> None:
+    """A child half as large begins again; the feed's unit is not put right for it."""
+    both = np.concatenate([squat.positions, 0.5 * squat.positions + np.array([2.0, 0.0, 0.0])])
+    recognizer = Recognizer(small_library)
+    _played(recognizer, both)
+    known = recognizer.long_ago
+    assert known is not None
+    assert known.factor == 1.0
+    assert "the whole body jumped" in recognizer.doubt
+
+
+def test_a_body_that_is_elsewhere_all_the_time_is_implausible(small_library: MotionLibrary, squat: Clip) -> None:
+    """By metres at each frame; two seconds after the last such step, the feed is answered again."""
+    positions = np.concatenate([squat.positions, *[squat.positions[::-1], squat.positions] * 2])
+    places = 3.0 * np.random.default_rng(5).standard_normal((len(positions), 1, 3))
+    places[len(squat.positions) :] = 0.0
+    recognizer = Recognizer(small_library)
+    answers = _played(recognizer, positions + places)
+    before = [each for each in answers if each.time < 1 + squat.frames / RATE]
+    assert {each.outcome for each in before[1:]} == {Outcome.IMPLAUSIBLE}
+    assert answers[-1].outcome is not Outcome.IMPLAUSIBLE
+
+
+def test_a_body_that_is_carried_is_no_jump(small_library: MotionLibrary, squat: Clip, sound: list[Recognition]) -> None:
+    """At 10 m/s, as in a vehicle, and with frames that come in bursts; the answers are those of the body at rest."""
+    travelled = 10.0 * np.arange(squat.frames)[:, None, None] / RATE * np.array([1.0, 0.0, 0.0])
+    recognizer = Recognizer(small_library)
+    answers = _played(recognizer, squat.positions + travelled)
+    assert not recognizer.doubt
+    assert [answer.label for answer in answers] == [answer.label for answer in sound]
+
+
 def test_after_a_reset_another_body_may_follow(small_library: MotionLibrary, squat: Clip) -> None:
     """A segment did not stretch between the last frames of one body and the first of another with longer arms."""
     longer, (elbow, wrist) = squat.positions.copy(), _places(small_library, "lhumerus", "lradius")
@@ -170,12 +226,17 @@ def _mended(
     return joints, mended
 
 
+@pytest.mark.parametrize("none", [np.nan, 0.0])
 @pytest.mark.parametrize("watched", [True, False])
-def test_lost_joints_are_where_they_were_beside_their_parents(sticks: MotionLibrary, *, watched: bool) -> None:
+def test_lost_joints_are_where_they_were_beside_their_parents(
+    sticks: MotionLibrary, none: float, *, watched: bool
+) -> None:
     """One by one from the root; a joint whose parent is lost too moves with what is left; at first all are in one."""
+    if not none and not watched:
+        return  # where joints are not watched the origin is a place like any other
     positions = np.tile(sticks.motions[0].positions[:1], (4, 1, 1)) + np.arange(4)[:, None, None] * 0.01
     lost = positions.copy()
-    lost[2:, [1, 2]] = np.nan
+    lost[2:, [1, 2]] = none
     _, mended = _mended(sticks, lost, watched=watched)
     np.testing.assert_allclose(mended, positions)
     lost[0, 3] = np.nan
@@ -188,6 +249,15 @@ def test_lost_joints_are_where_they_were_beside_their_parents(sticks: MotionLibr
     lost[0] = positions[0]
     lost[0, 0] = np.nan
     assert _mended(sticks, lost, watched=watched)[1][0, 0] == pytest.approx(positions[0, 1:].mean(axis=0))
+
+
+def test_zeros_near_the_origin_are_a_place(sticks: MotionLibrary) -> None:
+    """Beside a lost joint zeros are lost, too, where they are of a joint that was more than 5 cm from the origin."""
+    for away, is_lost in ((0.045, False), (0.055, True)):
+        positions = np.tile(sticks.motions[0].positions[:1], (2, 1, 1))
+        positions[:, 3] = away, 0.0, 0.0
+        positions[1, 3], positions[1, 5] = 0.0, np.nan
+        assert _mended(sticks, positions)[1][1, 3].any() == is_lost
 
 
 def test_a_joint_lost_for_long_is_left_out_for_some_seconds(sticks: MotionLibrary) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from naive_bodies import keeps_its_place, squares_about_mean, step_length, steps_between
 
 from kinespace.library.kernels import bind
-from kinespace.stream.recognizer.joints.plausibility import SAME_PLACE, SPAN, Change, Plausibility, Step
+from kinespace.stream.recognizer.joints.plausibility import ELSEWHERE_STEP, SAME_PLACE, SPAN, Change, Plausibility, Step
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
@@ -74,7 +76,8 @@ def test_no_jump_is_overlooked_for_its_small_sum(small_index: WindowIndex, kick:
         _, squares = _steps(step[None], np.zeros((31, 3)))
         far = step_length(np.zeros((31, 3)).tolist(), step.tolist(), JUMPING) >= 0.12
         assert watched.may_jump(squares * watched._scale**2, 0.0) or not far  # noqa: SLF001 - in the library's metres
-    assert not watched.may_jump(0.0, 0.0)
+    # A body's own steps need no closer look.
+    assert not watched.may_jump(_steps(kick.positions[1:20], kick.positions[0])[1], 1 / RATE)
     assert watched.may_jump(np.nan, 0.0)
 
 
@@ -92,6 +95,28 @@ def test_a_jump_is_judged_by_the_step_of_the_twin(small_index: WindowIndex, kick
         assert not watched.jumped(still, Step(step.step, far / 6.9))
 
 
+def test_no_step_elsewhere_is_overlooked_by_the_mean(small_index: WindowIndex, kick: Clip) -> None:
+    """The quick look asks for a closer one whenever the median of the steps is too far and no joint jumps by itself."""
+    watched, generator = _watch(small_index), np.random.default_rng(6)
+    watched.begin(kick.positions[0])
+    seen = Counter[bool]()
+    for _ in range(300):
+        step = generator.normal(0.0, 0.25, 3) + generator.normal(0.0, 0.02, (31, 3))
+        step[generator.choice(31, 4, replace=False)] += generator.normal(0.0, 0.1, 3)
+        exact = watched.is_elsewhere(Step(step, 1 / 60))
+        middle = np.linalg.norm([median(axis) for axis in step.T.tolist()]) * watched._scale  # noqa: SLF001 - in metres
+        assert exact == (middle > ELSEWHERE_STEP)
+        assert watched.may_be_elsewhere(np.stack([0 * step, step]), 1 / 60) or not exact
+        seen[exact] += 1
+    assert min(seen.values()) > 50
+    # Slowly, no step leads elsewhere; a joint that jumps alone moves no middle.
+    assert not watched.is_elsewhere(Step(np.full((31, 3), 0.3), 0.05))
+    alone = np.zeros((31, 3))
+    alone[3] = 30.0
+    assert not watched.is_elsewhere(Step(alone, 1 / 60))
+    assert not watched.may_be_elsewhere(np.zeros((2, 31, 3)), 1 / 60)
+
+
 def test_a_frozen_arm_is_doubted_and_nothing_else(small_index: WindowIndex, kick: Clip) -> None:
     """Joints that keep their place while the body moves are doubted; the twin says which keep it."""
     names, arm = small_index.library.skeleton.joints, ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
@@ -99,8 +124,9 @@ def test_a_frozen_arm_is_doubted_and_nothing_else(small_index: WindowIndex, kick
     positions[:, places] = positions[0, places]
     kept = {name for joint, name in enumerate(names) if keeps_its_place(positions[:, joint].tolist(), SAME_PLACE)}
     assert _doubted(small_index, positions) == kept == {*arm}
-    # A body that stands still as a whole is not frozen, and one whose unit is millimetres is judged alike.
+    # A body that stands still as a whole is not frozen; one whose unit is millimetres is judged alike, to 0.02 mm.
     assert not _doubted(small_index, np.repeat(kick.positions[:1], 60, axis=0))
+    positions[:, places] += np.random.default_rng(2).uniform(0.0, 1.5e-5, (len(positions), len(places), 3))
     assert _doubted(small_index, 1000 * positions) == {*arm}
 
 
@@ -122,7 +148,8 @@ def test_a_hand_that_is_thrown_away_is_doubted(small_index: WindowIndex, kick: C
     positions = kick.positions.copy()
     positions[::2, _places(small_index, "lradius", "lwrist", "lhand", "lfingers", "lthumb")] += [2.0, 0.0, 0.0]
     arm = {f"l{name}" for name in ("radius", "wrist", "hand", "fingers", "thumb")}
-    assert _doubted(small_index, positions) == arm
+    # The first span of a rigid body says so.
+    assert _doubted(small_index, positions[: round(1.2 * SPAN * RATE)]) == arm
 
 
 @pytest.mark.parametrize("sides", ["l", "lr"])
@@ -142,6 +169,7 @@ def test_joints_in_another_order_are_all_doubted(small_index: WindowIndex, kick:
     order = np.random.default_rng(5).permutation(31)
     shown = kick.positions[: round(2.5 * SPAN * RATE), order]
     assert _doubted(small_index, shown) == {*small_index.library.skeleton.joints}
+    assert _doubted(small_index, shown[: round(1.2 * SPAN * RATE)]) < {*small_index.library.skeleton.joints}
 
 
 def test_a_jump_has_one_of_three_causes(small_index: WindowIndex, kick: Clip) -> None:

@@ -11,10 +11,7 @@ import pytest
 from twins import Twin
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.signature.basis import Basis
-from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparison import by_paper
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows
@@ -150,36 +147,3 @@ def test_a_body_in_one_point_has_no_part(index: WindowIndex) -> None:
     for part, numbers in live.comparer.numbers.items():
         assert np.isfinite(numbers).all()
         assert part.kind is Kind.SPREAD or not numbers.any()
-
-
-def test_a_body_of_many_joints_or_without_parents_has_postures(sticks: MotionLibrary) -> None:
-    """In a chain of more joints than the compiled kernels take each distance is the segments between; else the mean."""
-    for count, parents in ((260, tuple(range(-1, 259))), (6, ())):
-        skeleton = Skeleton(tuple(f"joint{place}" for place in range(count)), parents)
-        rows, pairs = distance_rows(np.arange(count)[None, :, None] * (1.0, 0.0, 0.0), skeleton), len(skeleton.pairs)
-        basis = Basis(np.zeros((pairs, 1)), np.zeros(pairs), 1.0)
-        index = WindowIndex.of(sticks)
-        metric = next(iter(index.comparison.parts.values()))
-        metrics = {
-            part: replace(metric, origin=np.zeros(size, np.float32), axes=np.zeros((size, 2), np.float32))
-            for part in index.comparison.parts
-            for size in [1 if part.kind is Kind.EIGEN else pairs]
-        }
-        groups = tuple(
-            replace(metric, origin=np.zeros(2 * len(group), np.float32), axes=np.zeros((2 * len(group), 2), np.float32))
-            for group in index.comparison.weighing.groups
-        )
-        vectors = tuple(np.zeros((len(index), 2), np.float16) for _ in groups)
-        index = replace(
-            index,
-            body=Body.of(skeleton),
-            basis=basis,
-            comparison=replace(index.comparison, parts=metrics, groups=groups),
-            vectors=vectors,
-            eigenvectors=index.eigenvectors[:, :1],
-        )
-        live = LiveWindows(index)
-        live.push([0.0, 0.1, 0.2], np.repeat(rows, 3, axis=0))
-        live.read()
-        (posture,) = (each for part, each in live.comparer.numbers.items() if part.kind is Kind.POSTURE)
-        np.testing.assert_allclose(posture, 1.0 if parents else rows[0] / rows.mean())

@@ -44,7 +44,7 @@ def test_the_window_equals_a_plain_list(
 ) -> None:
     """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
     generator = np.random.default_rng(seed)
-    window = SlidingWindow(ticks / TICKS, 2, fastest, beside=1)
+    window = SlidingWindow(ticks / TICKS, 2, fastest, point_width=1)
     twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
     time, mark, pending, memory = int(generator.integers(-1000, 1000)), 0, 0, window.rows_kept
     while mark < 700:

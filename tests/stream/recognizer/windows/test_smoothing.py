@@ -56,11 +56,11 @@ def test_a_noisy_feed_comes_nearer_to_the_clean_one(together: int) -> None:
     """Each row is the mean of the last tenth of a second, however many come at once; after a clear a feed is clean."""
     times, clean, shaken = _rows(0.03)
     smoother = _smoother()
-    smooth = _smoothed(smoother, times[:100], shaken[:100], together)
-    before, after = (np.abs(each[:100] - clean[:100])[10:].mean() for each in (shaken, smooth))
+    smooth = _smoothed(smoother, times[:160], shaken[:160], together)
+    before, after = (np.abs(each[:160] - clean[:160])[10:].mean() for each in (shaken, smooth))
     assert after < 0.8 * before
     # Long after its memory has moved back.
-    for end in range(40, 100):
+    for end in range(40, 160):
         assert np.allclose(smooth[end], shaken[end - 2 : end + 1].mean(axis=0))
     smoother.clear()
     assert smoother.noise == 0

@@ -31,7 +31,7 @@ class _Followed(NamedTuple):
 
     @classmethod
     def of(cls, seconds: float, longest: float) -> Self:
-        window = SlidingWindow(longest, WIDTH, beside=WIDTH)
+        window = SlidingWindow(longest, WIDTH, point_width=WIDTH)
         return cls(window, MomentSums(window, seconds), ProductSums(window, seconds))
 
     def push(self, times: list[float], rows: np.ndarray) -> None:

@@ -68,7 +68,7 @@ def test_noise_equals_a_replay_by_hand(monkeypatch: pytest.MonkeyPatch, capsys: 
     few = replace(builtin, motions=tuple(motions))
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: few)
     assert main(["evaluate", "noise", "--noise", "15", "--groups", "3", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     guessed, last = list[list[bool]](), list[bool]()
     for index, motion in enumerate(motions):
         recognizer = Recognizer(few.without(motions=motions[index % 3 :: 3]))
@@ -77,8 +77,8 @@ def test_noise_equals_a_replay_by_hand(monkeypatch: pytest.MonkeyPatch, capsys: 
         answers = [each for place, body in frames if (each := recognizer.push(Frame("p", place / 30, body)))]
         guessed.append([each.guess_index >= 0 and each.classes[each.best] == motion.class_name for each in answers])
         last.append(answers[-1].class_name == motion.class_name)
-    (score,) = told["noise"]
-    assert (told["groups"], score["noise_mm"], score["clips"]) == (3, 15, 6)
+    (score,) = printed["noise"]
+    assert (printed["groups"], score["noise_mm"], score["clips"]) == (3, 15, 6)
     assert score["answers_guessed"] == pytest.approx(np.concatenate(guessed).mean())
     assert score["clips_right"] == pytest.approx(np.mean(last))
     drawn = [
@@ -110,7 +110,7 @@ def test_each_fault_does_what_its_name_says() -> None:
     assert len(_played("half the frames dropped")[1].times) < 0.7 * len(feed.times)
     assert len(np.unique(_played("two postures, 1/4 s")[1].positions, axis=0)) == 2
     unsided = feed._replace(skeleton=Skeleton(tuple(f"joint {place}" for place in range(len(joints)))))
-    with pytest.raises(ValueError, match="--fault: expected joints whose names tell left from right"):
+    with pytest.raises(ValueError, match="--fault: expected joints whose names say left or right"):
         FAULTS["sides exchanged"](unsided, np.random.default_rng(0))
 
 

@@ -84,6 +84,33 @@ def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
     assert figure.interval() == pytest.approx(naive_score.middle(areas))
 
 
+# --- persons -----------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=25)
+@given(st.lists(st.tuples(st.sampled_from("abcd"), st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=12))
+def test_a_ratio_is_drawn_by_persons(units: list[tuple[str, int, int]]) -> None:
+    """A person is drawn with all units, as often as persons alone would be drawn."""
+    persons, counted, among = zip(*units, strict=True)
+    everyone = sorted(set(persons))
+    shares = []
+    for times in naive_score.drawn_again(len(everyone), FIRST):
+        drawn = [everyone[place] for place, count in enumerate(times) for _ in range(count)]
+        above, below = (sum(sum(each[at] for each in units if each[0] == person) for person in drawn) for at in (1, 2))
+        shares.append(above / below if below else None)
+    expected = naive_score.middle(shares)
+    assert Ratio(counted, among, persons=(persons,)).interval(by_person=True) == (expected and pytest.approx(expected))
+
+
+def test_both_kinds_of_units_are_drawn_with_their_person() -> None:
+    """Each person's known motions lie above the own unknown ones: a draw of one person alone separates them."""
+    values = [np.full(2, 1.0), np.full(2, 3.0)], [np.full(2, 0.0), np.full(2, 2.0)]
+    figure = RocArea(*values, persons=(("ann", "ben"), ("ann", "ben")))
+    assert (figure.value(), figure.interval(by_person=True)) == (0.75, (0.75, 1.0))
+    low, high = figure.interval() or (None, None)
+    assert (low, high) == (0.0, 1.0)
+
+
 # --- nothing to take a figure of ---------------------------------------------------------------------------------
 
 
@@ -97,10 +124,12 @@ def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
         RocArea([], []),
         RocArea([np.ones(3)], []),
         RocArea([np.zeros(0)], [np.ones(2)]),
+        Ratio([], [], persons=([],)),
+        RocArea([np.ones(3)], [], persons=(["ann"], [])),
     ],
     ids=lambda figure: f"{figure}"[:30],
 )
 def test_of_nothing_there_is_no_figure(figure: Figure) -> None:
     """Without units, or with empty ones, there is neither a figure nor an interval: None, not zero."""
     assert figure.value() is None
-    assert figure.interval() is None
+    assert figure.interval(by_person=bool(figure.persons)) is None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 import pytest
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
 from kinespace.tools.evaluation.takes import Take
@@ -43,15 +43,6 @@ def _names(fold: Fold) -> list[str]:
 def _sources(fold: Fold) -> set[str]:
     """Name the takes that a fold's library was cut from."""
     return {motion.take for motion in fold.library.motions}
-
-
-def test_one_library_recognises_all(takes: list[Take]) -> None:
-    """With the library's protocol there is one fold of everything, with the library given."""
-    library = MotionLibrary.of_clips([stick_clip("wave")])
-    (fold,) = folds_of(takes, Protocol.LIBRARY, lambda: library)
-    assert fold.library is library
-    assert fold.takes == tuple(takes)
-    assert fold.person == ""
 
 
 def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:

@@ -84,6 +84,7 @@ KNOWN_ANSWERS = {
     "true_changes_per_minute": 4 * 60 / SECONDS,
     "auc_unknown": 0.35,
     "doubted": 0.0,
+    "unlike": None,
     "segment_majority": 2 / 3,
     "false_starts_per_minute": 60 / (20 / RATE),
     "takes_found": None,
@@ -155,38 +156,6 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
     assert score.containing == _basis(2 * SECONDS, 2, 1)
     assert (score.known["segments"], score.unknown["segments"]) == (0, 0)
     assert score.values["frame_accuracy"] is None
-
-
-def test_intervals_come_from_segments_drawn_again() -> None:
-    """An interval covers shares over segments drawn with replacement, each with all answers to it."""
-    generator = np.random.default_rng(6)
-    one, other = (_random_course(generator, 300) for _ in range(2))
-    known = sorted({int(index) for index in one.segment[one.truth != NONE]})
-    answers = [replace(one, guess=each) for each in (one.guess, other.guess)]
-    right = [[int((each.guess == each.truth)[each.segment == index].sum()) for each in answers] for index in known]
-    frames = [2 * int((one.segment == index).sum()) for index in known]
-    shares = [
-        sum(count * sum(each) for count, each in zip(counts, right, strict=True))
-        / sum(count * each for count, each in zip(counts, frames, strict=True))
-        for counts in naive_score.drawn_again(len(known), 2012)
-    ]
-    score = score_courses(answers, CLASSES, 1.0)
-    assert score.figures["frame_accuracy"].interval() == pytest.approx(naive_score.middle(shares))
-
-
-def test_where_there_is_nothing_to_count_there_is_no_figure() -> None:
-    """Without motions, or without time, there is no share and no rate; None, not zero."""
-    course, still = _course(), np.full(64, NONE)
-    nothing = _figures([replace(course, segments=(), segment=still, truth=still)])
-    rates = {"changes_per_minute", "true_changes_per_minute", "doubted"}
-    assert {name for name, value in nothing.items() if value is not None} == rates
-    tracks = {name: value[:1] for name, value in _fields(course).items() if isinstance(value, np.ndarray)}
-    timeless = _figures([replace(course, **tracks)])
-    assert [timeless[name] for name in ("frame_accuracy", "changes_per_minute", "false_per_minute")] == [None] * 3
-
-
-def _fields(course: Course) -> dict[str, object]:
-    return {name: getattr(course, name) for name in Course.__dataclass_fields__}
 
 
 # --- against the twin --------------------------------------------------------------------------------------------
@@ -286,8 +255,8 @@ def test_a_course_holds_each_answer_until_the_next() -> None:
         events.append(Event("p", EventKind.START, CLASSES[index], index, 0.9, time))
     recognitions[0] = replace(recognitions[0], events=tuple(events))
     course = _laid_out(recognitions)
-    for name, value in _fields(hand).items():
-        assert np.array_equal(getattr(course, name), value, equal_nan=name == "score"), name
+    for name in Course.__dataclass_fields__:
+        assert np.array_equal(getattr(course, name), getattr(hand, name), equal_nan=name == "score"), name
 
 
 def _laid_out(

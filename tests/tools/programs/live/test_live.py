@@ -90,7 +90,7 @@ def test_no_performers_name_ends_live(options: tuple[str, ...]) -> None:
             cues = ghost_cues("squat1Reps", 1.2, performer=name)
             stage.play(cues)
             answers = stage.answers(len(expected_of(cues)))
-            # On a machine that stood still the names before are told to be gone.
+            # On a machine that stood still the names before are gone.
             assert osc.address_part(name) in {answer.performer for answer in answers}
             stage.program.expect(re.escape(shown))
         assert stage.stopped()["frames"] == 4 * 144
@@ -156,14 +156,14 @@ def test_a_failure_closes_the_ports_opened_before(option: str, capsys: pytest.Ca
     osc.OscReceiver(host, port).close()
 
 
-@pytest.mark.parametrize("heard", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - all networks include this machine
+@pytest.mark.parametrize("listening", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - all networks include this machine
 @pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
-def test_answers_to_our_own_port_are_refused(heard: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_answers_to_our_own_port_are_refused(listening: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Answers that would come in again as frames are refused, wherever they would come in."""
     port = free_udp_port()
     options = target.format(LOOPBACK, port).split()
-    assert main(["live", "--osc-in", f"{heard}:{port}", "--signature", "paper", *options]) == 2
-    assert f"expected another place than {heard}:{port}, where frames come in" in capsys.readouterr().err
+    assert main(["live", "--osc-in", f"{listening}:{port}", "--signature", "paper", *options]) == 2
+    assert f"expected another place than {listening}:{port}, where frames come in" in capsys.readouterr().err
 
 
 def test_our_own_addresses_are_known() -> None:

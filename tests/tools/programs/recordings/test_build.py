@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
 from synthetic import amc_text, stick_clips
+from written import trc_text
 
 from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
 from kinespace.library.naming import hdm05
@@ -64,7 +65,7 @@ def test_motions_carry_source_and_terms(tmp_path: Path) -> None:
 
 
 def test_other_names_take_their_class_from_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clip whose name tells no class gets its folder's name, also in the current folder."""
+    """A clip without a class in its name gets its folder's name, also in the current folder."""
     folder = tmp_path / "spin"
     folder.mkdir()
     (folder / "ann.asf").write_text(TWO_ARMS.asf())
@@ -113,7 +114,7 @@ def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Files that are passed over, a second file of labels and labels of somebody else are told."""
+    """Files that are passed over, a second file of labels and labels of somebody else are listed."""
     (tmp_path / "cut").mkdir()
     take = write_take(tmp_path / "cut", "bd", "bendLeft", 1)
     take.with_suffix(".csv").write_text("start_s,end_s,label,performer\n0,0.75,up,bd\n0.75,1.5,down,zoe\n")
@@ -135,10 +136,10 @@ def test_all_damaged_recordings_are_named(tmp_path: Path, capsys: pytest.Capture
     for number in range(12):
         (tmp_path / f"{number:02}.bvh").write_text("HIERARCHY\n")
     assert build(tmp_path, "-o", tmp_path / "library.npz") == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert [f"{number:02}.bvh" in told for number in range(12)] == [True] * 10 + [False] * 2
-    assert told.endswith("; and 2 more\n")
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert [f"{number:02}.bvh" in message for number in range(12)] == [True] * 10 + [False] * 2
+    assert message.endswith("; and 2 more\n")
 
 
 def test_the_path_names_the_person_of_a_cut_take(tmp_path: Path) -> None:
@@ -159,8 +160,8 @@ def test_motions_too_short_for_a_window_are_named_and_kept(tmp_path: Path, capsy
     path = write_take(tmp_path / "cut", "bd", "bendRight", 1, frames=28)
     assert build(tmp_path / "cut", "-o", tmp_path / "mine.npz") == 0
     assert [motion.frames for motion in MotionLibrary.load(tmp_path / "mine.npz").motions] == [15, 14]
-    told = "1 of 2 motions shorter than 0.25 s, too short for any window, and kept for playback alone: "
-    assert capsys.readouterr().out.splitlines()[1:] == [told + path.stem]
+    message = "1 of 2 motions shorter than 0.25 s, too short for any window, and kept for playback alone: "
+    assert capsys.readouterr().out.splitlines()[1:] == [message + path.stem]
 
 
 def test_long_takes_without_labels_cause_a_remark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -168,9 +169,11 @@ def test_long_takes_without_labels_cause_a_remark(tmp_path: Path, capsys: pytest
     write_take(tmp_path, "bd", "bendLeft", 1)
     path = write_take(tmp_path, "bd", "bendRight", 1, frames=120 * 16)
     assert build(tmp_path, "-o", tmp_path / "mine.npz") == 0
-    told = f"1 of 2 recordings longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion; --labels"
+    message = (
+        f"1 of 2 recordings longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion; --labels"
+    )
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "--labels" in line]
-    assert line.startswith(told)
+    assert line.startswith(message)
     labels = tmp_path / "labels.csv"
     labels.write_text("start_s,end_s,label\n0,15.5,down\n")
     assert build(path, "--labels", labels, "-o", tmp_path / "other.npz") == 0
@@ -193,6 +196,26 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     assert [(motion.class_name, motion.actor) for motion in MotionLibrary.load(tmp_path / "all.npz").motions] == [
         (class_name, actor) for class_name in sorted(SWINGS) for actor in ("bd", "mm", "tr")
     ]
+
+
+def test_guests_join_a_library_of_more_joints(tmp_path: Path) -> None:
+    """Every second of their motions is added, with its terms; the library's own motions stay as they are."""
+    own, fewer = MotionLibrary.builtin().without(actors=["bd", "bk", "dg", "s01", "s02", "s03"]), []
+    own.save(tmp_path / "own.npz")
+    for take, motion in enumerate(each for each in own.motions if each.class_name == "squat1Reps"):
+        (tmp_path / "squat1Reps").mkdir(exist_ok=True)
+        clip = motion.restricted_to(own.skeleton.joints[:20])
+        path = tmp_path / "squat1Reps" / f"ann_{take}.trc"
+        path.write_text(trc_text(clip.skeleton.joints, clip.positions, rate=60.0, unit="m"), encoding="utf-8")
+        fewer.append(path)
+    options = ("--every", "2", "--actor-in", "name", "--licence", "free", "--guests", tmp_path / "squat1Reps")
+    assert build(tmp_path / "own.npz", "-o", tmp_path / "all.npz", *options) == 0
+    library = MotionLibrary.load(tmp_path / "all.npz")
+    assert positions_alike(library, own)
+    assert len(library.guests) == -(-len(fewer) // 2)
+    assert {(guest.actor, guest.class_name, guest.licence) for guest in library.guests} == {
+        ("ann", "squat1Reps", "free")
+    }
 
 
 def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) -> None:
@@ -224,7 +247,7 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
         ),
         (
             ("--rename", "bow=nothing", "jump=nothing", "--rename", "wave=nothing"),
-            "motions: expected some of a class beside 'nothing', got none",
+            "motions: expected some of another class than 'nothing', got none",
         ),
     ],
 )
@@ -255,8 +278,8 @@ def test_bodies_are_merged_over_the_joints_they_share(tmp_path: Path, capsys: py
     both = MotionLibrary.load(tmp_path / "both.npz")
     assert both.skeleton.joints == joints[3:]
     assert set(both.classes) == {*whole.classes, "grab"}
-    told = "28 joints that all sources have; without root, lhipjoint, rhipjoint"
-    assert told in capsys.readouterr().out.splitlines()
+    message = "28 joints that all sources have; without root, lhipjoint, rhipjoint"
+    assert message in capsys.readouterr().out.splitlines()
 
 
 def test_recordings_of_two_skeletons_meet_over_shared_joints() -> None:

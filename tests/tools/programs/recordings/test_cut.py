@@ -92,7 +92,7 @@ def test_labels_are_not_written_over_the_recording(evening: Path, capsys: pytest
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "message"),
     [
         ("1,2,wave,", "expected a performer of ann, bo, got none"),
         ("1,2,wave,cleo", "expected a performer of ann, bo, got 'cleo'"),
@@ -100,9 +100,9 @@ def test_labels_are_not_written_over_the_recording(evening: Path, capsys: pytest
         ("1,2,,ann", "no segment in it"),
     ],
 )
-def test_labels_that_do_not_fit(evening: Path, capsys: pytest.CaptureFixture[str], row: str, told: str) -> None:
+def test_labels_that_do_not_fit(evening: Path, capsys: pytest.CaptureFixture[str], row: str, message: str) -> None:
     """Labels that do not fit their recording are refused in one line."""
     labels = evening.with_name("labels.csv")
     labels.write_text(f"start_s,end_s,label,performer\n{row}\n")
     assert main(["build", str(evening), "--labels", str(labels), "-o", str(evening.with_name("m.npz"))]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err

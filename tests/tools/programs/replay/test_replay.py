@@ -49,21 +49,13 @@ def course(**wanted: object) -> Namespace:
 
 
 @pytest.fixture
-def stage() -> Iterator[osc.OscReceiver]:
-    """Open a UDP port that hears the replayed packets."""
-    receiver = osc.OscReceiver(LOOPBACK, 0)
-    yield receiver
-    receiver.close()
-
-
-@pytest.fixture
 def take(tmp_path: Path) -> Path:
     """Write one clip of a second and a half."""
     return write_take(tmp_path, "bd", "bendLeft", 1)
 
 
 def replay(*arguments: object) -> int:
-    """Run `kinespace replay` in this process, eight times as fast as recorded unless told otherwise."""
+    """Run `kinespace replay` in this process, eight times as fast as recorded by default."""
     return main(["replay", "--speed", str(SPEED), *map(str, arguments)])
 
 
@@ -72,7 +64,7 @@ def target(receiver: osc.OscReceiver) -> str:
     return f"{LOOPBACK}:{receiver.address[1]}"
 
 
-def heard(receiver: osc.OscReceiver) -> list[Frame | Announcement]:
+def received(receiver: osc.OscReceiver) -> list[Frame | Announcement]:
     """Take everything that has arrived, decoded."""
     events: list[Frame | Announcement] = []
     while (datagram := receiver.receive()) is not None:
@@ -104,7 +96,7 @@ def recognising(library: MotionLibrary, source: object, sink: object) -> Iterato
 def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The joints are announced first; then every frame comes in order with its time and its positions as float32."""
     assert replay(take, "--osc", target(stage), "--performer", "me") == 0
-    events = heard(stage)
+    events = received(stage)
     (clip,) = read_recordings([take])
     assert events[0] == Announcement("me", clip.skeleton.joints)
     frames = frames_in(events)
@@ -136,7 +128,7 @@ def test_the_joints_are_announced_every_second(
     )
     path = write_take(tmp_path, "bd", "bendLeft", 1, frames=300)
     assert main(["replay", str(path), "--osc", target(stage)]) == 0
-    events = heard(stage)
+    events = received(stage)
     places = [index for index, event in enumerate(events) if isinstance(event, Announcement)]
     assert places == [0, 121, 242]
     assert len({event for event in events if isinstance(event, Announcement)}) == 1
@@ -152,7 +144,7 @@ def test_a_recording_that_takes_long_to_read_moves_the_rest(
     def slowly(_: RecordingReader, path: Path) -> Clip:
         if path == paths[3]:
             time.sleep(1.0)
-        sent_before.append(len(frames_in(heard(stage))))
+        sent_before.append(len(frames_in(received(stage))))
         return clips[paths.index(path)]
 
     monkeypatch.setattr(RecordingReader, "clip", slowly)
@@ -171,7 +163,7 @@ def test_a_recording_that_cannot_be_read_ends_the_feed(
     paths[-1].write_text("no motion", encoding="utf-8")
     assert replay(tmp_path, "--osc", target(stage), "--json") == 2
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["sent"] == len(frames_in(heard(stage))) == 60
+    assert json.loads(printed.out)["sent"] == len(frames_in(received(stage))) == 60
     assert printed.err.startswith(f"kinespace: {paths[-1]}")
     assert printed.err.count("\n") == 1
 
@@ -182,7 +174,7 @@ def test_without_a_recording_the_built_in_motions_are_played(
     """All motions of the built-in library are sent in its order, at their own rate, with the pause between."""
     library = small_library(monkeypatch)
     assert replay("--osc", target(stage), "--pause", 0.25, "--json") == 0
-    frames = frames_in(heard(stage))
+    frames = frames_in(received(stage))
     assert (
         len(frames) == sum(motion.frames for motion in library.motions) == json.loads(capsys.readouterr().out)["sent"]
     )
@@ -210,16 +202,16 @@ def test_a_class_of_the_built_in_library_can_be_named(
     library = small_library(monkeypatch)
     squats = [motion for motion in library.motions if motion.class_name == "squat1Reps"]
     assert replay("squat1Reps", "--osc", target(stage)) == 0
-    assert len(frames_in(heard(stage))) == sum(motion.frames for motion in squats)
+    assert len(frames_in(received(stage))) == sum(motion.frames for motion in squats)
     assert replay("squat1Reps", "--osc", target(stage), "--from", 0.2, "--to", 0.5) == 0
-    frames = frames_in(heard(stage))
+    frames = frames_in(received(stage))
     np.testing.assert_array_equal(frames[0].positions, squats[0].positions[12].astype(np.float32))
     assert len(frames) == 18 * len(squats)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "squat1Reps").mkdir()
     take.rename(tmp_path / "squat1Reps" / take.name)
     assert replay("squat1Reps", "--osc", target(stage), "--asf", tmp_path / "HDM_bd.asf") == 0
-    assert len(frames_in(heard(stage))) == 180
+    assert len(frames_in(received(stage))) == 180
 
 
 def test_it_says_before_how_much_it_sends(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,14 +233,14 @@ def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: p
     expected = [cue.frame.time for cue in with_faults(clip_cues([clip], "replay", speed=SPEED), faults)]
     order = ("--drop", 0.2, "--jitter-ms", 10, "--reorder", 0.2)
     assert replay(take, "--osc", target(stage), *order, "--seed", 5, "--json") == 0
-    times = [frame.time for frame in frames_in(heard(stage))]
+    times = [frame.time for frame in frames_in(received(stage))]
     assert times == expected
     assert 100 < len(times) < 180
     assert times != sorted(times)
     described = json.loads(capsys.readouterr().out)
     assert described == {"sent": len(times), "failed": 0, "unheard": 0, "answers": 0, "unlabelled": 0, "right": None}
     replay(take, "--osc", target(stage), *order, "--seed", 6)
-    assert [frame.time for frame in frames_in(heard(stage))] != times
+    assert [frame.time for frame in frames_in(received(stage))] != times
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
@@ -318,7 +310,7 @@ def test_answers_to_others_are_not_counted(
         listening.set()
         thread.join(PATIENCE)
         sender.close()
-    assert re.search(r"no answers about '\[me\]' heard, but \d+ other packets", capsys.readouterr().out)
+    assert re.search(r"no answers about '\[me\]' came, but \d+ other packets", capsys.readouterr().out)
 
 
 def _recognition(performer: str) -> object:
@@ -344,7 +336,7 @@ def test_ctrl_c_ends_the_feed_and_reports(
     printed = capsys.readouterr().out
     described = json.loads(printed)
     assert set(described) == KEYS
-    frames = frames_in(heard(stage))
+    frames = frames_in(received(stage))
     assert len(frames) == described["sent"] > 400
     times = [frame.time for frame in frames]
     assert times == sorted(times)
@@ -362,5 +354,5 @@ def test_the_score_is_kept_by_class() -> None:
         score.add(performed, label)
     assert score.answers == {"bow": 2, "wave": 2}
     assert score.right == {"bow": 1, "wave": 2}
-    assert (score.share(), score.heard, score.unlabelled) == (0.75, 5, 1)
+    assert (score.share(), score.count, score.unlabelled) == (0.75, 5, 1)
     assert score.table().row_count == 4

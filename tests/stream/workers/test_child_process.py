@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
+from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +28,6 @@ def _serve(told: Connection, termination: bool) -> None:  # noqa: FBT001 - of a 
     told.send("went on")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("termination", [True, False])
 def test_a_child_survives_signals_that_are_its_parents(termination: bool) -> None:  # noqa: FBT001 - a case
     """A signal that comes before the child can heed it waits; SIGTERM ends the child unless it ignores that, too."""

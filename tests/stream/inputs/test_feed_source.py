@@ -1,7 +1,8 @@
-"""Handshakes: the messages for a sender, their times, and their port; many senders on one port."""
+"""Feeds whose senders are asked: the messages for a sender, their times, and their port; what comes is counted."""
 
 from __future__ import annotations
 
+import math
 import socket
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -10,35 +11,37 @@ import pytest
 from golden import message
 
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.decoder import MAX_SENDERS, SenderNumbers
-from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
-from kinespace.stream.feeds.handshake import NEVER, SILENCE, farewells, is_due, questions
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.inputs.feed_source import FeedSource
+from kinespace.stream.inputs.feed_source import SILENCE, FeedSource, is_due, packets_for_sender
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-LOOPBACK = "127.0.0.1"
+    from kinespace.stream.feeds.preset import AskedMessage, Preset
+
+LOOPBACK, NEVER = "127.0.0.1", -math.inf
 
 
-def told(packets: list[bytes]) -> list[Message]:
-    """Decode the messages for a sender."""
-    return [message for packet in packets for message in decode_packet(packet)]
+def asked(preset: Preset, messages: Sequence[AskedMessage]) -> list[Message]:
+    """Decode the messages for a sender, each in a packet of its own."""
+    return [message for packet in packets_for_sender(preset, messages, 4545) for message in decode_packet(packet)]
 
 
 def test_qualisys_is_shaken_hands_with() -> None:
     """Connect with our port, then stream; at the end stop and disconnect: as Qualisys' protocol has it."""
     preset = builtin_preset("qtm")
-    assert told(questions(preset, 4545)) == [
+    assert preset.asking
+    assert asked(preset, preset.asking.messages) == [
         Message("/qtm", ["Connect 4545"]),
         Message("/qtm", ["StreamFrames AllFrames 3D Skeleton:global"]),
     ]
-    assert told(farewells(preset, 4545)) == [Message("/qtm", ["StreamFrames Stop"]), Message("/qtm", ["Disconnect"])]
-    assert preset.asking
+    assert asked(preset, preset.asking.farewell) == [
+        Message("/qtm", ["StreamFrames Stop"]),
+        Message("/qtm", ["Disconnect"]),
+    ]
     assert preset.asking.port == 22225
 
 
@@ -52,9 +55,11 @@ def test_qualisys_is_shaken_hands_with() -> None:
 )
 def test_joints_are_asked_for(name: str, count: int, one: Message) -> None:
     """Each joint is asked for by a message of its own, in a packet far below any network's limit."""
-    packets = questions(builtin_preset(name), 4545)
-    assert (len(packets), len(told(packets))) == (count, count)
-    assert one in told(packets)
+    preset = builtin_preset(name)
+    assert preset.asking
+    packets = packets_for_sender(preset, preset.asking.messages, 4545)
+    assert (len(packets), len(asked(preset, preset.asking.messages))) == (count, count)
+    assert one in asked(preset, preset.asking.messages)
     assert max(map(len, packets)) < 200
 
 
@@ -71,11 +76,6 @@ def test_the_handshake_is_repeated_only_while_nothing_comes() -> None:
     assert kept_awake
     assert is_due(kept_awake, 10.0, 8.0, 9.9)
     assert not is_due(kept_awake, 10.0, 8.1, 9.9)
-
-
-def test_presets_without_ask_send_nothing() -> None:
-    """The handshake sends nothing for presets without [ask]."""
-    assert (questions(builtin_preset("vmc"), 1), farewells(builtin_preset("vmc"), 1)) == ([], [])
 
 
 @contextmanager
@@ -158,13 +158,3 @@ def test_the_source_counts_everything() -> None:
         assert (counts.received, counts.malformed, counts.foreign, counts.incomplete) == (4, 2, 1, 1)
         assert str(source) == f"asks {LOOPBACK}:{source.receiver.address[1]}"
         source.close()
-
-
-def test_hosts_are_numbered() -> None:
-    """Hosts get numbers; a host that is silent for long gives its number back; numbers are limited."""
-    numbers = SenderNumbers()
-    assert [numbers.number(host, 0.0) for host in ("a", "b", "a")] == [1, 2, 1]
-    numbers.number("b", FORGET_AFTER)
-    assert numbers.number("c", FORGET_AFTER + 1.0) == 1
-    assert [numbers.number(f"h{index}", FORGET_AFTER) for index in range(20)][-1] == MAX_SENDERS
-    assert numbers.number("b", FORGET_AFTER) == 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -23,7 +22,7 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.recording import Recorder, decoded, source_name
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
-from kinespace.stream.service.loop import STATUS_EVERY, Service
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
@@ -39,11 +38,7 @@ PATIENCE = 20.0
 
 def recognitions(performers: Performers, stream: Iterable[Decoded]) -> Iterator[Recognition]:
     """Push a recording's frames through recognisers, at its own times; give every answer."""
-    look = -math.inf
     for arrival, events in stream:
-        if arrival >= look:
-            look = arrival + STATUS_EVERY
-            performers.drop_silent(arrival)
         yield from (answer for answer in performers.push_all(events, arrival) if answer)
 
 
@@ -172,51 +167,3 @@ def test_a_preset_that_cannot_be_read_is_named(presets: dict[str, str], told: st
     """A kept preset of a later version, and one that is neither kept nor built in, are refused in words."""
     with pytest.raises(ValueError, match=told):
         list(decoded(RawHeader("", ("osc here feed mine",), presets), []))
-
-
-@pytest.mark.usefixtures("no_waiting")
-def test_the_sender_and_the_source_are_kept(tmp_path: Path) -> None:
-    """Each packet is kept under its source with its sender's address, before anybody makes sense of it."""
-    datagrams, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, 1)
-    sender.target = datagrams.address
-    with RawWriter(tmp_path / "a.kinerec", [source_name(datagrams)]) as writer:
-        source = Source(datagrams, OscDecoder(), Recorder(writer, 0))
-        assert datagrams.sender is None
-        sender.send(b"rubbish")
-        until = time.monotonic() + PATIENCE
-        while source.take(4.5) is None and time.monotonic() < until:
-            time.sleep(0.001)
-        assert (source.counts.received, source.counts.malformed) == (1, 1)
-    host, port = sender.socket.getsockname()
-    source.close()
-    sender.close()
-    (packet,) = RawFile(tmp_path / "a.kinerec").packets()
-    assert packet == RawPacket(4.5, 0, packet.sender, (b"rubbish",))
-    assert packet.sender == f"{LOOPBACK}:{port}"
-    assert host in (LOOPBACK, "0.0.0.0")  # noqa: S104 - the address of an unconnected socket
-
-
-def test_silence_is_silence_again() -> None:
-    """A performer who was silent for longer than the service waits is forgotten in playback, too."""
-    library = MotionLibrary.of_clips(stick_clips())
-    positions = stick_clip("wave", seed=9, frames=100).positions
-    header = RawHeader("", ("osc here",))
-    packets = [
-        RawPacket(arrival, 0, "", (osc.encode_frame(Frame(name, 0.0, positions[index])),))
-        for index, (arrival, name) in enumerate([(0.0, "ann"), (0.1, "bob"), (5.5, "bob"), (7.0, "bob")])
-    ]
-    performers = Performers(library)
-    list(recognitions(performers, decoded(header, packets)))
-    assert performers.names == ("bob",)
-    assert performers.counts.dropped == 2
-
-
-def test_a_last_frame_that_nothing_closes_comes_too() -> None:
-    """Loose joints are a frame when the next one begins; the last frame of a recording has no next."""
-    places = dict(zip(SKELETON.joints, np.random.default_rng(4).normal(size=(31, 3)), strict=True))
-    sent = [(number, LAYOUTS["osceleton -q"][1](Moment(places, number / 30, number))[:-1]) for number in range(3)]
-    packets = [RawPacket(number / 30, 0, "x:1", (packet,)) for number, each in sent for packet in each]
-    events = [
-        event for each in decoded(RawHeader("now", ("osc here feed osceleton",)), packets) for event in each.events
-    ]
-    assert [event.time for event in events if isinstance(event, Frame)] == pytest.approx([0.0, 1 / 30, 2 / 30])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
-from kinespace.stream.service.background_opener import BackgroundViews
+from kinespace.stream.workers.background_opener import BackgroundViews
 
 if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary

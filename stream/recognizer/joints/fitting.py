@@ -1,0 +1,58 @@
+"""Whether a performer's body is like the library's: said once some seconds of movement have shown it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library.windows.segments import logs_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.windows.segments import Segments
+
+#: From here on a body is unlike the library's (`Segments.unlike`): between the bodies by whose joints the built-in
+#: library names motions (HDM05's, CMU's, UI-PRMD's by markers and by Kinect 2) and those by whose joints it does not
+#: (Kinder-Gator's and UTKinect's by Kinect 1, films'). With each set left out in turn, the others choose .198 to .206.
+UNLIKE = 0.205
+#: Looks at a moving body that decide, and seconds between two of them.
+_LOOKS, _APART = 15, 1 / 6
+
+
+class Fitting:
+    """Measures one performer's segments until it is decided whether the body is like the library's.
+
+    Parameters
+    ----------
+    body
+        The segments of the library's bodies.
+
+    Attributes
+    ----------
+    unlike
+        Whether the body is unlike the library's; None until that is decided.
+    due
+        When to look next, seconds on the feed's clock; never once it is decided.
+    """
+
+    def __init__(self, body: Segments) -> None:
+        self._body = body
+        self._logs: list[NDArray[np.float64]] = []
+        self.unlike: bool | None = None
+        self.due = -math.inf
+
+    def begin_again(self) -> None:
+        """Go on with a clock that began again; looks count as before."""
+        self.due = -math.inf if self.unlike is None else math.inf
+
+    def look(self, time: float, positions: NDArray[np.float64]) -> None:
+        """Look at a frame (joints, 3) of a moving body."""
+        self.due = time + _APART
+        self._logs.append(logs_of(self._body.lengths(positions[None])[0]))
+        if len(self._logs) == _LOOKS:
+            logs = np.array(self._logs)
+            stretch = float(logs.std(axis=0).mean()) if logs.size else 0.0
+            self.unlike, self.due = self._body.unlike(logs.mean(axis=0), stretch) > UNLIKE, math.inf

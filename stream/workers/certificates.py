@@ -1,0 +1,68 @@
+"""Certificates for Zenoh (TLS): who may join, and whom we join; made and kept beside the keys for ZeroMQ.
+
+A folder holds our own certificate, `NAME.pem`, its secret key, `NAME.pem_secret`, and the certificates, `*.pem`, of all
+that are let in. Each certificate stands for itself: no authority has signed it, and no other is believed.
+"""
+
+from __future__ import annotations
+
+import base64
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from kinespace.stream.zeromq.keys import SECRET_MODE, require_own
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PUBLIC, SECRET = ".pem", ".pem_secret"
+#: How long a certificate lasts.
+_LASTS = timedelta(days=3650)
+
+
+def make_certificate(folder: Path, name: str) -> tuple[Path, Path]:
+    """Make a certificate in a folder that exists; give its file, for all others, and the file with the secret key.
+
+    Raises
+    ------
+    ImportError
+        The package `cryptography` is not installed.
+    FileExistsError
+        There is one of that name.
+    """
+    from cryptography import x509  # noqa: PLC0415 - an extra
+    from cryptography.hazmat.primitives import hashes, serialization  # noqa: PLC0415 - as above
+    from cryptography.hazmat.primitives.asymmetric import ec  # noqa: PLC0415 - as above
+
+    key, own = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    # From yesterday on: the clock of another machine may be behind ours.
+    since, number = datetime.now(UTC) - timedelta(days=1), x509.random_serial_number()
+    made = x509.CertificateBuilder(own, own, key.public_key(), number, since, since + _LASTS)
+    pem, nobody = serialization.Encoding.PEM, serialization.NoEncryption()
+    public, secret = folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}"
+    secret.touch(SECRET_MODE, exist_ok=False)
+    secret.write_bytes(key.private_bytes(pem, serialization.PrivateFormat.PKCS8, nobody))
+    public.write_bytes(made.sign(key, hashes.SHA256()).public_bytes(pem))
+    return public, secret
+
+
+def tls_of(folder: Path) -> dict[str, object]:
+    """Give Zenoh's configuration of TLS by the certificates in a folder, both ends of each connection proved.
+
+    Raises
+    ------
+    ValueError
+        There is not exactly one secret key, or others may read it.
+    OSError
+        A file cannot be read.
+    """
+    secrets = sorted(folder.glob(f"*{SECRET}"))
+    if len(secrets) != 1:
+        raise ValueError(f"keys: expected one file *{SECRET} in {folder}, got {len(secrets)}")
+    require_own(secrets[0])
+    known = b"".join(path.read_bytes() for path in sorted(folder.glob(f"*{PUBLIC}")))
+    own = {"certificate": str(secrets[0].with_suffix(PUBLIC)), "private_key": str(secrets[0])}
+    ends = {f"{end}_{what}": path for end in ("listen", "connect") for what, path in own.items()}
+    # The certificates that are there are known one by one; the host that they are on says nothing more.
+    ours = {"enable_mtls": True, "verify_name_on_connect": False}
+    return {"root_ca_certificate_base64": base64.b64encode(known).decode(), **ours, **ends}

@@ -1,0 +1,208 @@
+"""Files made to break their readers: cut, changed, repeated, with other words, in every format that can be read.
+
+Some hundred in `make test`; `make fuzz` reads 20,000, and `make fuzz FILES=100000` as many as asked.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import resource
+import shutil
+import sys
+import tempfile
+import time
+import zipfile
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from golden import LAYOUTS, Moment
+from synthetic import stick_clips
+from written import written
+
+from kinespace.library import MotionLibrary
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.reader import ENDINGS
+from kinespace.stream.feeds.preset import builtin_text
+from kinespace.stream.inputs.recording import kinerec
+from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
+
+FILES = int(os.environ.get("FILES", "400"))
+#: Seconds for a broken file of some kilobytes on a busy machine, and megabytes, with all that a program imports.
+LONGEST, MOST = 20.0, 150
+#: Words that mean something to some reader, or should not.
+TELLING = (
+    *(b"", b"\0", b"nan", b"-1", b"1e999", b"9" * 5000, b"[" * 3000, b"x" * 70_000, b"\n", b"\r", b"\t"),
+    *(b"0", b"-", b'"', b"'", b"{", b"}", b",", b";", b":", b"#", b"="),
+    *(b"\xff\xfe", b"\xef\xbb\xbf", b"\xff", b"\xed\xa0\x80", "é\u202e".encode()),
+)
+
+
+def _made(ending: str, name: str = "") -> Callable[[Path], Path]:
+    """Write a recording of a made-up body."""
+    return lambda folder: written(ending, folder, np.random.default_rng(5), frames=6).path.rename(
+        folder / (name or f"take.{ending}")
+    )
+
+
+def _text(name: str, text: str) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        (folder / name).write_text(text, encoding="utf-8")
+        return folder / name
+
+    return write
+
+
+def _converted(folder: Path) -> Path:
+    assert main(["convert", str(_made("bvh", "other.bvh")(folder)), "-o", str(folder / "take.npz")]) == 0
+    return folder / "take.npz"
+
+
+def _library(folder: Path) -> Path:
+    MotionLibrary.of_clips(stick_clips(takes=1, frames=20)).save(folder / "library.npz")
+    return folder / "library.npz"
+
+
+def _raw(folder: Path) -> Path:
+    generator, (_, layout) = np.random.default_rng(2), LAYOUTS["native"]
+    with kinerec.RawWriter(folder / "take.kinerec", ["osc 127.0.0.1:9310"], {"vmc": builtin_text("vmc")}) as writer:
+        for number in range(4):
+            places = dict(zip(hdm05.SKELETON.joints, generator.normal(size=(31, 3)), strict=True))
+            for packet in layout(Moment(places, 1.0 + number / 30, number)):
+                writer.write(kinerec.RawPacket(number / 30, 0, "10.0.0.7:5000", (packet,)))
+    return folder / "take.kinerec"
+
+
+def _info(path: Path) -> list[str]:
+    return ["info", str(path), "--json"]
+
+
+#: By kind: a good file, and the arguments of a program that reads it beside the other good files.
+KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str]]]] = {
+    **{f".{ending}": (_made(ending), _info) for ending in ("bvh", "c3d", "trc", "csv", "amc")},
+    ".npz": (_converted, _info),
+    ".kinerec": (_raw, _info),
+    "library": (_library, _info),
+    "skeleton": (
+        lambda folder: _made("amc")(folder).with_suffix(".asf"),
+        lambda path: ["info", str(path.with_name("take.amc")), "--asf", str(path), "--json"],
+    ),
+    "labels": (
+        _text("labels.csv", "start_s,end_s,label,performer\n0,0.03,a,\n0.03,0.06,b,\n"),
+        lambda path: ["build", "take.bvh", "--labels", str(path), "-o", "made.npz", "--overwrite"],
+    ),
+    "exported labels": (
+        _text("labels.txt", "0.00\t0.03\ta\n0.03\t0.06\tb\n"),
+        lambda path: ["build", "take.bvh", "--labels", str(path), "-o", "made.npz", "--overwrite"],
+    ),
+    "names": (
+        _text("names.toml", 'title = "Mine"\nsides = ["L", "R"]\n[joints]\nhips = "root"\n"*Knee" = "*tibia"\n'),
+        lambda path: ["info", "take.bvh", "--names", str(path), "--json"],
+    ),
+    "preset": (_text("preset.toml", builtin_text("vmc")), lambda path: ["feeds", str(path)]),
+    "table of takes": (
+        _text("takes.csv", "file,subject,contains,perhaps\ngone.bvh,ann,squat,\n"),
+        lambda path: ["evaluate", "stream", "--takes", str(path)],
+    ),
+}
+
+
+def broken(whole: bytes, generator: np.random.Generator) -> bytes:
+    """Change a file: cut, bytes changed, words put in or exchanged, pieces repeated, left out or put elsewhere."""
+    changed = bytearray(whole)
+    for _ in range(int(generator.integers(1, 5))):
+        first, second = sorted(generator.integers(len(changed) + 1, size=2).tolist())
+        telling = TELLING[generator.integers(len(TELLING))]
+        match generator.integers(8):
+            case 0:
+                del changed[first:]
+            case 1:
+                del changed[first : min(second, first + 200)]
+            case 2 | 3:
+                changed[first : first + len(telling) % 100] = telling
+            case 4:
+                words = bytes(changed).split(b" ")
+                words[generator.integers(len(words))] = telling
+                changed = bytearray(b" ".join(words))
+            case 5:
+                changed[first:first] = changed[first : min(second, first + 500)] * int(generator.integers(1, 40))
+            case _ if changed:
+                changed[first % len(changed)] = generator.integers(256)
+    return bytes(changed)
+
+
+def unpacked_and_broken(whole: bytes, generator: np.random.Generator) -> bytes:
+    """Break one array of a zip file, so that no checksum tells it."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as new:
+        names = old.namelist()
+        chosen = names[generator.integers(len(names))]
+        for name in names:
+            held = old.read(name)
+            # Mostly the words in front of the numbers.
+            front = 130 if generator.random() < 0.7 else len(held)
+            new.writestr(name, broken(held[:front], generator) + held[front:] if name == chosen else held)
+    return written.getvalue()
+
+
+def recorded_and_broken(whole: bytes, generator: np.random.Generator) -> bytes:
+    """Break one record of a raw recording, with the checksum of what it holds then."""
+    records, place = list[bytes](), 0
+    while place < len(whole):
+        length = int.from_bytes(whole[place : place + 4], "little")
+        records.append(whole[place + 8 : place + 8 + length])
+        place += 8 + length
+    which = int(generator.integers(len(records))) if generator.random() < 0.5 else 0
+    records[which] = broken(records[which], generator)
+    return b"".join(kinerec._record(record) for record in records)  # noqa: SLF001 - what a writer would write
+
+
+def mutants(name: str, whole: bytes, count: int, seed: int) -> Iterator[bytes]:
+    """Give broken files."""
+    generator = np.random.default_rng(seed)
+    inside = unpacked_and_broken if whole.startswith(b"PK") else recorded_and_broken if name == ".kinerec" else broken
+    for number in range(count):
+        yield (inside if number % 2 else broken)(whole, generator)
+
+
+def test_every_format_is_broken() -> None:
+    """A format that can be read is among the kinds."""
+    assert set(ENDINGS) <= set(KINDS)
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.timeout(0 if FILES > 2000 else 600)
+def test_no_file_ends_in_a_traceback(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A broken file is read, or refused in one line of 300 characters at most; soon, and in little memory."""
+    monkeypatch.chdir(tmp_path)
+    _made("bvh")(tmp_path)
+    make, arguments = KINDS[name]
+    path = make(tmp_path)
+    kept = path.read_bytes()
+    statuses, before = list[int](), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for number, content in enumerate(mutants(name, kept, FILES // len(KINDS) + 1, seed=len(name))):
+        path.write_bytes(content)
+        began = time.monotonic()
+        try:
+            statuses.append(main(arguments(path)))
+            err = capsys.readouterr().err
+            assert statuses[-1] in (0, 2)
+            assert len(err) <= 300
+            assert err.count("\n") == (statuses[-1] == 2)
+            assert time.monotonic() - began < LONGEST
+        except BaseException:
+            found = tempfile.mkdtemp(prefix="kinespace-fell-")
+            shutil.copy(path, found)
+            print(f"{name}, file {number}: kept in {found}", file=sys.stderr)  # noqa: T201 - a person looks at it
+            raise
+    assert 2 in statuses
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MOST * 1000

@@ -1,4 +1,8 @@
-"""`kinespace bench`: run parts, and print their tables or their figures."""
+"""`kinespace bench`: run parts, and print their tables or their figures.
+
+Times every step, other methods, the way over sockets, and workers that come and go, on real motions. scale needs pip
+install kinespace[cluster]. Everything takes a quarter of an hour.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +26,6 @@ PARTS = {"stages": stages, "peers": peers, "sockets": sockets, "scale": scale}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Times every step, other methods, the way over sockets, and workers that come and go, on real motions. scale "
-        "needs pip install kinespace[cluster]. Everything takes a quarter of an hour."
-    )
     parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
     text = "seconds of a run of sockets or scale (default %(default)s)"
     parser.add_argument("--seconds", type=positive, default=20.0, help=text)

@@ -1,7 +1,8 @@
 """The command line `kinespace PROGRAM`: finds the program, runs it, and turns its failure into one line.
 
 A program is a module with two functions: `add_arguments(parser)` adds its options, and `run(options)` does the work and
-returns the exit status. Only the module of the program that is asked for is imported.
+returns the exit status. Its `--help` prints the module's docstring below the first line. Only the module of the program
+that is asked for is imported.
 """
 
 from __future__ import annotations
@@ -154,6 +155,7 @@ class _ProgramParser(_Parser):
         if self.module:
             program = import_module(f"kinespace.tools.{self.module}")
             self.module = ""
+            self.description = (program.__doc__ or "").partition("\n\n")[2]
             program.add_arguments(self)
             self.set_defaults(run=program.run)
 

@@ -1,4 +1,8 @@
-"""`kinespace evaluate faults`: takes whose joints go wrong, through the recogniser that runs live."""
+"""`kinespace evaluate faults`: takes whose joints go wrong, through the recogniser that runs live.
+
+Plays takes into the live recogniser with joints frozen, lost, exchanged or out of order, and bodies that jump between
+two postures; counts answers with the last second inside the segment, and seconds of alarm.
+"""
 
 from __future__ import annotations
 
@@ -55,10 +59,6 @@ class _Played(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Plays takes into the live recogniser with joints frozen, lost, exchanged or out of order, and bodies that "
-        "jump between two postures; counts answers with the last second inside the segment, and seconds of alarm."
-    )
     harness.add_sources(parser, "the library's own motions")
     harness.add_protocol(parser)
     text = f"the faults (default: all): {'; '.join(FAULTS)}"

@@ -1,4 +1,8 @@
-"""`kinespace evaluate noise`: motions as a noisy sensor sees them, through the recogniser that runs live."""
+"""`kinespace evaluate noise`: motions as a noisy sensor sees them, through the recogniser that runs live.
+
+Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions are left
+out of the library in groups, so that no motion is named by itself.
+"""
 
 from __future__ import annotations
 
@@ -44,10 +48,6 @@ _SEED = 0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Plays motions at 30 frames per second with white noise on every coordinate into the live recogniser. Motions "
-        "are left out of the library in groups, so that no motion is named by itself."
-    )
     text, usual = "standard deviations on each coordinate (default: 0 10 20 30)", [0.0, 10.0, 20.0, 30.0]
     parser.add_argument("--noise", nargs="+", type=not_negative, default=usual, metavar="MM", help=text)
     parser.add_argument("--groups", type=count, default=12, help="number of groups, at least two (default %(default)s)")

@@ -1,4 +1,9 @@
-"""`kinespace evaluate progress`: errors of phase and speed, with the performer's motions left out."""
+"""`kinespace evaluate progress`: errors of phase and speed, with the performer's motions left out.
+
+Plays the built-in library's motions, as recorded and at speeds that swing between half and twice, and follows each by
+the motions of the other actors. The true phase of a motion is the median of its time warpings onto other actors'
+motions of its class.
+"""
 
 from __future__ import annotations
 
@@ -72,11 +77,6 @@ class _Played(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Plays the built-in library's motions, as recorded and at speeds that swing between half and twice, and "
-        "follows each by the motions of the other actors. The true phase of a motion is the median of its time "
-        "warpings onto other actors' motions of its class."
-    )
     parser.add_argument("--every", type=count, default=1, help="play every nth motion (default %(default)s)")
     add_shared(parser, "--json")
 

@@ -1,4 +1,8 @@
-"""`kinespace evaluate retrieval`: how often a motion's nearest neighbour is of its class."""
+"""`kinespace evaluate retrieval`: how often a motion's nearest neighbour is of its class.
+
+For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest is, in the
+spaces of joint distances, joint positions and joint rotations.
+"""
 
 from __future__ import annotations
 
@@ -52,10 +56,6 @@ _COLUMNS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest "
-        "is, in the spaces of joint distances, joint positions and joint rotations."
-    )
     text = "clips, or folders of them (default: the built-in library's motions, which have no rotations)"
     parser.add_argument("folder", nargs="*", type=Path, metavar="FOLDER", help=text)
     add_reading(parser)

@@ -1,4 +1,8 @@
-"""`kinespace evaluate stream`: replays takes through the recogniser that runs live, and scores its answers."""
+"""`kinespace evaluate stream`: replays takes through the recogniser that runs live, and scores its answers.
+
+Replays takes through the very recogniser that runs live, at full speed and without sockets, and compares the answer of
+each moment with the movement performed at that moment.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +42,6 @@ _RESAMPLED = ("segments", "persons")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Replays takes through the very recogniser that runs live, at full speed and without sockets, and compares "
-        "the answer of each moment with the movement performed at that moment."
-    )
     harness.add_sources(parser, "the library's own motions")
     text = "recordings in which nothing known happens, or folders of them"
     parser.add_argument("--unknown", nargs="+", action="extend", type=Path, default=[], metavar="TAKE", help=text)

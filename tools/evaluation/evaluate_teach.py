@@ -1,4 +1,8 @@
-"""`kinespace evaluate teach`: a person teaches by few examples; other motions of the same and of other persons ask."""
+"""`kinespace evaluate teach`: a person teaches by few examples; other motions of the same and of other persons ask.
+
+Draws examples of one person's motions, makes a library of them, and replays what was recorded apart from them, of the
+same person and of others, through the live recogniser.
+"""
 
 from __future__ import annotations
 
@@ -87,10 +91,6 @@ class Taught:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Draws examples of one person's motions, makes a library of them, and replays what was recorded apart from "
-        "them, of the same person and of others, through the live recogniser."
-    )
     harness.add_sources(parser, "the built-in library's motions")
     parser.add_argument("--person", default="", help="the performer of all takes that do not name one")
     text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]

@@ -1,11 +1,8 @@
 """`kinespace learn`: teaches a library unknown motion, by takes of other people.
 
-A library's own motions hardly show how unknown motion looks. Here takes without known motions, and takes that contain a
-known motion at some time, teach the weights of the evidence (`library.windows.rejection`). Figures come from subjects
-who were left out of the fitting; the saved numbers are fitted on all subjects.
-
-Takes of bodies with fewer joints than the library teach numbers of their own for bodies of few joints: all takes and
-the library's own motions ask as each of these bodies shows them, and the library's guests are compared, too.
+Fits the numbers that separate known motion from unknown, by takes in which nothing known happens and takes that contain
+a known motion, and keeps them in the library's file. Figures come from persons who were left out of the fitting; the
+saved numbers are fitted on all. Takes of bodies with fewer joints teach the numbers for such bodies.
 """
 
 from __future__ import annotations
@@ -121,11 +118,6 @@ class _Course:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Fits the numbers that separate known motion from unknown, by takes in which nothing known happens and takes "
-        "that contain a known motion, and keeps them in the library's file. Takes of bodies with fewer joints teach "
-        "the numbers for such bodies."
-    )
     parser.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     add_takes(parser, required=True)

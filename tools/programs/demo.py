@@ -1,8 +1,8 @@
 """`kinespace demo`: the whole loop on this machine, with the built-in library alone.
 
-It plays recorded motions of the library, one of each class. The library that names them does not contain the motions
-that are played. It contains other motions of the same persons: `kinespace evaluate` measures how well other persons are
-recognised.
+Plays a recorded motion of every class of the built-in library over loopback into a recogniser in another process, and
+shows its answers. The recogniser's library holds none of the motions played, but others of the same persons. Exit
+status: 0 every motion named, 1 a motion not named, 2 could not be done.
 """
 
 from __future__ import annotations
@@ -70,11 +70,6 @@ class _Played:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Plays a recorded motion of every class of the built-in library over loopback into a recogniser in another "
-        "process, and shows its answers. The recogniser's library holds none of the motions played. Exit status: "
-        "0 every motion named, 1 a motion not named, 2 could not be done."
-    )
     parser.add_argument("--transport", choices=("osc", "zmq"), default="osc")
     add_shared(parser, "--json")
 

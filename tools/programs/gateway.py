@@ -1,4 +1,8 @@
-"""`kinespace gateway`: receive and answer as `kinespace live` does, and let workers anywhere recognise."""
+"""`kinespace gateway`: receive and answer as `kinespace live` does, and let workers anywhere recognise.
+
+Receives and answers as kinespace live does, with the same options; kinespace work recognises, on any number of
+machines. Teach with kinespace live, then give --library.
+"""
 
 from __future__ import annotations
 
@@ -25,26 +29,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     live.add_shared_arguments(parser)
     # A gateway does not teach: --library takes a library that `live` was taught.
     parser.set_defaults(teach=None, control=[], workers=0)
-    parser.description = (
-        "Receives and answers as kinespace live does, with the same options; kinespace work recognises, on any number "
-        "of machines. Teach with kinespace live, then give --library. By default workers reach the gateway "
-        f"on {LISTEN}."
-    )
     add_bus(parser)
 
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
     """Add the options of Zenoh."""
-    parser.add_argument(
-        "--listen", action="append", default=[], metavar="ENDPOINT", help="let other machines connect to this endpoint"
-    )
-    parser.add_argument(
-        "--connect",
-        action="append",
-        default=[],
-        metavar="ENDPOINT",
-        help="connect to another machine or a router there",
-    )
+    for option, text in (
+        ("--listen", f"let other machines connect to this endpoint (default of gateway: {LISTEN})"),
+        ("--connect", f"connect to another machine or a router there (default of work: {LISTEN})"),
+    ):
+        parser.add_argument(option, action="append", default=[], metavar="ENDPOINT", help=text)
     parser.add_argument(
         "--zenoh", type=Path, metavar="FILE", help="a configuration of Zenoh's own: TLS, access rules, scouting"
     )

@@ -1,4 +1,9 @@
-"""`kinespace keys`: a pair of keys for ZeroMQ, and a certificate for Zenoh."""
+"""`kinespace keys`: a pair of keys for ZeroMQ, and a certificate for Zenoh.
+
+Makes a pair of keys (CURVE) and a certificate (TLS) in a folder. Copy NAME.key and NAME.pem into the folders of
+programs that must let NAME in; NAME.key_secret and NAME.pem_secret stay here. live, replay, record, gateway and work
+use the folder with --keys.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +23,6 @@ _ADVICE = "public, for the others' folders", "secret, keep it here"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Makes a pair of keys (CURVE) and a certificate (TLS) in a folder. Copy NAME.key and NAME.pem into the folders "
-        "of programs that must let NAME in; NAME.key_secret and NAME.pem_secret stay here. live, replay, record, "
-        "gateway and work use the folder with --keys."
-    )
     parser.add_argument("name", metavar="NAME", help="name of the keys' owner, like stage or ann")
     parser.add_argument(
         "--keys", type=Path, metavar="DIR", help="the folder, made if it does not exist (default: NAME)"

@@ -1,4 +1,8 @@
-"""`kinespace latency`: from the last byte of a frame sent to its answer received, and a bare echo of the packets."""
+"""`kinespace latency`: from the last byte of a frame sent to its answer received, and a bare echo of the packets.
+
+Feeds a recogniser in another process over loopback and times its answers; the same packets go to a bare echo in the
+same run.
+"""
 
 from __future__ import annotations
 
@@ -183,10 +187,6 @@ def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> lis
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Feeds a recogniser in another process over loopback and times its answers; the same packets go to a bare echo "
-        "in the same run."
-    )
     parser.add_argument("--transport", choices=("osc", "zmq", "both"), default="both")
     parser.add_argument("--rate", type=positive, default=120.0, help="frames per second (default %(default)s)")
     parser.add_argument("--seconds", type=positive, default=20.0, help="of each run (default %(default)s)")

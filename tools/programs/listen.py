@@ -1,4 +1,8 @@
-"""`kinespace listen`: shows the packets on a port, the feed they look like, and the joints that recognition lacks."""
+"""`kinespace listen`: shows the packets on a port, the feed they look like, and the joints that recognition lacks.
+
+Try this first when nothing works. It shows every kind of message that arrives, with types, rate, senders and gaps; the
+feed that the messages resemble; the joints that came, and the joints that recognition lacks.
+"""
 
 from __future__ import annotations
 
@@ -43,10 +47,6 @@ _BESIDE_ADDRESSES = 48
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Try this first when nothing works. It shows every kind of message that arrives, with types, rate, senders and "
-        "gaps; the feed that the messages resemble; the joints that came, and the joints that recognition lacks."
-    )
     parser.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
     parser.add_argument(
         "--feed",

@@ -1,4 +1,8 @@
-"""`kinespace page`: a page in the browser that shows a recogniser's bodies and answers, and teaches it."""
+"""`kinespace page`: a page in the browser that shows a recogniser's bodies and answers, and teaches it.
+
+Serves a page that shows the bodies, the guesses and the past minute of a recogniser that publishes over ZeroMQ
+(kinespace live --zmq-out ENDPOINT --bodies), until Ctrl-C. kinespace live --page starts it by itself.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +24,6 @@ SOURCE = "tcp://127.0.0.1:9321"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Serves a page that shows the bodies, the guesses and the past minute of a recogniser that publishes over "
-        "ZeroMQ (kinespace live --zmq-out ENDPOINT --bodies), until Ctrl-C. kinespace live --page starts it by itself."
-    )
     parser.add_argument("--from", dest="source", default=SOURCE, metavar="ENDPOINT", help="default %(default)s")
     parser.add_argument(
         "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"

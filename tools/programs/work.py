@@ -1,4 +1,7 @@
-"""`kinespace work`: recognise for gateways until Ctrl-C."""
+"""`kinespace work`: recognise for gateways until Ctrl-C.
+
+Recognises performers for every gateway that it reaches, with the gateway's library and settings.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +22,6 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Recognises performers for every gateway that it reaches, with the gateway's library and settings. By default "
-        f"it connects to {LISTEN}."
-    )
     add_bus(parser)
     add_shared(parser, "--keys", "--open")
 

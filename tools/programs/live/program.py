@@ -1,4 +1,8 @@
-"""The command line of `kinespace live`: its arguments, and the run that they ask for."""
+"""`kinespace live`: recognises a feed.
+
+Recognises frames and publishes answers until Ctrl-C, by OSC unless other addresses are given. A ZeroMQ endpoint is
+bound; put > before it to connect instead.
+"""
 
 from __future__ import annotations
 
@@ -53,10 +57,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that `kinespace gateway` has, too."""
-    parser.description = (
-        f"Recognises frames and publishes answers until Ctrl-C. By default: OSC in on {OSC_IN}, out to "
-        f"{OSC_OUT}. A ZeroMQ endpoint is bound; put > before it to connect instead."
-    )
     add_shared(parser, "--osc-in", "--zmq-in")
     parser.add_argument(
         "--osc-out",

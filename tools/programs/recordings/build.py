@@ -1,4 +1,9 @@
-"""`kinespace build`: makes one motion library file of recordings and libraries."""
+"""`kinespace build`: makes one motion library file of recordings and libraries.
+
+Puts the motions of recordings and library files together, over the joints that all of them have. A recording's class is
+in its name (HDM05) or is its folder's name. A file of labels beside a take, with the take's name and the ending .csv,
+.tsv or .txt, cuts it into motions.
+"""
 
 from __future__ import annotations
 
@@ -52,11 +57,6 @@ _MIN_WINDOW = 0.25
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Puts the motions of recordings and library files together, over the joints that all of them have. A "
-        "recording's class is in its name (HDM05) or is its folder's name. A file of labels beside a take, with "
-        "the take's name and the ending .csv, .tsv or .txt, cuts it into motions."
-    )
     parser.add_argument(
         "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
     )

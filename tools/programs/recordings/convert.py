@@ -1,4 +1,7 @@
-"""`kinespace convert`: writes a raw recording or a motion file as plain numbers, `.npz` or CSV."""
+"""`kinespace convert`: writes a raw recording or a motion file as plain numbers, `.npz` or CSV.
+
+Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame.
+"""
 
 from __future__ import annotations
 
@@ -50,9 +53,6 @@ class _Motion:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame."
-    )
     parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="FILE", help="a file that ends in .npz or .csv"

@@ -1,4 +1,9 @@
-"""`kinespace cut`: lists the movements between stillnesses of a recording, for a person to name."""
+"""`kinespace cut`: lists the movements between stillnesses of a recording, for a person to name.
+
+Writes start_s,end_s,label,performer for each movement between two stillnesses, with an empty label. Fill in the
+classes; kinespace build --labels makes a library of them. Motions that follow one another without a stillness of half a
+second stay one row, to be divided by hand.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +28,6 @@ _MAX_SECONDS = 8.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Writes start_s,end_s,label,performer for each movement between two stillnesses, with an empty label. Fill in "
-        "the classes; kinespace build --labels makes a library of them. Motions that follow one another without a "
-        "stillness of half a second stay one row, to be divided by hand."
-    )
     parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
     parser.add_argument(
         "-o",

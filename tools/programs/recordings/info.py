@@ -1,4 +1,8 @@
-"""`kinespace info`: describes a motion library, or recordings."""
+"""`kinespace info`: describes a motion library, or recordings.
+
+Counts the motions of a library, or of a folder of recordings, by class and by person. Describes a single recording, or
+a .kinerec.
+"""
 
 from __future__ import annotations
 
@@ -45,10 +49,6 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Counts the motions of a library, or of a folder of recordings, by class and by person. Describes a single "
-        f"recording, or a {ENDING}."
-    )
     parser.add_argument(
         "file",
         nargs="?",

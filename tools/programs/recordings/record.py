@@ -1,4 +1,8 @@
-"""`kinespace record`: writes every packet of a feed to a file, as it came."""
+"""`kinespace record`: writes every packet of a feed to a file, as it came.
+
+Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. kinespace
+replay sends the file again bit for bit; kinespace live --record records while it recognises.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +38,6 @@ _MAX_SLEEP = 100
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. "
-        "kinespace replay sends the file again bit for bit; kinespace live --record records while it recognises."
-    )
     parser.add_argument("output", type=Path, metavar="FILE", help="the recording to make, like tonight.kinerec")
     add_shared(parser, "--osc-in", "--zmq-in", "--keys", "--open", "--overwrite")
     parser.add_argument("--seconds", type=positive, help="seconds to record (default: until Ctrl-C)")

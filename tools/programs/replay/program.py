@@ -1,4 +1,10 @@
-"""The command line of `kinespace replay`, and its run: the feed is sent, and the answers are counted."""
+"""`kinespace replay`: the feed is sent, and the answers are counted.
+
+Sends recordings as live packets on an absolute schedule. With --listen it counts the answers and prints the share that
+was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels with a take's name lies
+beside the take, the class is the label of the moment. Exit status: 0 sent (and, with --listen, answered), 1 the frames
+reached no program, or no answer came to --listen, 2 could not be done.
+"""
 
 from __future__ import annotations
 
@@ -50,12 +56,6 @@ _MEETING = 0.5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Sends recordings as live packets on an absolute schedule. With --listen it counts the answers and prints the "
-        "share that was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels "
-        "with a take's name lies beside the take, the class is the label of the moment. Exit status: 0 sent (and, with "
-        "--listen, answered), 1 the frames reached no program, or no answer came to --listen, 2 could not be done."
-    )
     parser.add_argument(
         "clips",
         nargs="*",

@@ -18,7 +18,7 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.bench.crowd import play
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
-from kinespace.tools.loopback.answer_listener import Listener
+from kinespace.tools.loopback.answers import Listener
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

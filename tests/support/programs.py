@@ -24,7 +24,7 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.library.windows.index import keeping_lessons
 from kinespace.stream import Frame, osc, zeromq
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
-from kinespace.tools.loopback.answer_listener import Listener, answer_in
+from kinespace.tools.loopback.answers import Listener, answer_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 WINDOW = 0.5
 #: Seconds between two windows of a motion.
 _EVERY = 0.25
-#: Frames per second of poses that are warped, and the seconds that are.
-_WARPED_RATE, _WARPED_SECONDS = 30.0, 1.0
+#: Frames per second of poses that are warped.
+_WARPED_RATE = 30.0
+#: Seconds that are warped.
+_WARPED_SECONDS = 1.0
 #: Seconds before the first answer.
 FIRST = 0.5
 

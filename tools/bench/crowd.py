@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Recognition
     from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.loopback.answer_listener import Listener, Received
+    from kinespace.tools.loopback.answers import Listener, Received
 
 #: Performers whose frames come all at once, to see how many a core holds: frames do so that wait for a full core.
 CROWD = 40
@@ -33,7 +33,7 @@ _LINGER = 0.7
 
 
 class Feed(NamedTuple):
-    """So many performers doing the same motion, each at a moment of its own, and the answers of one recogniser.
+    """Performers doing the same motion, each at a moment of its own, and the answers of one recogniser.
 
     They enter one after the other, a frame apart, so that their hops do not coincide.
     """
@@ -49,7 +49,7 @@ class Feed(NamedTuple):
         frames = [[of[k] for of in each[: k + 1]] for k in range(moments)]
         recognisers = Performers(MotionLibrary.builtin(), Settings(), most=performers)
         answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
-        # Looking for garbage among so many frames would take a tenth of a second.
+        # Looking for garbage among all these frames would take a tenth of a second.
         gc.freeze()
         return cls(frames, answers)
 
@@ -110,5 +110,5 @@ def core_seconds(process_id: int) -> float:
 
 
 def performers_a_core(core_us: float) -> float:
-    """Give how many performers one core holds when each of their frames takes so many microseconds."""
+    """Give how many performers one core holds when each of their frames takes `core_us` microseconds."""
     return 1e6 / FRAME_RATE / core_us if core_us else math.nan

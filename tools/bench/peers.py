@@ -13,10 +13,11 @@ from kinespace.library import MotionLibrary
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.tools.bench.baselines import FIRST, WINDOW, LeadingAxis, TimeWarping
 from kinespace.tools.bench.recorded import FRAME_RATE
-from kinespace.tools.bench.report import Measured, table
+from kinespace.tools.bench.report import Measured
 from kinespace.tools.bench.timing import clock
 from kinespace.tools.feeding.feed import clip_cues, resampled
 from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
@@ -59,11 +60,14 @@ def measure(_: Plan) -> Measured:
     figures |= {f"accuracy_{key}": peers[name].accuracy for key, name in _OTHERS.items()}
     most = max(peer.answers for peer in peers.values())
     title = f"Motions of {_PERSON} by the others' motions\ntimes: its cost in ours; right: of {most:,} answers"
-    made = table(title, ("",), ("frames/s", "times windows", "right"))
-    for name, peer in peers.items():
-        shown = f"ours, {name}" if name in list(LiveSignature) else name
-        made.add_row(shown, f"{1e6 / peer.us_per_frame:,.0f}", f"{peer.ratio:,.2f}", f"{peer.accuracy:.1%}")
-    return Measured(figures, [made])
+    rows = [
+        (
+            f"ours, {name}" if name in list(LiveSignature) else name,
+            *(f"{1e6 / peer.us_per_frame:,.0f}", f"{peer.ratio:,.2f}", f"{peer.accuracy:.1%}"),
+        )
+        for name, peer in peers.items()
+    ]
+    return Measured(figures, [table_of(title, ("", "frames/s", "times windows", "right"), rows)])
 
 
 def raced(whole: MotionLibrary, person: str) -> dict[str, Peer]:

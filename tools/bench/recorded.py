@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0
-#: One in so many of the library's motions is played, so that there are some of each class.
+#: Every eighth of the library's motions is played, so that there are some of each class.
 _EVERY = 8
 
 

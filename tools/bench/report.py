@@ -5,11 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from kinespace.tools.terminal.tables import narrow_table
-
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rich.table import Table
 
 
@@ -35,15 +31,5 @@ def rounded(value: float) -> float | int | None:
 
 
 def shown(value: float, digits: int = 0) -> str:
-    """Write a number with so many digits after the point; a dash for a number that was not measured."""
+    """Write a number with some digits after the point; a dash for a number that was not measured."""
     return "-" if math.isnan(value) else f"{value:,.{digits}f}"
-
-
-def table(title: str, names: Sequence[str], figures: Sequence[str]) -> Table:
-    """Make a table for 80 characters: where it does not fit, names break into lines, figures never."""
-    made = narrow_table(title)
-    for name in names:
-        made.add_column(name)
-    for figure in figures:
-        made.add_column(figure, justify="right", no_wrap=True)
-    return made

@@ -24,11 +24,12 @@ from kinespace.stream.recognizer import Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play
 from kinespace.tools.bench.recorded import FRAME_RATE, positions
-from kinespace.tools.bench.report import Measured, shown, table
+from kinespace.tools.bench.report import Measured, shown
 from kinespace.tools.feeding.feed import OscFrameSender
-from kinespace.tools.loopback.answer_listener import Listener
+from kinespace.tools.loopback.answers import Listener
 from kinespace.tools.loopback.program import Program
 from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -259,11 +260,11 @@ def _table(runs: dict[str, Run], crowd: int) -> Table:
         "core: performers that the core of the busiest process holds\n"
         "µs: of a core, a frame, in the process that receives and answers"
     )
-    made = table(title, ("",), ("p50", "p99", "gap", "none", "lost", "false", "core", "µs"))
+    rows = list[tuple[str, ...]]()
     for name, run in runs.items():
         lags = (shown(run.percentile(50), 2), shown(run.percentile(99), 2), shown(run.gap, 2))
         counts = (f"{run.missing}", f"{run.lost_events}", f"{run.false_events}")
         # A process that sleeps between two frames takes longer for each.
         cores = (shown(performers_a_core(run.core_us)), shown(run.receiving_us)) if "at once" in name else ()
-        made.add_row(name, *lags, *counts, *cores)
-    return made
+        rows.append((name, *lags, *counts, *cores))
+    return table_of(title, ("", "p50", "p99", "gap", "none", "lost", "false", "core", "µs"), rows)

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, get_args
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play
 from kinespace.tools.bench.recorded import positions
-from kinespace.tools.bench.report import Measured, shown, table
-from kinespace.tools.loopback.answer_listener import Listener, answer_in
+from kinespace.tools.bench.report import Measured, shown
+from kinespace.tools.loopback.answers import Listener, answer_in
 from kinespace.tools.loopback.service_process import BackgroundService, Transport
 from kinespace.tools.programs import latency
 from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     from kinespace.tools.bench.report import Plan
@@ -41,10 +42,12 @@ def measure(plan: Plan) -> Measured:
         "performers_at_120hz": performers_a_core(loads["osc"][0]),
     }
     title = f"Performers at 120 Hz that one core holds,\nby its time for {CROWD} whose frames come at once"
-    made = table(title, ("",), ("µs a frame", "performers", "answers missing"))
-    for transport, (core_us, missing) in loads.items():
-        made.add_row(transport, shown(core_us, 1), shown(performers_a_core(core_us)), f"{missing}")
-    return Measured(figures, [latency.table_of(latencies), made])
+    rows = [
+        (transport, shown(core_us, 1), shown(performers_a_core(core_us)), f"{missing}")
+        for transport, (core_us, missing) in loads.items()
+    ]
+    made = table_of(title, ("", "µs a frame", "performers", "answers missing"), rows)
+    return Measured(figures, [latency.table_for(latencies), made])
 
 
 def load(feed: Feed, transport: Transport) -> tuple[float, int]:

@@ -13,8 +13,9 @@ from kinespace.library import MotionLibrary, kernels
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.tools.bench.recorded import FRAME_RATE, endless, positions
-from kinespace.tools.bench.report import Measured, table
+from kinespace.tools.bench.report import Measured
 from kinespace.tools.bench.timing import in_turns, timed
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -65,13 +66,9 @@ def measure(_: Plan) -> Measured:
 
 
 def _table(us: dict[str, float]) -> Table:
-    made = table("From packet to answer, µs a frame", ("step",), ("compiled", "numpy"))
-    for name in _OTHERS:
-        made.add_row(name, f"{us[name]:.1f}", "")
-    made.add_section()
-    for name in RECOGNISING:
-        made.add_row(name, f"{us[name]:.1f}", f"{us[name + _NUMPY]:.1f}")
-    return made
+    rows = [(name, f"{us[name]:.1f}", "") for name in _OTHERS]
+    rows += [(name, f"{us[name]:.1f}", f"{us[name + _NUMPY]:.1f}") for name in RECOGNISING]
+    return table_of("From packet to answer, µs a frame", ("step", "compiled", "numpy"), rows)
 
 
 def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[str, Job]:

@@ -39,7 +39,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "--keys": {
         "type": Path,
         "metavar": "DIR",
-        "help": "let in only those whose .key (ZeroMQ) or .pem (Zenoh, tls/...) is there: kinespace keys makes them",
+        "help": "accept only those whose .key (ZeroMQ) or .pem (Zenoh, tls/...) is there: kinespace keys makes them",
     },
     "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
     "--page": {
@@ -62,6 +62,11 @@ _SHARED: dict[str, dict[str, Any]] = {
         "help": "place of the actor's name: the file's name up to the first _, or the folder above the class's folder",
     },
 }
+
+
+def several(kind: Callable[[str], object], metavar: str) -> dict[str, Any]:
+    """Give what an option is that takes several words, and may be given again."""
+    return {"nargs": "+", "action": "extend", "type": kind, "default": [], "metavar": metavar}
 
 
 def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
@@ -132,36 +137,19 @@ def class_at(place: Path) -> str:
 
 def add_labels(parser: argparse.ArgumentParser, of: str) -> None:
     """Add the option for files of labels; `of` says which takes they belong to."""
-    parser.add_argument(
-        "--labels",
-        nargs="+",
-        action="extend",
-        type=Path,
-        default=[],
-        metavar="CSV",
-        help=f"start_s,end_s,label {of}",
-    )
+    parser.add_argument("--labels", **several(Path, "CSV"), help=f"start_s,end_s,label {of}")
 
 
 def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
     """Add the option for tables of takes."""
-    parser.add_argument(
-        "--takes",
-        dest="tables",
-        nargs="+",
-        action="extend",
-        type=Path,
-        default=[],
-        required=required,
-        metavar="CSV",
-        help="file,subject,contains,perhaps for each take; a take with both of the last empty shows no known motion",
-    )
+    text = "file,subject,contains,perhaps for each take; a take with both of the last empty shows no known motion"
+    parser.add_argument("--takes", dest="tables", **several(Path, "CSV"), required=required, help=text)
 
 
 def add_subjects(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose takes by person."""
     for option, chosen in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
-        parser.add_argument(option, nargs="+", action="extend", default=[], metavar="NAME", help=f"takes {chosen}")
+        parser.add_argument(option, **several(str, "NAME"), help=f"takes {chosen}")
 
 
 def reading_of(parsed: argparse.Namespace) -> Reading:

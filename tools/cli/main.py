@@ -11,12 +11,13 @@ import argparse
 import re
 import sys
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from kinespace.tools.cli.choice import meant
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     #: Module, below `kinespace.tools`, and line of help of each program, by name.
     Programs = Mapping[str, tuple[str, str]]
@@ -38,7 +39,7 @@ PROGRAMS: Programs = {
     "info": ("programs.recordings.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure the cost of every step, and of other methods"),
-    "keys": ("programs.keys", "make keys, so that ZeroMQ lets in only known keys"),
+    "keys": ("programs.keys", "make keys, so that only known programs connect by ZeroMQ"),
     "feeds": ("programs.feeds", "list the products whose feeds kinespace understands, and their settings"),
     "listen": ("programs.listen", "show the packets on a port, guess the feed, name the missing joints"),
 }
@@ -116,7 +117,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End with status 2 and the mistake."""
         if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
-            message += _meant(choice[1], re.findall(r"[^\s',]+", choice[2]))
+            message += meant(choice[1], re.findall(r"[^\s',]+", choice[2]))
         self.exit(2, f"{self.prog}: error: {message}; {self.prog} --help lists all options\n")
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
@@ -124,14 +125,8 @@ class _Parser(argparse.ArgumentParser):
         parsed, unknown = super().parse_known_args(*arguments, **options)
         if unknown:
             name = unknown[0].partition("=")[0]
-            self.error(f"unknown argument {name}{_meant(name, self._option_string_actions)}")
+            self.error(f"unknown argument {name}{meant(name, self._option_string_actions)}")
         return parsed, unknown
-
-
-def _meant(name: str, known: Iterable[str]) -> str:
-    from kinespace.tools.cli.choice import meant  # noqa: PLC0415 - `--version` needs none
-
-    return meant(name, known)
 
 
 class _ProgramParser(_Parser):
@@ -170,7 +165,7 @@ def _parser(*, filled: bool = False) -> argparse.ArgumentParser:
         prog="kinespace",
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
     )
-    parser.add_argument("--version", action="version", version=f"kinespace {_version()}")
+    parser.add_argument("--version", action="version", version=f"kinespace {import_module('kinespace').__version__}")
     parser.add_argument(
         "--max-memory",
         type=_size,
@@ -194,10 +189,3 @@ def _add_programs(
     for name, each in parsers.items():
         each.module = programs[name][0]
     return parsers
-
-
-def _version() -> str:
-    try:
-        return version("kinespace")
-    except PackageNotFoundError:
-        return "(not installed)"

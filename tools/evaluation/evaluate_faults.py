@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.stream.recognizer import Recognizer
-from kinespace.tools.cli.arguments import add_shared, settings_of
+from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import FAULTS
 from kinespace.tools.evaluation.scoring.answers import counted, shares
@@ -19,6 +19,7 @@ from kinespace.tools.evaluation.scoring.bootstrap import values_of
 from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import rests_on
 from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
@@ -37,8 +38,10 @@ _SHARES = {
     "implausible": ("implausible", "answers"),
     "unknown_named": ("unknown_named", "unknown"),
 }
-#: Frames per second, and the seed of noise, drops and order.
-_RATE, _SEED = 60.0, 0
+#: Frames per second.
+_RATE = 60.0
+#: Seed of noise, drops and order.
+_SEED = 0
 _COLUMNS = (
     ("fault", "{fault}"),
     *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES),
@@ -62,9 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     harness.add_sources(parser, "the library's own motions")
     harness.add_protocol(parser)
     text = f"the faults (default: all): {'; '.join(FAULTS)}"
-    parser.add_argument(
-        "--fault", nargs="+", action="extend", choices=[*FAULTS], default=[], metavar="FAULT", help=text
-    )
+    parser.add_argument("--fault", **several(str, "FAULT"), choices=[*FAULTS], help=text)
     add_shared(parser, "--json")
 
 
@@ -84,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
         harness.print_json({"faults": scores})
     else:
         caption = f"{rests_on(scores[0], 'segment')}; last second inside the segment"
-        harness.print_scores(scores, _COLUMNS, title="Takes whose joints go wrong", caption=caption)
+        print_scores(scores, _COLUMNS, title="Takes whose joints go wrong", caption=caption)
     return 0
 
 

@@ -20,19 +20,18 @@ from kinespace.tools.cli.arguments import (
     settings_of,
 )
 from kinespace.tools.evaluation.faults import noisy
-from kinespace.tools.evaluation.harness import Feed, answers_to, print_json, print_table, written
+from kinespace.tools.evaluation.harness import Feed, answers_to, print_json, written
 from kinespace.tools.evaluation.scoring.answers import counted, shares
 from kinespace.tools.evaluation.scoring.bootstrap import intervals_of, values_of
 from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import interval, rests_on
 from kinespace.tools.evaluation.takes import takes_of
-from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     import argparse
     from collections import Counter
-
-    from kinespace.tools.evaluation.scoring.bootstrap import Interval
 
 #: Of each figure what is counted, and among what: answers that name the class performed, and that have it as best
 #: guess, named or not; and the same of the motions' last answers. A motion without an answer counts as wrong.
@@ -79,17 +78,17 @@ def run(options: argparse.Namespace) -> int:
         print_json({"groups": len(groups), "noise": scores})
         return 0
     rows = [
-        (f"{each['noise_mm']:g} mm", *(_with_interval(each[name], each["intervals"][name]) for name in _SHARES))
+        (
+            f"{each['noise_mm']:g} mm",
+            *(f"{written(each[name])} ({interval(ends, '{:.0%}')})" for name, ends in of.items()),
+        )
         for each in scores
+        for of in [each["intervals"]]
     ]
     headings = ("noise", "answers right", "guessed right", "last answer right", "last guess right")
     title = "Motions with white noise on every coordinate, 30 frames per second"
-    print_table(headings, rows, title, caption, names=0)
+    console.print(table_of(title, headings, rows, caption=caption, names=0))
     return 0
-
-
-def _with_interval(value: float | None, ends: Interval | None) -> str:
-    return f"{written(value)} ({interval(ends, '{:.0%}')})"
 
 
 def _groups(motions: int, groups: int) -> list[range]:

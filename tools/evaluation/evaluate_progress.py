@@ -23,6 +23,7 @@ from kinespace.tools.cli.arguments import add_shared, count
 from kinespace.tools.evaluation import harness
 from kinespace.tools.feeding.feed import between
 from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
@@ -44,8 +45,10 @@ NAMED, KNOWN = "filter, named class", "filter, true class"
 _UNSCORED = 0.3
 #: The speed curve: 2 to the power of a sine of this period, seconds, so from half to twice the speed.
 _PERIOD = 3.0
-#: A phase with a smaller error is right; a phase that falls by more goes back.
-_NEAR, _FALLS = 0.1, 0.02
+#: A phase with a smaller error is right.
+_NEAR = 0.1
+#: A phase that falls by more goes back.
+_FALLS = 0.02
 #: The main figures: the name of each, how the motion is played, and the figure of the named class.
 _MAIN = (
     ("phase_error", AS_RECORDED, "phase_mean"),
@@ -89,9 +92,7 @@ def run(options: argparse.Namespace) -> int:
         harness.print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})
     else:
         caption = f"{scores[0]['motions']} motions of {scores[0]['persons']} persons"
-        harness.print_scores(
-            scores, _COLUMNS, title="Progress, the performer's motions left out", caption=caption, names=2
-        )
+        print_scores(scores, _COLUMNS, title="Progress, the performer's motions left out", caption=caption, names=2)
     return 0
 
 

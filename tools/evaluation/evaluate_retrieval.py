@@ -13,7 +13,7 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
-from kinespace.tools.evaluation.harness import print_json, print_scores
+from kinespace.tools.evaluation.harness import print_json
 from kinespace.tools.evaluation.scoring.bootstrap import intervals_of, values_of
 from kinespace.tools.evaluation.scoring.retrieval import (
     SPLIT_LIBRARY_ACTORS,
@@ -32,6 +32,7 @@ from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import interval
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.named_joints import read_labelled
+from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
@@ -89,17 +90,12 @@ def run(options: argparse.Namespace) -> int:
         signatures = signatures_of(clips, *way)
         scores += [_scored(clips, signatures, way, protocol) for protocol in protocols]
     persons = {clip.actor for clip in clips} - {""}
-    no_splits = {"mean": None, "worst": None}
-    print_scores(
-        (
-            each | (each["splits"] or no_splits) | {"sure": interval(each["intervals"]["nearest"], "{:.0%}")}
-            for each in scores
-        ),
-        _COLUMNS,
-        title="Of how many motions is the nearest neighbour of their class?",
-        caption=f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} known persons; 95 %: by motions",
-        names=3,
-    )
+    caption = f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} known persons; 95 %: by motions"
+    for each in scores:
+        each.update(each["splits"] or {"mean": None, "worst": None})
+        each["sure"] = interval(each["intervals"]["nearest"], "{:.0%}")
+    title = "Of how many motions is the nearest neighbour of their class?"
+    print_scores(scores, _COLUMNS, title=title, caption=caption, names=3)
     return 0
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.stream.recognizer import Recognizer
-from kinespace.tools.cli.arguments import add_shared, settings_of
+from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.scoring.protocols import Protocol
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the library's own motions")
     text = "recordings in which nothing known happens, or folders of them"
-    parser.add_argument("--unknown", nargs="+", action="extend", type=Path, default=[], metavar="TAKE", help=text)
+    parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
     harness.add_protocol(parser)
     text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)

@@ -21,7 +21,7 @@ from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import counted
+from kinespace.tools.terminal.tables import counted, print_scores
 
 if TYPE_CHECKING:
     import argparse
@@ -99,7 +99,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--draws", type=above_zero, default=20, help=text)
     text = "the persons who teach (default: all, in turn)"
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
-    parser.add_argument("--beside", action="store_true", help="teach beside the built-in library")
+    parser.add_argument("--beside", action="store_true", help="compare with the built-in library, too")
     add_settings(parser)
     add_shared(parser, "--json")
 
@@ -107,7 +107,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw examples, teach them, let other motions ask, and print how right the first start events were.
 
-    Beside the built-in library, the person who teaches is left out of it, and the taught classes are called `my ...`:
+    With the built-in library, the person who teaches is left out of it, and the taught classes are called `my ...`:
     they must win over the built-in classes, even over those of the same motion. The built-in library knows its own
     persons, so they do not ask.
     """
@@ -122,7 +122,7 @@ def run(options: argparse.Namespace) -> int:
     teachers = sorted(options.teachers or by_person)
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
-        own, taught = by_person[teacher], taught_by(by_person[teacher], beside=options.beside)
+        own, taught = by_person[teacher], taught_by(by_person[teacher], with_builtin=options.beside)
         not_asked = {teacher, *(builtin.actors if options.beside else ())}
         others = [clip for name, each in by_person.items() if name not in not_asked for _, clip in each]
         for draw in range(options.draws):
@@ -143,11 +143,11 @@ def run(options: argparse.Namespace) -> int:
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"
     caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
-    harness.print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
+    print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
     return 0
 
 
-def taught_by(own: Sequence[Motion], *, beside: bool) -> Taught:
+def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:
     """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
     library = MotionLibrary.of_clips([clip for _, clip in own])
     person = own[0][1].actor
@@ -155,7 +155,7 @@ def taught_by(own: Sequence[Motion], *, beside: bool) -> Taught:
     strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
     # A library's motions are sorted, but keep their order within a class and person.
     names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
-    if beside:
+    if with_builtin:
         taught = [replace(motion, actor="").as_of(strangers.skeleton) for motion in library.motions]
         index = WindowIndex.of(strangers).with_motions(taught, every=_EVERY)
         own_names = iter(names)

@@ -21,16 +21,16 @@ from kinespace.tools.cli.arguments import (
     library_at,
     mapping,
     reading_of,
+    several,
 )
 from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
-from kinespace.tools.terminal.console import console, note
-from kinespace.tools.terminal.tables import narrow_table
+from kinespace.tools.terminal.console import note
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -70,12 +70,12 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
     parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
-    add_labels(parser, "for each TAKE, in order (default: beside the take, called like it)")
+    add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
     add_reading(parser)
     add_shared(parser, "--actor-in")
     add_subjects(parser)
     text = "rename labels"
-    parser.add_argument("--map", nargs="+", action="extend", type=mapping, default=[], metavar="LABEL=CLASS", help=text)
+    parser.add_argument("--map", **several(mapping, "LABEL=CLASS"), help=text)
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
 
@@ -190,51 +190,6 @@ def answers_to(feed: Feed, compared: MotionLibrary | WindowIndex, settings: Sett
 def print_json(value: object) -> None:
     """Print one JSON value."""
     print(json.dumps(value))
-
-
-class _None:
-    """A figure that there is not."""
-
-    def __format__(self, form: str) -> str:
-        return "-"
-
-
-def print_scores(
-    scores: Iterable[Mapping[str, object]],
-    columns: Iterable[tuple[str, str]],
-    *,
-    title: str,
-    caption: str | None = None,
-    names: int = 1,
-) -> None:
-    """Print a row for each score.
-
-    Parameters
-    ----------
-    scores
-        Figures by name; None for a figure that there is not.
-    columns
-        Headings, and how figures are written, like `{right:.1%}`.
-    title, caption
-        Above and below the table.
-    names
-        So many columns stand left, all others right.
-    """
-    headings, forms = zip(*columns, strict=True)
-    there = ({name: _None() if value is None else value for name, value in score.items()} for score in scores)
-    print_table(headings, ([form.format(**score) for form in forms] for score in there), title, caption, names=names)
-
-
-def print_table(
-    headings: Sequence[str], rows: Iterable[Sequence[str]], title: str, caption: str | None = None, *, names: int = 1
-) -> None:
-    """Print rows; so many columns of names stand left, all others right."""
-    table = narrow_table(title, caption)
-    for place, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if place < names else "right", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
 
 
 def written(value: float | None, form: str = "{:.1%}") -> str:

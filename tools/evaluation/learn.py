@@ -38,10 +38,11 @@ from kinespace.tools.evaluation.faults import noisy
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Collection, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -55,14 +56,17 @@ _BEGUN = 2
 #: Noises with which the library's own motions ask, metres on every coordinate, and how much each counts as known: the
 #: noisier a known motion is, the more it looks like an unknown one, and strangers' takes have no noise.
 _NOISES = {0.0: 1.0, 0.01: 2.0, 0.02: 4.0}
-#: Sensitivity at which every class must be named, and the share of its own motions that must then be named at some
-#: time.
-_USUAL, _MIN_NAMED = 0.05, 0.5
+#: Sensitivity at which every class must be named.
+_USUAL = 0.05
+#: Share of a class's own motions that must then be named at some time.
+_MIN_NAMED = 0.5
 #: A logit above all evidence.
 _FAR = 20.0
 #: The weight of the library's own motions as unknown, their class left out: other motions are more like everyday
-#: movement. The weight of strangers' motions as known: only they show how another laboratory's bodies differ.
-_LEFT_OUT_COUNT, _STRANGERS_COUNT = 0.5, 2.0
+#: movement.
+_LEFT_OUT_COUNT = 0.5
+#: The weight of strangers' motions as known: only they show how another laboratory's bodies differ.
+_STRANGERS_COUNT = 2.0
 #: Subjects are left out of the fitting in this many groups.
 _FOLDS = 4
 #: The cost of weights of either sign: they must pay on many windows.
@@ -139,23 +143,18 @@ def run(options: argparse.Namespace) -> int:
     courses = [_Course(take, _windows(index, take.clip)) for take in progress(whole, "Strangers", len(whole))]
     typical, lessons = typical_evidence(index), _own_lessons(own)
 
-    def fit(courses: Sequence[_Course]) -> Rejection:
-        return fitted([*lessons, *_lessons(courses)], library.classes, typical)
+    def fit(persons: Collection[str] = ()) -> Rejection:
+        return fitted([*lessons, *_lessons(courses, persons)], library.classes, typical)
 
-    def judged(fits: Sequence[Rejection]) -> list[tuple[_Course, Rejection]]:
-        """Pair each take with the rejection that was fitted without its subject."""
-        pairs = zip(folds, fits, strict=True)
-        return [(each, fit) for fold, fit in pairs for each in courses if each.take.person in fold]
-
-    folds = _folds(courses)
-    fits = [fit([each for each in courses if each.take.person not in fold]) for fold in folds]
-    clean = [each for each in own if not each.noise]
-    usual = _threshold(clean, judged(fits), _USUAL)
+    clean, apart = [each for each in own if not each.noise], _fitted_apart(courses, fit)
+    usual = _threshold(clean, apart, _USUAL)
     # Every class is named at the usual sensitivity, also a class that resembles strangers' everyday movement.
-    named = judged([_raised(each, clean, usual) for each in fits])
+    raised = {id(each): _raised(each, clean, usual) for _, each in apart}
+    named = [(course, raised[id(each)]) for course, each in apart]
     thresholds = [_threshold([], named, rate) for rate in RATES]
-    raised = _raised(fit(courses), clean, usual)
-    rejection = replace(raised, thresholds=np.array(thresholds), joints=len(library.skeleton.joints))
+    rejection = replace(
+        _raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=len(library.skeleton.joints)
+    )
     learned = dict(rejection.kept().named)
     if fewer := [take for take in takes if take not in whole]:
         learned |= learned_of_few(library, whole, fewer).kept(few=True).named
@@ -170,7 +169,7 @@ def run(options: argparse.Namespace) -> int:
         f"{len(unknown)} unknown takes ({sum(unknown) / 60:.1f} minutes), {containing} with a known motion; "
         f"{len({each.take.person for each in courses})} subjects, each judged by numbers fitted on others"
     )
-    harness.print_scores(rows, _COLUMNS, title=title, names=0)
+    print_scores(rows, _COLUMNS, title=title, names=0)
     return 0
 
 
@@ -224,21 +223,20 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     guesting = replace(library, learned=replace(stand_in(groups), joints=most).kept(few=True))
     bodies = [_Body.of(guesting.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
 
-    def fit(fold: Collection[str] = ()) -> Rejection:
-        lessons = list[Lesson]()
-        for own, *several in bodies:
-            lessons += own
-            for courses in several:
-                lessons += _lessons([each for each in courses if each.take.person not in fold])
+    shown = [[*body.courses, *body.fewer] for body in bodies]
+
+    def fit(persons: Collection[str] = ()) -> Rejection:
+        lessons = [
+            lesson
+            for own, *several in bodies
+            for each in (own, *(_lessons(courses, persons) for courses in several))
+            for lesson in each
+        ]
         return fitted(lessons, library.classes, np.zeros(2 * groups))
 
-    folds = _folds([each for body in bodies for each in (*body.courses, *body.fewer)])
-    fits = [fit(fold) for fold in folds]
-    judged = [
-        [(each, fit) for fold, fit in zip(folds, fits, strict=True) for each in shown if each.take.person in fold]
-        for shown in ([*body.courses, *body.fewer] for body in bodies)
-    ]
-    thresholds = [max(_threshold([], each, rate) for each in judged) for rate in RATES]
+    apart = _fitted_apart([each for courses in shown for each in courses], fit)
+    of_bodies = [[(each, fit) for each, fit in apart if each in courses] for courses in shown]
+    thresholds = [max(_threshold([], each, rate) for each in of_bodies) for rate in RATES]
     return replace(fit(), thresholds=np.array(thresholds), joints=most)
 
 
@@ -282,11 +280,16 @@ def _windows(index: WindowIndex, clip: Clip, noise: float = 0.0, seed: int | Non
     return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence]
 
 
-def _folds(courses: Sequence[_Course]) -> list[set[str]]:
+def _fitted_apart(
+    courses: Sequence[_Course], fit: Callable[[Collection[str]], Rejection]
+) -> list[tuple[_Course, Rejection]]:
+    """Pair each take with a rejection that is fitted without the takes of some persons, its own among them."""
     people = sorted({each.take.person for each in courses})
     if len(people) < 2:
         raise ValueError(f"takes: expected two subjects or more, got {len(people)}")
-    return [set(people[place::_FOLDS]) for place in range(min(_FOLDS, len(people)))]
+    folds = [people[place::_FOLDS] for place in range(min(_FOLDS, len(people)))]
+    fits = [(fold, fit(fold)) for fold in folds]
+    return [(each, fitted) for fold, fitted in fits for each in courses if each.take.person in fold]
 
 
 def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
@@ -303,8 +306,9 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
     return [lesson._replace(weight=lesson.weight / classes) for lesson in lessons]
 
 
-def _lessons(courses: Sequence[_Course]) -> list[Lesson]:
-    """Take strangers' takes as unknown and as known; each class that they perform counts alike."""
+def _lessons(courses: Sequence[_Course], without: Collection[str]) -> list[Lesson]:
+    """Take strangers' takes as unknown and as known, without some persons' takes; each class performed counts alike."""
+    courses = [each for each in courses if each.take.person not in without]
     unknown = [window for each in courses if each.is_unknown for window in each.windows]
     known = defaultdict[str, Evidenced](list)
     for window in (window for each in courses for window in each.known()):

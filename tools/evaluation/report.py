@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from kinespace.library import Clip
     from kinespace.tools.evaluation.scoring.timeline import Course
 
-#: Bodies and scores of a second.
-_BODIES, _SCORES = 20.0, 10.0
+#: Bodies of a second.
+_BODIES = 20.0
+#: Scores of a second.
+_SCORES = 10.0
 #: Metres from the origin to which bodies are kept: as far as millimetres in 16 bits reach.
 _REACH = 32.767
 _encode = msgspec.json.Encoder().encode

@@ -22,7 +22,7 @@ from kinespace.library.recordings.formats.labels import (
 from kinespace.tools.feeding import utkinect
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import note, progress
-from kinespace.tools.terminal.named_joints import NameTeller
+from kinespace.tools.terminal.named_joints import NameNotes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -86,7 +86,7 @@ class Sources:
     Attributes
     ----------
     places
-        Labelled takes, or folders of them: each take's labels lie beside it, ending in `.csv`, `.tsv` or `.txt`, or as
+        Labelled takes, or folders of them: each take's labels lie next to it, ending in `.csv`, `.tsv` or `.txt`, or as
         UTKinect has them.
     labels
         The takes' labels in the takes' order, when they lie elsewhere.
@@ -143,9 +143,11 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     OSError
         A file or a take's labels are missing or cannot be opened.
     """
-    entries = [*_labelled(sources), *_unknown(sources), *(each for table in sources.tables for each in _listed(table))]
+    unknown = find_recordings(sources.unknown) if sources.unknown else ()
+    entries = [*_labelled(sources), *(_Entry(path, contains=(NOTHING,)) for path in unknown)]
+    entries += [each for table in sources.tables for each in _listed(table)]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
-    reader, named = RecordingReader(reading), NameTeller()
+    reader, named = RecordingReader(reading), NameNotes()
     takes = [
         _of_utkinect(entry) if utkinect.is_take(entry.path) else _take(named(reader.clip(entry.path)), entry, reading)
         for entry in progress(wanted, "Reading", len(wanted))
@@ -186,11 +188,6 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
                 f"{path.with_suffix('.csv')}: no labels for {path.name}; --labels says where they are, --clips that it "
                 "is one motion"
             )
-
-
-def _unknown(sources: Sources) -> Iterator[_Entry]:
-    for path in find_recordings(sources.unknown) if sources.unknown else ():
-        yield _Entry(path, contains=(NOTHING,))
 
 
 def _listed(table: Path) -> Iterator[_Entry]:

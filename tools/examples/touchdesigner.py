@@ -1,4 +1,4 @@
-"""TouchDesigner: a Text DAT that sends a squat to kinespace; squat.txt lies beside it. Right-click, Run Script.
+"""TouchDesigner: a Text DAT that sends a squat to kinespace; squat.txt lies next to it. Right-click, Run Script.
 
 It needs an OSC Out DAT called oscout1 (127.0.0.1, port 9310). To get the answers: an OSC In CHOP on port 10000, and
 elsewhere: kinespace live --out touchdesigner. Its channel motion/td/class is the class's index, -1 for none.

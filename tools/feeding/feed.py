@@ -1,4 +1,4 @@
-"""A fake live feed: frames with the time at which each is sent, and faults on request."""
+"""A fake live feed: frames with the time at which each is sent."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Cue:
         The sender's count.
     class_name
         The class that is being performed; empty when it is not known.
-    recording, name
-        The number of the recording, counted from 0, and its name.
+    recording
+        The number of the recording, counted from 0.
     """
 
     due: float
@@ -53,7 +53,6 @@ class Cue:
     seq: int
     class_name: str = ""
     recording: int = 0
-    name: str = ""
 
 
 class Piece(NamedTuple):
@@ -102,7 +101,7 @@ def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, p
         for moment, positions in zip(times.tolist(), clip.positions, strict=True):
             # Time 0 would mean "on arrival".
             frame = Frame(performer, 1.0 + begin + moment, positions)
-            yield Cue((begin + moment) / speed, frame, seq, clip.class_name, recording, clip.name)
+            yield Cue((begin + moment) / speed, frame, seq, clip.class_name, recording)
             seq += 1
 
 
@@ -134,7 +133,7 @@ def between(clip: Clip, places: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = math.inf) -> NDArray[np.float32]:
-    """Put clips one after the other, each at another frame rate, until there are so many seconds of them.
+    """Put clips one after the other, each at another frame rate, until there are enough seconds of them.
 
     Returns
     -------
@@ -149,37 +148,6 @@ def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = mat
             break
     whole = np.concatenate(pieces)
     return whole if math.isinf(seconds) else whole[: round(seconds * frame_rate)]
-
-
-def with_drops(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
-    """Drop a share of the frames, 0 to 1, at random."""
-    for cue in cues:
-        if generator.random() >= share:
-            yield cue
-
-
-def with_jitter(cues: Iterable[Cue], seconds: float, generator: np.random.Generator) -> Iterator[Cue]:
-    """Delay each frame by a random time of up to some seconds; keep the order."""
-    latest = 0.0
-    for cue in cues:
-        latest = max(latest, cue.due + generator.uniform(0.0, seconds))
-        yield replace(cue, due=latest)
-
-
-def with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
-    """Let a share of the frames, 0 to 1, change places with the next frame."""
-    held: Cue | None = None
-    for cue in cues:
-        if held is not None:
-            yield replace(cue, due=held.due)
-            yield replace(held, due=cue.due)
-            held = None
-        elif generator.random() < share:
-            held = cue
-        else:
-            yield cue
-    if held is not None:
-        yield held
 
 
 def lost_at(place: str, count: int) -> str:
@@ -231,7 +199,7 @@ class Pace:
         self._start = time.perf_counter()
 
     def moment(self, due: float) -> float:
-        """Give the `time.perf_counter` reading for so many seconds after the start."""
+        """Give the `time.perf_counter` reading for some seconds after the start."""
         return self._start + due
 
     def put_off(self, due: float) -> float:
@@ -241,7 +209,7 @@ class Pace:
         return late
 
     def wait_for(self, due: float) -> None:
-        """Sleep until so many seconds after the start; return at once if that is past.
+        """Sleep until some seconds after the start; return at once if that is past.
 
         Raises
         ------

@@ -19,11 +19,6 @@ _FURTHER = {"kinect20": KINECT_1}
 _ALSO = {"kinect1": "kinect20", "kinect2": "kinectv2"}
 
 
-def names() -> tuple[str, ...]:
-    """Names of all sets, sorted."""
-    return tuple(sorted((*builtin_names(), *_FURTHER, *_ALSO)))
-
-
 def joints_in_order(text: str) -> tuple[str, ...]:
     """Read the joints of a sender's frames, in order, from an option's text.
 
@@ -70,6 +65,6 @@ def joints_of(name: str) -> tuple[str, ...]:
     ValueError
         There is no such set.
     """
-    one_of("--skeleton", name, names())
+    one_of("--skeleton", name, sorted((*builtin_names(), *_FURTHER, *_ALSO)))
     name = _ALSO.get(name, name)
     return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints

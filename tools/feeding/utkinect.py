@@ -1,7 +1,7 @@
 """UTKinect-Action3D's takes: joints as a depth camera saw them, frame by frame, and labels of the actions.
 
 `joints_s01_e02.txt` holds on each line a frame's number and 20 joints' x, y, z in metres. The camera skipped some
-frames and wrote some twice; in a frame of zeros the sensor saw no person. `actionLabel.txt` beside the takes lists,
+frames and wrote some twice; in a frame of zeros the sensor saw no person. `actionLabel.txt` next to the takes lists,
 under each take's name (`s01_e02`), the numbers of the frames between which an action is performed.
 """
 
@@ -68,7 +68,7 @@ def takes_in(place: Path) -> list[Path]:
 
 
 def read_take(path: Path) -> UTKinectTake:
-    """Read a take, and its labels in the file beside it.
+    """Read a take, and its labels in the file next to it.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def read_take(path: Path) -> UTKinectTake:
         The file holds something else than frames' numbers that do not fall and 20 joints each, fewer than two frames
         show somebody, or the labels do not name the take.
     OSError
-        The take cannot be opened, or no labels are beside it.
+        The take cannot be opened, or no labels are next to it.
     """
     named = _NAME.fullmatch(path.name)
     if named is None:

@@ -40,15 +40,17 @@ class Program:
     ----------
     arguments
         Its arguments.
+    module
+        What Python runs, in place of `kinespace`.
     """
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, module: str = "kinespace") -> None:
         self._name = arguments[0]
         self._folder = tempfile.TemporaryDirectory()
         self._output = Path(self._folder.name) / "output"
         with self._output.open("wb") as printed:
             self.process = subprocess.Popen(  # noqa: S603 - our own command
-                [sys.executable, "-m", "kinespace", *arguments],
+                [sys.executable, "-m", module, *arguments],
                 env={**os.environ, "COLUMNS": "200", "PYTHONUTF8": "1"},
                 stdin=subprocess.DEVNULL,
                 stdout=printed,

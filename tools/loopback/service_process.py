@@ -2,40 +2,33 @@
 
 from __future__ import annotations
 
-import gc
 import json
-import multiprocessing
 import tempfile
 import time
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
 
-import zmq
-
 from kinespace.stream import osc, zeromq
-from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import arguments_of
 from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
+from kinespace.tools.loopback import echo
+from kinespace.tools.loopback.echo import ANY, LOOPBACK
 from kinespace.tools.loopback.program import Program
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-
     from kinespace.library import MotionLibrary
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.loopback.answer_listener import Receiver
+    from kinespace.tools.loopback.answers import Receiver
 
 Transport = Literal["osc", "zmq"]
-LOOPBACK = "127.0.0.1"
-_ANY = f"tcp://{LOOPBACK}:*"
-#: Seconds after which a new process, or a connection to it, is given up.
+#: Seconds after which a connection is given up.
 _MAX_START = 60.0
-#: Milliseconds between two looks of an echo whether it is to end, and between two greetings.
-_CHECK_EVERY, _GREET_EVERY = 100, 50
+#: Milliseconds between two greetings.
+_GREET_EVERY = 50
 
 
 class BackgroundService:
@@ -75,8 +68,8 @@ class BackgroundService:
         performers: int = 32,
     ) -> None:
         self._opened = ExitStack()
-        self._transport, self._library, self._echo = transport, library, echo
-        self._command = ["--plain", "--performers", f"{performers}", *(arguments_of(settings) if settings else ())]
+        self._transport, self._echo, self._performers = transport, echo, performers
+        self._library, self._settings = library, settings
         self.process_id = 0
 
     def __enter__(self) -> Self:
@@ -85,44 +78,33 @@ class BackgroundService:
             port = self._receiver.address[1] if self._receiver else 0
             if self._receiver:
                 opened.callback(self._receiver.close)
-            begin = self._begin_echo if self._echo else self._begin
-            self._frames_to, self._answers_at = begin(opened, port)
+            program = opened.enter_context(
+                Program(f"{port}", module=echo.__name__)
+                if self._echo
+                else Program("live", *self._command(opened, port))
+            )
+            self.process_id = program.process.pid
+            found = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);")
+            self._frames_to, self._answers_at = found.groups()
             self._opened = opened.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._opened.close()
 
-    def _begin(self, opened: ExitStack, port: int) -> tuple[str, str]:
-        """Start `kinespace live`; give the addresses for frames and of answers."""
-        ends = [f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"]
-        command = [*self._command, *(ends if self._transport == "osc" else [f"--zmq-in={_ANY}", f"--zmq-out={_ANY}"])]
+    def _command(self, opened: ExitStack, port: int) -> list[str]:
+        """Give the arguments of `kinespace live`, which answers to a port, or by ZeroMQ where it is 0."""
+        if port:
+            ends = [f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"]
+        else:
+            ends = [f"--zmq-in={ANY}", f"--zmq-out={ANY}"]
+        command = ["--plain", "--performers", f"{self._performers}", *ends]
+        command += arguments_of(self._settings) if self._settings else []
         if self._library:
             file = Path(opened.enter_context(tempfile.TemporaryDirectory())) / "library.npz"
             self._library.save(file, compressed=False)
             command += ["--library", f"{file}"]
-        program = opened.enter_context(Program("live", *command))
-        self.process_id = program.process.pid
-        frames_to, answers_at = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);").groups()
-        return frames_to, answers_at
-
-    def _begin_echo(self, opened: ExitStack, port: int) -> tuple[str, str]:
-        # A fresh interpreter, so that the child has none of the parent's sockets and threads.
-        context = multiprocessing.get_context("spawn")
-        connection, theirs = context.Pipe()
-        process = context.Process(target=_echo, args=(theirs, port), daemon=True)
-        with signals_held():
-            process.start()
-        opened.callback(process.join)
-        opened.callback(process.kill)
-        # Only the child keeps its end, so that its death is noticed at once.
-        theirs.close()
-        opened.callback(connection.close)
-        if not connection.poll(_MAX_START):
-            raise ChildProcessError("the echo's process did not start")
-        self.process_id = process.pid or 0
-        frames_to, answers_at = connection.recv()
-        return frames_to, answers_at
+        return command
 
     def connect(self) -> tuple[FrameSender, Receiver]:
         """Open a sender of frames to the service and a receiver of its answers, and check that both reach it.
@@ -147,28 +129,3 @@ class BackgroundService:
                 if self._echo or (parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"]):
                     return sender, receiver
         raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
-
-
-def _echo(connection: Connection, port: int) -> None:
-    """Run in the child until the parent has gone: send every packet back, by OSC to a port."""
-    leave_signals_to_parent()
-    receiver: Receiver
-    sender: osc.OscSender | zeromq.ZmqSender
-    if port:
-        receiver, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, port)
-        addresses = f"{LOOPBACK}:{receiver.address[1]}", ""
-    else:
-        endpoint = Endpoint(_ANY, bind=True)
-        receiver, sender = zeromq.ZmqReceiver(endpoint), zeromq.ZmqSender(endpoint)
-        addresses = receiver.address, sender.address
-    poller = zmq.Poller()
-    poller.register(receiver.socket, zmq.POLLIN)
-    gc.freeze()
-    # A parent that is gone closes its end.
-    with suppress(OSError, EOFError):
-        connection.send(addresses)
-        while not connection.poll():
-            if not poller.poll(_CHECK_EVERY):
-                continue
-            while (packet := receiver.receive()) is not None:
-                sender.send(packet)  # type: ignore[arg-type]  # both ends are of one transport

@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 #: Performers that are shown, at most; further ones are counted.
 MAX_SHOWN = 8
-#: Seconds that are shown, and seconds after which a performer without messages is forgotten.
-SHOWN, _SILENT = 60.0, 10.0
+#: Seconds that are shown.
+SHOWN = 60.0
+#: Seconds after which a performer without messages is forgotten.
+_SILENT = 10.0
 #: Seconds for which entries are kept: longer than they are shown, so that they leave by the edge.
 _KEPT = SHOWN + 5.0
 _MAX_NOTICES = 32

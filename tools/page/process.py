@@ -16,15 +16,16 @@ from kinespace.stream.workers.child_process import leave_signals_to_parent, sign
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.page.link import Subscription, ask_control
-from kinespace.tools.page.requests import Gate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-#: Seconds after which a new process is given up, and after which one that is to end is.
-_MAX_START, _MAX_END = 30.0, 5.0
+#: Seconds after which a new process is given up.
+_MAX_START = 30.0
+#: Seconds after which a process that is to end is killed.
+_MAX_END = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,8 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
         An address cannot be read, or the keys cannot be used.
     """
     require_websockets()
-    from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
 
     host, port = host_and_port(plan.address)
     keyring = Keyring(plan.keys) if plan.keys else None

@@ -6,11 +6,14 @@ import ipaddress
 import re
 import secrets
 from dataclasses import dataclass
+from http import HTTPStatus
 from importlib import resources
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
+from websockets.datastructures import Headers
+from websockets.http11 import Response
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,17 +69,8 @@ def read_message(text: str | bytes) -> Message:
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
-    """An HTTP response."""
-
-    status: int
-    body: bytes
-    headers: Mapping[str, str]
-
-
-@dataclass(frozen=True, slots=True)
 class Gate:
-    """Decides which browsers are let in.
+    """Decides which browsers may see the page.
 
     Attributes
     ----------
@@ -98,7 +92,7 @@ class Gate:
             alone = host == "localhost"
         return cls("" if alone else secrets.token_urlsafe(16), frozenset({"localhost", host.lower()}))
 
-    def answer(self, target: str, headers: Mapping[str, str]) -> Reply | None:
+    def answer(self, target: str, headers: Mapping[str, str]) -> Response | None:
         """Answer an HTTP request; None opens a WebSocket.
 
         A page of another site may open sockets to this machine, and may call this machine by a name of its own: the
@@ -113,15 +107,15 @@ class Gate:
         """
         host = headers.get("host", "")
         if not self._knows(host):
-            return _refusal(403, "this name is not ours")
+            return refusal(403, "this name is not ours")
         path, _, query = target.partition("?")
         if path != SOCKET:
             return static_file(path, host)
         if headers.get("origin") != f"http://{host}":
-            return _refusal(403, "not our page")
+            return refusal(403, "not our page")
         shown = parse_qs(query).get("token", [""])[0]
         if self.token and not secrets.compare_digest(shown.encode(errors="replace"), self.token.encode()):
-            return _refusal(401, "the address that kinespace printed has a token")
+            return refusal(401, "the address that kinespace printed has a token")
         return None
 
     def _knows(self, host: str) -> bool:
@@ -138,15 +132,15 @@ class Gate:
         return True
 
 
-def static_file(path: str, host: str) -> Reply:
+def static_file(path: str, host: str) -> Response:
     """Give a file of the page by its path; only files of `static/` itself."""
     name = path.removeprefix("/") or "index.html"
     kind = _TYPES.get(name.rpartition(".")[2], "")
     file = resources.files("kinespace.tools.page") / "static" / name
     if not kind or "/" in name or "\\" in name or not file.is_file():
-        return _refusal(404, "no such file")
-    policy = {"Content-Security-Policy": _POLICY.format(host=host), "Content-Type": f"{kind}; charset=utf-8"}
-    return Reply(200, file.read_bytes(), _GUARDS | policy)
+        return refusal(404, "no such file")
+    policy = {"Content-Security-Policy": _POLICY.format(host=host)}
+    return _response(200, file.read_bytes(), kind, policy)
 
 
 _GUARDS = {
@@ -158,5 +152,11 @@ _GUARDS = {
 }
 
 
-def _refusal(status: int, why: str) -> Reply:
-    return Reply(status, f"kinespace: {why}\n".encode(), _GUARDS | {"Content-Type": "text/plain; charset=utf-8"})
+def refusal(status: int, why: str) -> Response:
+    """Refuse a request with a line of text."""
+    return _response(status, f"kinespace: {why}\n".encode(), "text/plain", {})
+
+
+def _response(status: int, body: bytes, kind: str, further: Mapping[str, str]) -> Response:
+    fields = {"Content-Length": str(len(body)), "Connection": "close", "Content-Type": f"{kind}; charset=utf-8"}
+    return Response(status, HTTPStatus(status).phrase, Headers({**fields, **_GUARDS, **further}), body)

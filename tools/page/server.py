@@ -10,22 +10,19 @@ import asyncio
 import time
 from collections import deque
 from contextlib import suppress
-from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 from websockets.asyncio.server import serve
-from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Response
 
 from kinespace.tools.page.board import Board
-from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message
+from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message, refusal
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from websockets.asyncio.server import ServerConnection
-    from websockets.http11 import Request
+    from websockets.http11 import Request, Response
 
     from kinespace.tools.page.link import Subscription
 
@@ -33,8 +30,10 @@ if TYPE_CHECKING:
 
 #: Open pages, at most.
 MAX_PAGES = 16
-#: Seconds between two messages to a page, at least, and between two looks without a message.
-_PACE, _LOOK = 1 / 35, 0.2
+#: Seconds between two messages to a page, at least.
+_PACE = 1 / 35
+#: Seconds between two looks for messages.
+_LOOK = 0.2
 #: Replies that wait for a page, at most.
 MAX_REPLIES = 8
 #: Seconds that a page may stay silent in the handshake.
@@ -71,7 +70,7 @@ class PageServer:
     control
         Asks the recogniser's control socket, and gives the reply, None without one; None: pages only look.
     gate
-        Decides which browsers are let in.
+        Decides which browsers may see the page.
     """
 
     def __init__(self, subscription: Subscription, control: Control | None, gate: Gate) -> None:
@@ -132,13 +131,9 @@ class PageServer:
         """Answer an HTTP request; None goes on to a WebSocket."""
         del connection
         headers = {name.lower(): value for name, value in request.headers.raw_items()}
-        reply = self._gate.answer(request.path, headers)
-        if reply is None and len(self._pages) < MAX_PAGES:
-            return None
-        if reply is None:
-            return Response(503, HTTPStatus(503).phrase, Headers({"Content-Length": "0", "Connection": "close"}))
-        fields = {"Content-Length": str(len(reply.body)), "Connection": "close", **reply.headers}
-        return Response(reply.status, HTTPStatus(reply.status).phrase, Headers(fields), reply.body)
+        if response := self._gate.answer(request.path, headers):
+            return response
+        return None if len(self._pages) < MAX_PAGES else refusal(503, "too many pages are open")
 
     async def _serve(self, connection: ServerConnection) -> None:
         """Serve one page until it leaves; one that sends rubbish is closed."""

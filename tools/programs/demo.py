@@ -23,12 +23,11 @@ from kinespace.stream.frame import Announcement
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.feeding.feed import Pace, clip_cues
-from kinespace.tools.loopback.answer_listener import Listener, answer_in
-from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
+from kinespace.tools.loopback.answers import AnswerMatcher, Listener, answer_in, expected_answers
 from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import score_shown
-from kinespace.tools.terminal.tables import narrow_table
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     import argparse
@@ -39,25 +38,23 @@ if TYPE_CHECKING:
     from kinespace.library import Clip
     from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Cue, FrameSender
-    from kinespace.tools.loopback.answer_listener import Received
+    from kinespace.tools.loopback.answers import Received
     from kinespace.tools.loopback.service_process import Transport
 
 PERFORMER = "demo"
-#: Seconds of the shortest and the longest motion that is played, if a class has such: recognition begins after half a
-#: second, and all classes together take half a minute.
-MIN_SECONDS, MAX_SECONDS = 1.0, 2.14
+#: Seconds of the shortest motion that is played, if a class has a longer one: recognition begins after half a second.
+MIN_SECONDS = 1.0
+#: Seconds of the longest motion that is played, if a class has a shorter one: all together take half a minute.
+MAX_SECONDS = 2.14
 #: Seconds between two motions: longer than the recogniser's longest gap, so that its window begins empty.
 _PAUSE = 0.7
 _LINGER = 0.3
-#: Characters of a full score bar, and of a terminal that has room for it.
-_BAR, _WIDE = 20, 110
 
 
 @dataclass(slots=True)
 class _Played:
-    """The motion of one class, and the answers while it played."""
+    """The answers while the motion of one class played, and their latencies in milliseconds."""
 
-    class_name: str
     labels: Counter[str] = field(default_factory=Counter)
     latest: Answer | None = None
     latencies: list[float] = field(default_factory=list)
@@ -84,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     watched = console.is_terminal and not options.json
     with BackgroundService(options.transport, library=library, settings=settings) as service:
         sender, receiver = service.connect()
-        show = _Show([_Played(motion.class_name) for motion in motions], matcher, options.transport)
+        show = _Show([motion.class_name for motion in motions], matcher, options.transport)
         with (
             closing(sender),
             closing(Listener(receiver)) as listener,
@@ -114,82 +111,62 @@ def chosen(library: MotionLibrary) -> list[Clip]:
 class _Show:
     """The motions played so far, their answers, and their table."""
 
-    def __init__(self, played: list[_Played], matcher: AnswerMatcher, transport: Transport) -> None:
-        self.played = played
-        self._by_class = {each.class_name: each for each in played}
-        self._matcher = matcher
-        self._transport = transport
-        #: The motion of each frame, and when the frame was sent.
-        self._sent: list[tuple[_Played, float]] = []
-        self.now_playing = ""
-
-    def sent(self, cue: Cue, moment: float) -> None:
-        """Note that a frame was sent."""
-        self._sent.append((self._by_class[cue.class_name], moment))
-        self.now_playing = cue.class_name
+    def __init__(self, classes: Sequence[str], matcher: AnswerMatcher, transport: Transport) -> None:
+        self.played = {name: _Played() for name in classes}
+        self._matcher, self._transport = matcher, transport
+        #: The class of each frame, and when the frame was sent.
+        self.sent: list[tuple[str, float]] = []
 
     def take_in(self, received: Sequence[Received]) -> bool:
         """Note the answers that came; say whether there were any."""
         news = False
         for each in received:
             if (answer := answer_in(each.packet)) and (expected := self._matcher.match(answer)):
-                played, moment = self._sent[expected.cue]
+                name, moment = self.sent[expected.cue]
+                played = self.played[name]
                 played.labels[answer.label] += 1
-                played.latest = answer
-                played.latencies.append(each.arrival - moment)
-                news = True
+                played.latest, news = answer, True
+                played.latencies.append(1000 * (each.arrival - moment))
         return news
 
     @property
     def right(self) -> int:
         """The number of motions that were answered with their own class most of the time."""
-        return sum(each.answered == each.class_name for each in self.played)
+        return sum(each.answered == name for name, each in self.played.items())
 
-    @property
-    def latencies_ms(self) -> list[float]:
-        """All latencies, milliseconds."""
-        return [latency * 1000 for each in self.played for latency in each.latencies]
+    def percentile(self, percent: float) -> float | None:
+        """Give a percentile of all latencies, milliseconds; None without answers."""
+        latencies = [latency for each in self.played.values() for latency in each.latencies]
+        return float(np.percentile(latencies, percent)) if latencies else None
 
     def as_json(self) -> dict[str, object]:
         """Give the tally by name."""
-        latencies = self.latencies_ms
         return {
             "played": len(self.played),
-            "answered": sum(bool(each.labels) for each in self.played),
+            "answered": sum(bool(each.labels) for each in self.played.values()),
             "right": self.right,
-            "p99_ms": round(float(np.percentile(latencies, 99)), 3) if latencies else None,
+            "p99_ms": None if (high := self.percentile(99)) is None else round(high, 3),
         }
 
     def table(self, width: int) -> Table:
-        """Draw the motions so far, on a terminal of so many characters."""
-        table = narrow_table("Motions of the built-in library, each left out of the library that names it")
-        for heading in ("played", "answered", "score"):
-            table.add_column(heading, overflow="fold")
-        for heading in ("margin", "ms"):
-            table.add_column(heading, justify="right")
-        for each in self.played:
-            table.add_row(*self._row(each, width))
-        return table
+        """Draw the motions so far, on a terminal of some width, characters."""
+        title = "Motions of the built-in library, each left out of the library that names it"
+        rows = [self._row(name, each, width) for name, each in self.played.items()]
+        return table_of(title, ("played", "answered", "score", "margin", "ms"), rows, names=3)
 
-    def _row(self, each: _Played, width: int) -> tuple[str | Text, ...]:
-        playing = each.class_name == self.now_playing
-        name = Text(each.class_name, style="bold" if playing else "" if each.latest else "dim")
-        if each.latest is None:
-            return name, "", "", "", ""
-        style = "green" if each.answered == each.class_name else "red"
-        latency = float(np.median(each.latencies)) * 1000
-        score = score_shown(each.latest.score, _BAR if width >= _WIDE else 0)
-        return name, Text(each.answered, style=style), score, f"{each.latest.margin:.3f}", f"{latency:.2f}"
+    def _row(self, name: str, played: _Played, width: int) -> tuple[str | Text, ...]:
+        if played.latest is None:
+            return (Text(name, style="dim"),)
+        answered = Text(played.answered, style="green" if played.answered == name else "red")
+        latency, latest = float(np.median(played.latencies)), played.latest
+        return name, answered, score_shown(latest.score, width), f"{latest.margin:.3f}", f"{latency:.2f}"
 
     def tally(self) -> str:
         """Give the last lines of the report."""
-        latencies = self.latencies_ms
-        answers = sum(each.labels.total() for each in self.played)
-        right = sum(each.labels[each.class_name] for each in self.played)
+        answers = sum(each.labels.total() for each in self.played.values())
+        right = sum(each.labels[name] for name, each in self.played.items())
         lost = self._matcher.lost + self._matcher.waiting
-        times = (
-            f"p50 {np.percentile(latencies, 50):.2f} ms, p99 {np.percentile(latencies, 99):.2f} ms" if latencies else ""
-        )
+        times = f"p50 {self.percentile(50):.2f} ms, p99 {self.percentile(99):.2f} ms" if answers else ""
         return (
             f"{self.right} of {len(self.played)} motions named; {right} of {answers} answers right, {lost} lost\n"
             f"frame sent to answer received over {self._transport.upper()}: {times}"
@@ -204,9 +181,8 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _S
         if show.take_in(listener.listen_until(pace.moment(cue.due))) and live:
             # Right after an answer, drawing delays no frame.
             live.update(show.table(console.width), refresh=True)
-        show.sent(cue, time.perf_counter())
+        show.sent.append((cue.class_name, time.perf_counter()))
         sender.send(packet)
     show.take_in(listener.listen_until(time.perf_counter() + _LINGER))
-    show.now_playing = ""
     if live:
         live.update(show.table(console.width), refresh=True)

@@ -18,11 +18,10 @@ from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, Pace, without_pause
-from kinespace.tools.loopback.answer_listener import Listener, answer_in
-from kinespace.tools.loopback.expected_answers import AnswerMatcher, expected_answers
+from kinespace.tools.loopback.answers import AnswerMatcher, Listener, answer_in, expected_answers
 from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import narrow_table
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     import argparse
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.loopback.answer_listener import Received
+    from kinespace.tools.loopback.answers import Received
     from kinespace.tools.loopback.service_process import Transport
 
 #: Seconds after the last frame in which answers may still come.
@@ -44,7 +43,7 @@ _SETTLE = 0.2
 _WARM_UP = 0.5
 #: The percentiles that are printed, by name.
 _PERCENTILES = {"p50": 50, "p95": 95, "p99": 99, "p999": 99.9, "max": 100}
-#: One in so many of the library's motions is played, so that there are some of each class.
+#: Every eighth of the library's motions is played, so that there are some of each class.
 _EVERY = 8
 
 
@@ -204,21 +203,19 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(found[0].as_json()))
     else:
-        console.print(table_of(found))
+        console.print(table_for(found))
     return 0
 
 
-def table_of(latencies: Sequence[Latency]) -> Table:
+def table_for(latencies: Sequence[Latency]) -> Table:
     """Draw two rows for each run: the recogniser's, and the echo's."""
-    table = narrow_table("Frame sent to answer received, milliseconds")
-    table.add_column("")
-    for heading in ("Hz", "p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    rows = list[list[str]]()
     for each in latencies:
-        name, rate, counts = each.transport, f"{each.rate_hz:g}", (each.sent, each.answered, each.lost)
-        table.add_row(name, rate, *_percentiles(each, echo=False), *map(str, counts))
-        table.add_row(f"{name} echo", rate, *_percentiles(each, echo=True), end_section=True)
-    return table
+        rate, counts = f"{each.rate_hz:g}", (each.sent, each.answered, each.lost)
+        rows.append([each.transport, rate, *_percentiles(each, echo=False), *map(str, counts)])
+        rows.append([f"{each.transport} echo", rate, *_percentiles(each, echo=True)])
+    headings = ("", "Hz", "p50", "p95", "p99", "p99.9", "max", "sent", "answered", "lost")
+    return table_of("Frame sent to answer received, milliseconds", headings, rows)
 
 
 def _percentiles(latency: Latency, *, echo: bool) -> list[str]:

@@ -13,7 +13,6 @@ from contextlib import closing, suppress
 from typing import TYPE_CHECKING
 
 import zmq
-from rich.text import Text
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
@@ -27,7 +26,7 @@ from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import console, printable, say
-from kinespace.tools.terminal.tables import add_names, narrow_table
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
     import argparse
@@ -38,11 +37,11 @@ if TYPE_CHECKING:
 _NATIVE = "native"
 #: Kinds of messages that are shown, at most.
 _MAX_SHOWN = 40
-#: Gaps that are reported: seconds, and intervals of the message's own rate.
-_GAP_SECONDS, _GAP_INTERVALS = 0.2, 4.0
+#: Seconds of a gap that is reported, at least.
+_GAP_SECONDS = 0.2
+#: Intervals of the message's own rate in a gap that is reported, at least.
+_GAP_INTERVALS = 4.0
 _MAX_WAIT = 100
-#: Characters of the columns beside addresses.
-_BESIDE_ADDRESSES = 48
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -149,7 +148,7 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
 
 
 def _listing(count: int) -> str:
-    """Name the presets that list so many joints in the order of their frames, the first as an option takes it."""
+    """Name the presets that list this number of joints, in the order of frames; the first as an option takes it."""
     known = {name: builtin_preset(name) for name in builtin_names() if name != _NATIVE}
     first, *others = [name for name, preset in known.items() if len(preset.order) == count] or ["A,B,..."]
     return f"{first} (or {', '.join(others)})" if others else first
@@ -218,17 +217,14 @@ def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str
 
 
 def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
-    table = narrow_table("kinespace listen", _caption(survey))
-    shown = sorted(survey.kinds.values(), key=lambda kind: -kind.count)
-    add_names(table, "address", [printable(kind.address) for kind in shown[:_MAX_SHOWN]], beside=_BESIDE_ADDRESSES)
-    for heading in ("types", "messages", "per second", "longest gap", "for example"):
-        table.add_column(heading, overflow="fold")
+    shown, rows = sorted(survey.kinds.values(), key=lambda kind: -kind.count), list[tuple[str, ...]]()
     for kind in shown[:_MAX_SHOWN]:
-        example = " ".join(f"{each:.3g}" if isinstance(each, float) else printable(str(each)) for each in kind.example)
-        cells = (printable(kind.address), kind.types, str(kind.count), f"{kind.rate:.1f}", f"{kind.longest_gap:.2f} s")
-        table.add_row(*map(Text, cells), Text(example))
+        example = " ".join(f"{each:.3g}" if isinstance(each, float) else str(each) for each in kind.example)
+        figures = (str(kind.count), f"{kind.rate:.1f}", f"{kind.longest_gap:.2f} s")
+        rows.append((kind.address, kind.types, example, *figures))
     if survey.kinds:
-        console.print(table)
+        headings = ("address", "types", "for example", "messages", "per second", "longest gap")
+        console.print(table_of("kinespace listen", headings, rows, caption=_caption(survey), names=3))
     if len(shown) > _MAX_SHOWN:
         console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MAX_KINDS else ''} other kinds")
     if guess:

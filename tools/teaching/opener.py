@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 _TRIED_EVERY = 0.1
 #: Seconds after the first change within which it is saved, also while further changes wait; and between two attempts.
 _SAVED_WITHIN = 1.0
-#: Frames after which the thread pauses for other threads, and the pause in seconds.
-_FRAMES_AT_ONCE, _PAUSE = 6, 0.002
+#: Frames after which the thread pauses for other threads.
+_FRAMES_AT_ONCE = 6
+#: Seconds of the pause.
+_PAUSE = 0.002
 
 
 @dataclass(frozen=True, slots=True, eq=False)

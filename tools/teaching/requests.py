@@ -34,7 +34,7 @@ class RequestSource:
     keyring
         Keys of peers who may command, on any host; None for no keys.
     networks
-        Networks whose peers a bound socket lets in; empty for all.
+        Networks whose peers may connect to a bound socket; empty for all.
 
     Attributes
     ----------

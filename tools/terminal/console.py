@@ -43,7 +43,7 @@ def say(line: str | Text) -> None:
 
 
 def note(line: str) -> None:
-    """Print a line that is no result beside the progress: another program may read the results."""
+    """Print a line that is no result where progress is shown: another program may read the results."""
     progress_console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 

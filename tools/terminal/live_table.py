@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
@@ -13,8 +13,8 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.teaching.notices import State, Step
 from kinespace.stream.teaching.wire import as_line
-from kinespace.tools.terminal.console import console, printable
-from kinespace.tools.terminal.tables import narrow_table, shortened
+from kinespace.tools.terminal.console import console, printable, say
+from kinespace.tools.terminal.tables import shortened, table_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -25,14 +25,20 @@ if TYPE_CHECKING:
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
-#: Characters of a full score bar, and of the shortest useful bar.
-_BAR, _MIN_BAR = 20, 5
-#: Characters of a performer's name at most, of a class's name at least, and of the heading above classes.
-_PERFORMER, _CLASS, _HEADING = 16, 8, len("this moment")
-#: Characters between two columns.
-_BETWEEN = 2
-#: Notices of teaching, and ended motions of each performer, that are shown, at most.
-_NOTICES, _MOTIONS = 3, 3
+#: Characters of a score's bar.
+_BAR = 20
+#: Characters of a terminal that has room for bars.
+_WIDE = 110
+#: Characters of a performer's name, at most.
+_PERFORMER = 16
+#: Characters of a class's name, at least.
+_CLASS = 8
+#: Characters of three figures, their headings, and the spaces after six columns, without bars.
+_FIGURES = 5 + len("margin") + len("frames/s") + 11
+#: Notices of teaching that are shown, at most.
+_NOTICES = 3
+#: Ended motions of each performer that are shown, at most.
+_MOTIONS = 3
 #: Seconds without an answer after which a performer sends no frames.
 _NO_FRAMES = 0.5
 #: The counters of a status, and the path to each; after the first eight only counters above 0 are shown.
@@ -47,7 +53,7 @@ COUNTERS = (
     ("no room", "outcomes.no_room"),
     ("performers gone", "outcomes.dropped"),
     ("from other senders", "admission.other_sender"),
-    ("not let in", "admission.not_allowed"),
+    ("not allowed", "admission.not_allowed"),
     ("odd times", "admission.odd_times"),
     ("incomplete", "inputs.incomplete"),
     ("dropped from senders served last", "inputs.thrown_away"),
@@ -57,41 +63,13 @@ COUNTERS = (
 _ALWAYS = 8
 
 
-def score_shown(score: float, bar: int) -> Text:
-    """Show a score from 0 to 1, behind a bar of so many characters."""
+def score_shown(score: float, width: int) -> Text:
+    """Show a score from 0 to 1, behind a bar where a terminal has room for it: at `_WIDE` characters."""
     number = Text(f"{score:.3f}")
-    if not bar:
+    if width < _WIDE:
         return number
-    filled = round(min(max(score, 0.0), 1.0) * bar)
-    return Text("█" * filled, style="green") + Text("░" * (bar - filled) + " ", style="dim") + number
-
-
-class _Widths(NamedTuple):
-    """Widths of the columns of performers, classes and bars, and the figures for which there is room.
-
-    Names are shortened to make room for the figures; only on a terminal of few characters some figures are left out.
-    """
-
-    performer: int
-    name: int
-    bar: int
-    figures: Sequence[str]
-
-    @classmethod
-    def of(cls, width: int, performers: Sequence[str], classes: Sequence[str]) -> _Widths:
-        performer = min(max(map(len, ("performer", *performers))), _PERFORMER)
-        longest = max(map(len, classes), default=0)
-        figures = {"score": len("0.000"), "margin": len("margin"), "frames/s": len("frames/s")}
-        # The last column is followed by a space, too.
-        room = width - 1 - performer - 2 * _BETWEEN - sum(figures.values()) - len(figures) * _BETWEEN
-        while room < 2 * max(_CLASS, _HEADING) and len(figures) > 1:
-            room += _BETWEEN + figures.popitem()[1]
-        wanted = max(longest, _HEADING)
-        left = room - 2 * wanted - 1
-        least = _MIN_BAR if room - _MIN_BAR - 1 >= 2 * _HEADING else 0
-        bar = min(max(left, least), _BAR)
-        name = min(wanted, (room - (bar + 1 if bar else 0)) // 2)
-        return cls(performer, max(name, _CLASS), bar, list(figures))
+    filled = round(min(max(score, 0.0), 1.0) * _BAR)
+    return Text("█" * filled, style="green") + Text("░" * (_BAR - filled) + " ", style="dim") + number
 
 
 class _Silence:
@@ -128,24 +106,21 @@ class PlainLines(Sink):
         self._last[recognition.performer] = recognition.label, began, recognition.time
         self._silence.note(recognition.performer)
         if recognition.label != before:
-            console.print(
+            say(
                 f"{recognition.time - began:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
-                f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
-                soft_wrap=True,
+                f"score {recognition.score:.3f}  margin {recognition.margin:.3f}"
             )
 
     def publish_gone(self, performer: str) -> None:
         """Print that a performer has left."""
-        console.print(f"performer {printable(performer)}: gone", soft_wrap=True)
+        say(f"performer {printable(performer)}: gone")
 
     def publish_event(self, event: Event) -> None:
         """Print the event at the time of the performer's last answer, and its own time if that was earlier."""
         _, began, last = self._last.get(event.performer, ("", event.time, event.time))
         at = "" if event.time >= last else f" at {event.time - began:.3f} s"
-        console.print(
-            f"{max(event.time, last) - began:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}",
-            soft_wrap=True,
-        )
+        moment = max(event.time, last) - began
+        say(f"{moment:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}")
 
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed."""
@@ -153,18 +128,18 @@ class PlainLines(Sink):
         said = said_of(status) + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
         for line in said:
             if line not in self._said:
-                console.print(line, soft_wrap=True)
+                say(line)
         self._said = said
         for note in status.notes:
             # A sender may make a new mistake each second: one line of each kind is enough.
             kind = note.partition(":")[0]
             if kind not in self._notes:
                 self._notes.add(kind)
-                console.print(printable(note), soft_wrap=True)
+                say(printable(note))
 
     def publish_notice(self, notice: Notice) -> None:
         """Print the notice."""
-        console.print(printable(as_line(notice)), soft_wrap=True, markup=False)
+        say(printable(as_line(notice)))
 
 
 class LiveTable(Sink):
@@ -227,33 +202,30 @@ class LiveTable(Sink):
         """Draw the current table; from any thread."""
         rows, latest, rates = list(self._rows), dict(self._latest), self._status.performers if self._status else {}
         going_on, silent = dict(self._going_on), self._silence.of(latest)
-        table = narrow_table("kinespace live", self._caption(silent))
-        widths = _Widths.of(console.width, [printable(name) for name in rows], self._classes)
-        for heading in ("performer", "doing", "this moment"):
-            table.add_column(heading, no_wrap=True)
-        for heading in widths.figures:
-            table.add_column(heading, justify="left" if heading == "score" else "right", no_wrap=True)
+        width, longest = console.width, min(max(map(len, (*rows, "performer"))), _PERFORMER)
+        room = max((width - longest - _FIGURES - (_BAR + 1 if width >= _WIDE else 0)) // 2, _CLASS)
+        cells = list["Sequence[str | Text]"]()
         for name in rows:
             last = latest.get(name)
             if last is None:
-                table.add_row()
+                cells.append(())
                 continue
-            cells = {
-                "score": score_shown(last.score, widths.bar),
-                "margin": Text(f"{last.margin:.3f}"),
-                "frames/s": Text(f"{rates[name]:.0f}" if name in rates else ""),
-            }
             doing = going_on[name].label if name in going_on else ""
             label = "no frames" if name in silent else last.label
-            table.add_row(
-                Text(shortened(printable(name), widths.performer)),
-                Text(shortened(doing, widths.name), style="bold"),
-                Text(shortened(label, widths.name), style="" if label == last.class_name else "dim"),
-                *(cells[heading] for heading in widths.figures),
+            cells.append(
+                (
+                    shortened(printable(name), _PERFORMER),
+                    Text(shortened(doing, room), style="bold"),
+                    Text(shortened(label, room), style="" if label == last.class_name else "dim"),
+                    score_shown(last.score, width),
+                    f"{last.margin:.3f}",
+                    f"{rates[name]:.0f}" if name in rates else "",
+                )
             )
         if not latest:
-            table.add_row("", Text("waiting for frames ...", style="dim"))
-        return table
+            cells.append(("", Text("waiting for frames ...", style="dim")))
+        headings = ("performer", "doing", "this moment", "score", "margin", "frames/s")
+        return table_of("kinespace live", headings, cells, caption=self._caption(silent), names=3)
 
     def _caption(self, silent: Mapping[str, float]) -> str:
         status = self._status
@@ -303,7 +275,7 @@ def summary(status: Status, hop: float) -> str:
     return (
         f"{counts(status)}\n"
         f"{recognizers.hops} answers of {recognizers.frames} frames{most}, "
-        f"{recognizers.restarts} windows started anew, "
+        f"{recognizers.restarts} windows started again, "
         f"{status.unsent} answers not sent, {f'{status.stale} too old to be sent, ' if status.stale else ''}"
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
         + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())

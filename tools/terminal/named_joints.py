@@ -16,28 +16,28 @@ if TYPE_CHECKING:
     from kinespace.library import Clip, Reading
 
 
-class NameTeller:
+class NameNotes:
     """Says, once for each, which convention clips' joint names had and how many of our joints they have."""
 
     def __init__(self) -> None:
-        self._told = set[str]()
+        self._noted = set[str]()
 
     def __call__(self, clip: Clip) -> Clip:
         """Print a note on a clip if it is new; give the clip."""
         line = summary(clip.naming, clip.skeleton.joints) if clip.naming else ""
-        if line and line not in self._told:
-            self._told.add(line)
+        if line and line not in self._noted:
+            self._noted.add(line)
             note(line)
         return clip
 
 
-def read_and_tell(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
+def read_with_notes(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
     """Read recordings one after the other, with a progress bar and notes on their joint names."""
-    return progress(map(NameTeller(), read_recordings(paths, reading)), "Reading", len(paths))
+    return progress(map(NameNotes(), read_recordings(paths, reading)), "Reading", len(paths))
 
 
 def read_labelled(places: Sequence[Path], reading: Reading) -> list[Clip]:
     """Read clips, or folders of them, with the class and the actor that their places name."""
     paths = find_recordings(places)
-    clips = read_and_tell(paths, reading)
+    clips = read_with_notes(paths, reading)
     return [labelled(clip, path, reading.actor_in) for clip, path in zip(clips, paths, strict=True)]

@@ -1,26 +1,50 @@
-"""Tables that keep names whole on a narrow terminal."""
+"""Tables that keep figures and names whole on a narrow terminal."""
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.console import console, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping, Sequence
 
-#: Characters that a column of names has at least.
-_MIN_WIDTH = 16
+    from rich.text import Text
+
+#: Characters that a line of a heading may always have.
+_HEADING = 10
 #: How cells begin that spreadsheets take for something to compute.
 _COMPUTED = ("=", "+", "-", "@", "\t", "\r")
 
 
-def narrow_table(title: str, caption: str | None = None) -> Table:
-    """Make an empty table without frames, so that two class names fit side by side on 80 characters."""
-    return Table(
+def table_of(
+    title: str,
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str | Text]],
+    *,
+    caption: str | None = None,
+    names: int = 1,
+) -> Table:
+    """Make a table without frames.
+
+    Figures are never broken; their headings break between words. Where a terminal is too narrow, names are folded.
+
+    Parameters
+    ----------
+    title, caption
+        Above and below the table.
+    headings
+        Of the columns.
+    rows
+        The cells; a row may be short.
+    names
+        The number of columns of names: the first ones, which stand left. The others hold figures and stand right.
+    """
+    table = Table(
         title=title,
         caption=caption,
         box=SIMPLE_HEAD,
@@ -29,6 +53,49 @@ def narrow_table(title: str, caption: str | None = None) -> Table:
         title_justify="left",
         caption_justify="left",
     )
+    cells = [[printable(each) if isinstance(each, str) else each for each in row] for row in rows]
+    for place, heading in enumerate(headings):
+        if place < names:
+            table.add_column(heading, overflow="fold")
+        else:
+            longest = max((len(row[place]) for row in cells if place < len(row)), default=0)
+            text = textwrap.fill(heading, max(longest, _HEADING), break_long_words=False)
+            table.add_column(text, justify="right", no_wrap=True)
+    for row in cells:
+        table.add_row(*row)
+    return table
+
+
+class _None:
+    """A figure that there is not."""
+
+    def __format__(self, form: str) -> str:
+        return "-"
+
+
+def print_scores(
+    scores: Iterable[Mapping[str, object]],
+    columns: Iterable[tuple[str, str]],
+    *,
+    title: str,
+    caption: str | None = None,
+    names: int = 1,
+) -> None:
+    """Print a row for each score.
+
+    Parameters
+    ----------
+    scores
+        Figures by name; None for a figure that there is not.
+    columns
+        Headings, and how figures are written, like `{right:.1%}`.
+    title, caption, names
+        As for `table_of`.
+    """
+    headings, forms = zip(*columns, strict=True)
+    there = ({name: _None() if value is None else value for name, value in score.items()} for score in scores)
+    rows = [[form.format(**score) for form in forms] for score in there]
+    console.print(table_of(title, headings, rows, caption=caption, names=names))
 
 
 def counted(count: int, noun: str, several: str = "") -> str:
@@ -41,26 +108,8 @@ def csv_text(text: str) -> str:
     return f"'{text}" if text.startswith(_COMPUTED) else text
 
 
-def add_names(table: Table, heading: str, names: Iterable[str], *, beside: int) -> None:
-    """Add a column of names, as wide as the longest name: other columns are narrowed first.
-
-    Parameters
-    ----------
-    table
-        A table without rows.
-    heading
-        The column's heading.
-    names
-        The names in the column.
-    beside
-        Characters that the other columns need at least; this column takes at most the rest.
-    """
-    longest = max(map(len, (heading, *names)))
-    table.add_column(heading, width=min(longest, max(console.width - beside, _MIN_WIDTH)), overflow="fold")
-
-
 def shortened(name: str, width: int) -> str:
-    """Give a name in at most so many characters; its middle is left out, because classes differ in their ends."""
+    """Give a name in at most this many characters; its middle is left out, because classes differ in their ends."""
     if len(name) <= width:
         return name
     end = width // 2

@@ -12,7 +12,7 @@ from written import trc_text
 from kinespace.library import read_recordings
 from kinespace.stream import Settings
 from kinespace.tools.feeding.feed import clip_cues
-from kinespace.tools.loopback.expected_answers import expected_answers
+from kinespace.tools.loopback.answers import expected_answers
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -16,7 +16,7 @@ from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.bench import scale
 from kinespace.tools.bench.crowd import Feed, Played, core_seconds, performers_a_core
-from kinespace.tools.loopback.answer_listener import Received
+from kinespace.tools.loopback.answers import Received
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -117,7 +117,7 @@ WRONG = [
     ("live --zmq-in here", "--zmq-in: expected an address like tcp://127.0.0.1:5556, got 'here'"),
     ("live --zmq-in pigeon://here", "pigeon://here: Protocol not supported"),
     ("live --zmq-in tcp://", "tcp://: Invalid argument"),
-    ("replay clip.amc --drop 1.1", "--drop: expected a share from 0 to 1, got 1.1"),
+    ("live --sensitivity 1.1", "--sensitivity: expected a share from 0 to 1, got 1.1"),
     ("replay squat", "squat: no such file or folder, perhaps squat1Reps is meant"),
     ("replay squat1Reps --unit cm", "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
     ("replay squat1Reps --from 60", "expected --from and --to within its "),

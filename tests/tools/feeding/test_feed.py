@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -19,9 +17,6 @@ from kinespace.tools.feeding.feed import (
     ZmqFrameSender,
     clip_cues,
     resampled,
-    with_drops,
-    with_jitter,
-    with_reordering,
     without_pause,
 )
 
@@ -74,50 +69,6 @@ def test_clips_are_cued_as_they_are_asked_for() -> None:
     clip = stick_clip("wave", frames=2)
     endless = clip_cues(iter(lambda: clip, None), "me")
     assert [next(endless).seq for _ in range(7)] == list(range(7))
-
-
-def test_dropped_frames_are_the_share_ordered() -> None:
-    """Of 10 000 frames a share of 0.2 is lost, within four standard deviations, the rest unchanged and in order."""
-    sent = cues(10_000)
-    kept = list(with_drops(sent, 0.2, np.random.default_rng(5)))
-    assert abs(len(kept) - 8000) < 4 * np.sqrt(10_000 * 0.2 * 0.8)
-    numbers = [cue.seq for cue in kept]
-    assert all(cue is sent[cue.seq] for cue in kept)
-    assert numbers == sorted(numbers)
-
-
-def test_jitter_is_late_never_early_and_keeps_the_order() -> None:
-    """Every frame is late by 0 up to the given seconds, in the same order, and otherwise unchanged."""
-    sent = cues(2000)
-    late = list(with_jitter(sent, 0.03, np.random.default_rng(2)))
-    assert [cue.frame for cue in late] == [cue.frame for cue in sent]
-    assert [cue.seq for cue in late] == [cue.seq for cue in sent]
-    lateness = np.array([after.due - before.due for before, after in zip(sent, late, strict=True)])
-    assert lateness.min() >= 0.0
-    assert lateness.max() <= 0.03
-    assert lateness.std() > 0.001
-    assert all(before.due <= after.due for before, after in pairwise(late))
-
-
-def test_reordering_swaps_neighbours() -> None:
-    """Frames are at most one place from their own, none is lost, and the times of sending do not change."""
-    sent = cues(5001)
-    swapped = list(with_reordering(sent, 0.2, np.random.default_rng(3)))
-    numbers = np.array([cue.seq for cue in swapped])
-    assert [cue.due for cue in swapped] == [cue.due for cue in sent]
-    assert Counter(numbers.tolist()) == Counter(range(5001))
-    assert np.abs(numbers - np.arange(5001)).max() == 1
-    assert all(cue.frame is sent[cue.seq].frame for cue in swapped)
-    swaps = int((np.diff(numbers) == -1).sum())
-    drawn = 5001 - swaps
-    assert abs(swaps - 0.2 * drawn) < 4 * np.sqrt(drawn * 0.2 * 0.8)
-
-
-@pytest.mark.parametrize(("count", "expected"), [(4, [1, 0, 3, 2]), (5, [1, 0, 3, 2, 4]), (1, [0]), (0, [])])
-def test_reordering_everything_swaps_every_pair(count: int, expected: list[int]) -> None:
-    """With a share of 1 every pair is swapped, and a last frame without a partner is sent all the same."""
-    swapped = with_reordering(cues(count), 1.0, np.random.default_rng(4))
-    assert [cue.seq for cue in swapped] == expected
 
 
 @dataclass

@@ -16,7 +16,7 @@ OURS = {"host": "127.0.0.1:8010", "origin": "http://127.0.0.1:8010"}
 
 def _status(gate: Gate, target: str, **headers: str) -> int:
     reply = gate.answer(target, headers)
-    return 101 if reply is None else reply.status
+    return 101 if reply is None else reply.status_code
 
 
 # --- the gate ----------------------------------------------------------------------------------------------------
@@ -82,7 +82,7 @@ def test_everything_that_is_given_is_guarded() -> None:
     for file in (resources.files("kinespace.tools.page") / "static").iterdir():
         reply = Gate().answer(f"/{file.name}", {"host": "localhost:8010"})
         assert reply is not None
-        assert reply.status == 200
+        assert reply.status_code == 200
         assert reply.body == file.read_bytes()
         policy = reply.headers["Content-Security-Policy"]
         assert "default-src 'none'" in policy

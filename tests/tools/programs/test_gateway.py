@@ -15,7 +15,7 @@ from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
 
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import OscFrameSender
-from kinespace.tools.loopback.answer_listener import Listener, answer_in
+from kinespace.tools.loopback.answers import Listener, answer_in
 
 if TYPE_CHECKING:
     from pathlib import Path

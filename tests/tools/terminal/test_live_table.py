@@ -106,8 +106,8 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
     drawn = shown(table)
     (mine,) = [line for line in drawn.splitlines() if line.startswith("me ")]
     (yours,) = [line for line in drawn.splitlines() if line.startswith("you ")]
-    assert re.fullmatch(r"me +jump +\S+ 0\.500 +0\.250 +120", mine.strip())
-    assert re.match(r"you +wave +\S+ 0\.750 ", yours)
+    assert re.fullmatch(r"me +jump +0\.500 +0\.250 +120", mine.strip())
+    assert re.match(r"you +wave +0\.750 ", yours)
     assert "waiting" not in drawn
     assert "3 classes · received 101, malformed 2" in drawn
 
@@ -117,29 +117,28 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
 )
 def test_a_score_is_a_bar_and_a_number(score: float, full: int) -> None:
     """A bar of 20 characters is filled in proportion; rounding never overfills it; without room there is none."""
-    text = score_shown(score, 20).plain
+    text = score_shown(score, 110).plain
     assert text.count("█") == full
     assert text.count("█") + text.count("░") == 20
     assert text.endswith(f"{score:.3f}")
-    assert score_shown(score, 0).plain == f"{score:.3f}"
+    assert score_shown(score, 109).plain == f"{score:.3f}"
 
 
 LONGEST = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
 
 
 @pytest.mark.parametrize(
-    ("width", "names", "figures"),
+    ("width", "names"),
     [
-        (120, ("rotateArmsBothBackward1Reps", "elbowToKnee1RepsLelbowStart"), 3),
-        (80, ("rotateA…ard1Reps", "elbowTo…bowStart"), 3),
-        (60, ("rotat…1Reps", "elbow…Start"), 2),
-        (50, ("rotate…d1Reps", "elbowT…wStart"), 1),
+        (120, ("rotateArmsBothBackward1Reps", "elbowToKnee1RepsLelbowStart")),
+        (80, ("rotateArm…ward1Reps", "elbowToKn…lbowStart")),
+        (60, ("rota…Reps", "elbo…tart")),
     ],
 )
 def test_long_names_never_push_the_figures_out(
-    width: int, names: tuple[str, str], figures: int, monkeypatch: pytest.MonkeyPatch
+    width: int, names: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Names are shortened in their middle: their ends tell classes apart. On 80 characters all figures have room."""
+    """Names are shortened in their middle: their ends tell classes apart."""
     monkeypatch.setattr("kinespace.tools.terminal.live_table.console._width", width)
     table = LiveTable(LONGEST)
     table.publish(Recognition("performer 1", 1.0, Outcome.NAMED, LONGEST, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
@@ -149,8 +148,7 @@ def test_long_names_never_push_the_figures_out(
     (row,) = [line.split() for line in lines if line.startswith("performer 1")]
     assert max(map(len, lines)) <= width
     assert tuple(row[2:4]) == names
-    assert len([cell for cell in row[4:] if cell[0].isdigit()]) == figures
-    assert lines[1].split()[4:] == ["score", "margin", "frames/s"][:figures]
+    assert [cell for cell in row[4:] if cell[0].isdigit()] == ["0.900", "0.100", "120"]
 
 
 def test_performers_keep_their_rows() -> None:
@@ -248,5 +246,5 @@ def test_the_summary_adds_answers_and_times() -> None:
     assert first == counts(status())
     assert second == (
         "20 answers of 80 frames (--hop: at most 30 answers a second), "
-        "9 windows started anew, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
+        "9 windows started again, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
     )

@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     #: the units: two kinds are drawn independently.
     Draw = Callable[[int, int], NDArray[np.float64]]
 
-#: The number of draws, and the seed of the first kind of units: the same figures have the same interval.
-RESAMPLES, _SEED = 1000, 2012
+#: The number of draws.
+RESAMPLES = 1000
+#: The seed of the first kind of units: the same figures have the same interval.
+_SEED = 2012
 _ENDS = (2.5, 97.5)
 
 #: Lower and upper end.

@@ -4,7 +4,7 @@ Three spaces are compared (Le Naour et al. 2012, section 3 and figure 2): joint-
 recorded, and joint rotations as recorded (the AMC's angles, with the root's). In each space a motion's signature is the
 first principal axis of its centred numbers.
 
-Beside it stands the spread: the logarithms of the distances' standard deviations, relative to the body's size and
+The spread is another signature: the logarithms of the distances' standard deviations, relative to the body's size and
 centred, say which joints move against each other, and by which factor more than others; they have no sign, and a motion
 done larger changes all of them alike. Its metric is learned from the motions that may be found: it divides by the
 scatter within classes (within-class covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal
@@ -67,8 +67,8 @@ class Protocol(StrEnum):
 
 #: The actors of the split in the literature: their motions make the library, the other actors' motions ask.
 SPLIT_LIBRARY_ACTORS = ("bd", "bk", "dg")
-#: The number of these among HDM05's five actors.
-_ACTORS, _LIBRARY_ACTORS = 5, 3
+#: HDM05's actors.
+_ACTORS = 5
 
 
 class Labels(NamedTuple):
@@ -153,7 +153,7 @@ def _rows(clip: Clip, space: Space) -> NDArray[np.float64]:
 
 def splits(actors: Collection[str]) -> list[tuple[str, ...]]:
     """List all libraries of three of five actors, which the other two actors ask; empty for other numbers of actors."""
-    return list(combinations(sorted(actors), _LIBRARY_ACTORS)) if len(actors) == _ACTORS else []
+    return list(combinations(sorted(actors), len(SPLIT_LIBRARY_ACTORS))) if len(actors) == _ACTORS else []
 
 
 def candidates(

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, RocArea, intervals_of, values_of
-from kinespace.tools.evaluation.scoring.stretches import stretches_of
-from kinespace.tools.evaluation.scoring.timeline import NONE
+from kinespace.tools.evaluation.scoring.timeline import NONE, stretches_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -19,8 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.tools.evaluation.scoring.bootstrap import Figure
-    from kinespace.tools.evaluation.scoring.stretches import Stretch
-    from kinespace.tools.evaluation.scoring.timeline import Course
+    from kinespace.tools.evaluation.scoring.timeline import Course, Stretch
 
 _Item = TypeVar("_Item")
 _seconds = attrgetter("seconds")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from kinespace.tools.evaluation.harness import print_scores, print_table, written
-from kinespace.tools.terminal.tables import counted
+from kinespace.tools.evaluation.harness import written
+from kinespace.tools.terminal.console import console
+from kinespace.tools.terminal.tables import counted, print_scores, table_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -64,7 +65,7 @@ def print_score(score: StreamScore, *, by_person: bool = False) -> None:
                 ends = interval(score.figures[name].interval(by_person=by_person), form)
                 rows.append((f"  {text}", written(score.values[name], form), ends))
     headings = "", "", "95 %, by person" if by_person else "95 %"
-    print_table(headings, rows, title="Answers against the motion performed at that moment")
+    console.print(table_of("Answers against the motion performed at that moment", headings, rows))
     if score.classes:
         by_class = ({"name": name, **each} for name, each in score.classes.items())
         print_scores(by_class, _CLASSES, title="By class")
@@ -77,7 +78,7 @@ def print_persons(
     shown = [name for name in _SHOWN_OF_PERSONS if summary["mean"][name] is not None]
     texts = _KNOWN | _UNKNOWN | _CONTAINING
     rows = [(person, *(written(figures[name]) for name in shown)) for person, figures in {**persons, **summary}.items()]
-    print_table(("person", *(texts[name][0] for name in shown)), rows, title=f"By person ({by})")
+    console.print(table_of(f"By person ({by})", ("person", *(texts[name][0] for name in shown)), rows))
 
 
 def interval(ends: Interval | None, form: str = _SHARE) -> str:

@@ -125,12 +125,12 @@ def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | No
 
 
 def _and_here(networks: Networks) -> Networks:
-    """Add this machine to the networks that are let in, unless all are."""
+    """Add this machine to the networks that may connect, unless all may."""
     return [*networks, *_LOOPBACK] if networks else ()
 
 
 def _networks(options: argparse.Namespace) -> Networks:
-    """Read the networks that are let in; ValueError for no network."""
+    """Read the networks that may connect; ValueError for no network."""
     return [ipaddress.ip_network(each, strict=False) for each in options.allow_from]
 
 

@@ -1,7 +1,7 @@
 """`kinespace build`: makes one motion library file of recordings and libraries.
 
 Puts the motions of recordings and library files together, over the joints that all of them have. A recording's class is
-in its name (HDM05) or is its folder's name. A file of labels beside a take, with the take's name and the ending .csv,
+in its name (HDM05) or is its folder's name. A file of labels next to a take, with the take's name and the ending .csv,
 .tsv or .txt, cuts it into motions.
 """
 
@@ -34,9 +34,10 @@ from kinespace.tools.cli.arguments import (
     mapping,
     names,
     reading_of,
+    several,
 )
 from kinespace.tools.terminal.console import progress, say
-from kinespace.tools.terminal.named_joints import NameTeller
+from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import counted
 
@@ -69,29 +70,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CLASS|PERSON,...",
         help="leave these classes or persons out",
     )
-    parser.add_argument(
-        "--rename",
-        nargs="+",
-        action="extend",
-        type=mapping,
-        default=[],
-        metavar="OLD=NEW",
-        help=f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"',
-    )
-    parser.add_argument(
-        "--guests",
-        nargs="+",
-        action="extend",
-        type=Path,
-        default=[],
-        metavar="TAKE",
-        help="add their motions, for bodies of few joints alone; the joints that they lack are computed",
-    )
+    text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
+    parser.add_argument("--rename", **several(mapping, "OLD=NEW"), help=text)
+    text = "add their motions, for bodies of few joints alone; the joints that they lack are computed"
+    parser.add_argument("--guests", **several(Path, "TAKE"), help=text)
     parser.add_argument(
         "--every", type=count, default=1, metavar="N", help="add every Nth of the guests' motions alone"
     )
     add_labels(
-        parser, "for each recording, in order: cut it into these motions (default: the file beside it, if there is one)"
+        parser,
+        "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)",
     )
     add_shared(parser, "--overwrite", "--feed", "--actor-in")
     add_reading(parser)
@@ -169,18 +157,18 @@ class _Recordings:
         self._filled = self._read = 0
 
     def motions(self, places: Sequence[Path], labels: Sequence[Path]) -> Iterator[Clip]:
-        """Give the motions of recordings, by the given labels or the labels beside the recordings."""
+        """Give the motions of recordings, by the given labels or the labels next to the recordings."""
         paths = find_recordings(places)
         if labels and len(labels) != len(paths):
             raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
         given = list(map(read_labels, labels)) if labels else list(map(segments_beside, paths))
-        named, found = NameTeller(), sum(each is not None for each in given)
+        named, found = NameNotes(), sum(each is not None for each in given)
         if found and not labels:
-            self.notes.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels beside")
-        beside = {} if labels else {path: labels_beside(path) for path in paths}
-        for path, (first, *others) in ((path, files) for path, files in beside.items() if len(files) > 1):
+            self.notes.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels next to them")
+        near = {} if labels else {path: labels_beside(path) for path in paths}
+        for path, (first, *others) in ((path, files) for path, files in near.items() if len(files) > 1):
             self.notes.append(f"{path.name}: cut by {first.name}, not by {', '.join(each.name for each in others)}")
-        self.notes += _passed_over(places, {*paths, *labels, *(each for files in beside.values() for each in files)})
+        self.notes += _passed_over(places, {*paths, *labels, *(each for files in near.values() for each in files)})
         damaged = list[str]()
         reader = RecordingReader(self._reading)
         for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):

@@ -10,6 +10,7 @@ import csv
 import tempfile
 from array import array
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ from kinespace.stream.inputs.recording.takes import events_of, ordered_frames, s
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import printable, progress, say
-from kinespace.tools.terminal.named_joints import NameTeller
+from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
 
@@ -43,11 +44,11 @@ _Posture = tuple[float, "NDArray[np.floating]"]
 
 @dataclass(slots=True)
 class _Motion:
-    """Frames of one performer, one after the other; their number is known if they were counted."""
+    """Frames of one performer, one after the other, and the number of those that were seen."""
 
     skeleton: Skeleton
     performer: str
-    frames: int | None
+    frames: int
     postures: Iterator[_Posture]
 
 
@@ -78,17 +79,17 @@ def run(options: argparse.Namespace) -> int:
     damage = ""
     if source.suffix.lower() == ENDING:
         recording = RawFile(source)
-        motion, refused = _of_raw(recording, options.performer, preset_named(feed) if feed else None)
+        motion = _of_raw(recording, options.performer, preset_named(feed) if feed else None)
         damage = recording.damage()
     elif feed:
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {source}")
     else:
-        motion, refused = _of_file(source, reading_of(options)), 0
+        motion = _of_file(source, reading_of(options))
     motion.postures = progress(motion.postures, "Writing", motion.frames)
-    frames = write(output, motion)
+    frames, joints = write(output, motion), len(motion.skeleton.joints)
+    refused = motion.frames - frames
     say(
-        f"{output}: {frames} frames of {len(motion.skeleton.joints)} joints"
-        + (f", {refused} frames of other joints left out" if refused else "")
+        f"{output}: {frames} frames of {joints} joints" + f", {refused} frames of other joints left out" * bool(refused)
     )
     if damage:
         say(damage)
@@ -96,12 +97,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _of_file(source: Path, reading: Reading) -> _Motion:
-    clip = NameTeller()(RecordingReader(reading).clip(find_recordings([source])[0]))
+    clip = NameNotes()(RecordingReader(reading).clip(find_recordings([source])[0]))
     return _Motion(clip.skeleton, clip.actor, clip.frames, zip(clip.times.tolist(), clip.positions, strict=True))
 
 
-def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> tuple[_Motion, int]:
-    """Look through a recording once for its performers, then give one performer's frames, and how many are left out."""
+def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> _Motion:
+    """Look through a recording once for its performers, then give one performer's frames."""
     seen = seen_in(progress(events_of(recording, preset), "Looking", None))
     performing = [name for name, each in seen.items() if each.frames]
     if performer is None and len(performing) > 1:
@@ -109,16 +110,12 @@ def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) ->
     chosen = performer if performer is not None else next(iter(performing), "")
     if chosen not in performing:
         raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
-    skeleton = seen[chosen].skeleton()
-
-    def postures() -> Iterator[_Posture]:
-        frames = ordered_frames(recording, preset, {chosen: seen[chosen]})
-        return ((seconds, positions) for _, _, seconds, positions in frames)
-
-    frames = sum(1 for _ in postures())
-    if not frames:
+    skeleton, frames = seen[chosen].skeleton(), ordered_frames(recording, preset, {chosen: seen[chosen]})
+    postures = ((seconds, positions) for _, _, seconds, positions in frames)
+    first = next(postures, None)
+    if first is None:
         raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
-    return _Motion(skeleton, chosen, frames, postures()), seen[chosen].frames - frames
+    return _Motion(skeleton, chosen, seen[chosen].frames, chain([first], postures))
 
 
 def _write_csv(output: Path, motion: _Motion) -> int:

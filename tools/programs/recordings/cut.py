@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="CSV",
-        help="the labels to write (default: beside the recording, with its name)",
+        help="the labels to write (default: next to the recording, with its name)",
     )
     parser.add_argument(
         "--stillness",

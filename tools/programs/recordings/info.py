@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
 from kinespace.library import distance_rows, find_recordings, kernels
 from kinespace.library.recordings import is_recording, labelled
@@ -23,19 +22,24 @@ from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
 from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import console, printable, progress, say
-from kinespace.tools.terminal.named_joints import read_and_tell
-from kinespace.tools.terminal.tables import add_names, narrow_table
+from kinespace.tools.terminal.named_joints import read_with_notes
+from kinespace.tools.terminal.tables import print_scores
 
-#: Characters of the columns beside names of recordings, and of classes and persons.
-_BESIDE_RECORDINGS, _BESIDE_CLASSES = 34, 52
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _OF_RECORDINGS = (
-    *(("recording", "{name}"), ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}"), ("joints", "{joints}")),
-    *(("metres across", "{metres_across:.2f}"), ("filled in", "{filled:.1%}")),
+    ("recording", "{name}"),
+    ("seconds", "{seconds:.1f}"),
+    ("Hz", "{frame_rate:g}"),
+    ("joints", "{joints}"),
+    ("metres across", "{metres_across:.2f}"),
+    ("filled in", "{filled:.1%}"),
 )
 _OF_LIBRARY = (
-    *(("class", "{class}"), ("person", "{person}"), ("take", "{take}")),
-    *(("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")),
+    ("class", "{class}"),
+    ("person", "{person}"),
+    ("take", "{take}"),
+    ("seconds", "{seconds:.1f}"),
+    ("Hz", "{frame_rate:g}"),
 )
 
 if TYPE_CHECKING:
@@ -168,32 +172,14 @@ def _summed_up(motions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others: str) -> None:
     """Print a table of classes or of persons."""
-    figures = (("motions", "{motions}"), (others, f"{{{others}}}"), ("seconds", "{seconds:.1f}"), ("Hz", "{rates}"))
     indexed = (("index", "{index}"),) if any("index" in row for row in rows) else ()
+    figures = (("motions", "{motions}"), (others, f"{{{others}}}"), ("seconds", "{seconds:.1f}"), ("Hz", "{rates}"))
     shown = [
         {**row, what: row[what] or "?", others: row[others] or "?"}
-        # The class `nothing` has no index.
-        | {"index": "" if row.get("index") is None else row["index"]}
         | {"rates": ", ".join(f"{rate:g}" for rate in row["frame_rates"])}
         for row in rows
     ]
-    table = Table(title=title, title_justify="left")
-    _print_rows(table, shown, (*indexed, (what, f"{{{what}}}"), *figures), what, _BESIDE_CLASSES)
-
-
-def _print_rows(
-    table: Table, rows: Sequence[Mapping[str, Any]], columns: Sequence[tuple[str, str]], names: str, beside: int
-) -> None:
-    """Print rows by headings and forms; the column of one heading holds names, which are kept whole."""
-    cells = [[printable(form.format(**row)) for _, form in columns] for row in rows]
-    for place, (heading, _) in enumerate(columns):
-        if heading == names:
-            add_names(table, heading, [each[place] for each in cells], beside=beside)
-        else:
-            table.add_column(heading, justify="right")
-    for each in cells:
-        table.add_row(*each)
-    console.print(table)
+    print_scores(shown, ((what, f"{{{what}}}"), *indexed, *figures), title=title)
 
 
 def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:
@@ -202,7 +188,7 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
     names = [str(path.relative_to(place)) if place.is_dir() else path.name for path in paths]
     motions, listed = list[dict[str, Any]](), list[dict[str, Any]]()
     joints = dict[str, None]()
-    for name, path, read in zip(names, paths, read_and_tell(paths, reading), strict=True):
+    for name, path, read in zip(names, paths, read_with_notes(paths, reading), strict=True):
         clip = labelled(read, path, reading.actor_in)
         joints |= dict.fromkeys(clip.skeleton.joints)
         motions.append(_row(clip, name))
@@ -223,14 +209,12 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
 def _show_recordings(described: Mapping[str, Any]) -> None:
     """Print recordings: a single one as a row with its joints; of several the sums, and their rows if asked for."""
     if "clips" in described:
-        table = narrow_table(described["place"])
-        table.padding = 0
-        _print_rows(table, described["clips"], _OF_RECORDINGS, "recording", _BESIDE_RECORDINGS)
+        print_scores(described["clips"], _OF_RECORDINGS, title=described["place"])
     if described["motions"] > 1:
         _show_sums(described["place"], described["classes"], "class", "persons")
         _show_sums("", described["persons"], "person", "classes")
-        _tell({"recordings": f"{described['motions']}, {described['seconds']:.0f} s"})
-    _tell({"joints": f"{len(described['joints'])}: {', '.join(described['joints'])}"})
+        _say_each({"recordings": f"{described['motions']}, {described['seconds']:.0f} s"})
+    _say_each({"joints": f"{len(described['joints'])}: {', '.join(described['joints'])}"})
 
 
 def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
@@ -257,13 +241,13 @@ def _show_library(described: Mapping[str, Any]) -> None:
     """Print a library's classes with their indices, its persons, joints, licence and attribution."""
     if "clips" in described:
         clips = [each | {"person": each["person"] or "?"} for each in described["clips"]]
-        _print_rows(narrow_table(described["library"]), clips, _OF_LIBRARY, "class", _BESIDE_RECORDINGS)
+        print_scores(clips, _OF_LIBRARY, title=described["library"], names=3)
     _show_sums(described["library"], described["classes"], "class", "persons")
     _show_sums("", described["persons"], "person", "classes")
     classes = sum(row["index"] is not None for row in described["classes"])
     persons = [row["person"] for row in described["persons"] if row["person"]]
     guests = {"guests": f"{described['guests']}, for bodies of few joints"} if described["guests"] else {}
-    _tell(
+    _say_each(
         {
             "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
             "persons": ", ".join(persons) or "not stated",
@@ -277,6 +261,6 @@ def _show_library(described: Mapping[str, Any]) -> None:
     )
 
 
-def _tell(lines: Mapping[str, str]) -> None:
+def _say_each(lines: Mapping[str, str]) -> None:
     for heading, text in lines.items():
         say(f"{heading}: {printable(text)}")

@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Record until interrupted, or for so many seconds; print the counts and return the exit status."""
+    """Record until interrupted, or for the seconds asked for; print the counts and return the exit status."""
     output = options.record = options.output
     require_place_for(output, overwrite=options.overwrite)
     if not options.zmq_in:
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
 def _record(
     sources: Sequence[Source], writer: RawWriter, stopped: threading.Event, seconds: float | None, shown: Status
 ) -> None:
-    """Go on until stopped or until so many seconds have passed; packets that have arrived by then are kept."""
+    """Go on until stopped or until the seconds have passed; packets that have arrived by then are kept."""
     poller = zmq.Poller()
     for source in sources:
         poller.register(source.pollable, zmq.POLLIN)

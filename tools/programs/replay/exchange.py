@@ -8,29 +8,27 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-
 from kinespace.stream import osc
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, lost_at
-from kinespace.tools.loopback.answer_listener import answer_in
-from kinespace.tools.terminal.console import console, printable, progress_console, say
-from kinespace.tools.terminal.tables import add_names
+from kinespace.tools.loopback.answers import answer_in
+from kinespace.tools.terminal.console import console, say
+from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
+
+    from rich.table import Table
 
     from kinespace.stream.frame import Announcement
     from kinespace.tools.feeding.feed import Cue, FrameSender
-    from kinespace.tools.loopback.answer_listener import Listener, Received
+    from kinespace.tools.loopback.answers import Listener, Received
 
-#: Seconds without an answer after which no more are expected, and seconds to wait after the last frame, at most.
-_LINGER, _MAX_LINGER = 0.3, 3.0
+#: Seconds without an answer after which no more are expected.
+_LINGER = 0.3
+#: Seconds to wait after the last frame, at most.
+_MAX_LINGER = 3.0
 #: Seconds for which a feed may stand still without a note.
 _NOTICED = 0.05
-#: Characters of the columns beside classes' names.
-_BESIDE_CLASSES = 24
 
 
 @dataclass(slots=True)
@@ -68,17 +66,11 @@ class Score:
 
     def table(self) -> Table:
         """Draw the shares by class, and of all answers."""
-        table = Table(title="Answers while each class was performed", title_justify="left")
-        add_names(table, "performed", [*self.answers, "unlabelled"], beside=_BESIDE_CLASSES)
-        table.add_column("answers", justify="right")
-        table.add_column("right", justify="right")
-        for performed, answers in sorted(self.answers.items()):
-            table.add_row(performed, f"{answers}", f"{self.right[performed] / answers:.0%}")
-        table.add_section()
-        table.add_row("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}")
+        rows = [(name, f"{count}", f"{self.right[name] / count:.0%}") for name, count in sorted(self.answers.items())]
+        rows.append(("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}"))
         if self.unlabelled:
-            table.add_row("unlabelled", f"{self.unlabelled}", "")
-        return table
+            rows.append(("unlabelled", f"{self.unlabelled}", ""))
+        return table_of("Answers while each class was performed", ("performed", "answers", "right"), rows)
 
 
 class Exchange:
@@ -110,7 +102,10 @@ class Exchange:
                 self._sender.announce(self._announcement)
                 next_announcement = cue.due + ANNOUNCE_EVERY
             packet = self._sender.encode(cue)
-            self._wait(pace, cue.due)
+            if self._listener:
+                self._take_in(self._listener.listen_until(pace.moment(cue.due)))
+            else:
+                pace.wait_for(cue.due)
             self._sender.send(packet)
             self._sent += 1
             self._performed = cue.class_name
@@ -118,12 +113,6 @@ class Exchange:
         while self._listener and time.perf_counter() < end:
             if not self._take_in(self._listener.listen_until(time.perf_counter() + _LINGER)):
                 break
-
-    def _wait(self, pace: Pace, due: float) -> None:
-        if self._listener:
-            self._take_in(self._listener.listen_until(pace.moment(due)))
-        else:
-            pace.wait_for(due)
 
     def _take_in(self, received: Sequence[Received]) -> bool:
         """Count the answers that came; say whether one about our performer was among them."""
@@ -141,7 +130,7 @@ class Exchange:
         return bool(self._score.count)
 
     @property
-    def was_unheard(self) -> bool:
+    def reached_nobody(self) -> bool:
         """Whether it is known that no frame reached a program."""
         return bool(self._sent) and self._sender.unheard >= self._sent
 
@@ -152,7 +141,7 @@ class Exchange:
                 f"no answers about {self._announcement.performer!r} came, but {self._received} other packets: do the "
                 "frames reach the recogniser, and can it use their joints? It counts and shows both"
             )
-        if self.was_unheard:
+        if self.reached_nobody:
             return "no answers came"
         return "no answers came: is a recogniser running, and does it send its answers here?"
 
@@ -179,16 +168,3 @@ class Exchange:
             say(self._silence())
         elif self._listener:
             console.print(score.table())
-
-
-def shown(cues: Iterable[Cue], recordings: int | None) -> Iterator[Cue]:
-    """Pass cues through and show on a terminal which recording is sent, and of how many (None: endless)."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("elapsed"))
-    with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
-        task, shown = bar.add_task("Sending", total=recordings), -1
-        for cue in cues:
-            if cue.recording != shown:
-                shown = cue.recording
-                place = f"{shown + 1} of {recordings}" if recordings else f"{shown + 1}"
-                bar.update(task, completed=shown, description=f"Sending {place}: {escape(printable(cue.name))}")
-            yield cue

@@ -2,7 +2,7 @@
 
 Sends recordings as live packets on an absolute schedule. With --listen it counts the answers and prints the share that
 was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels with a take's name lies
-beside the take, the class is the label of the moment. Exit status: 0 sent (and, with --listen, answered), 1 the frames
+next to the take, the class is the label of the moment. Exit status: 0 sent (and, with --listen, answered), 1 the frames
 reached no program, or no answer came to --listen, 2 could not be done.
 """
 
@@ -13,8 +13,6 @@ from contextlib import ExitStack, suppress
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
@@ -28,27 +26,22 @@ from kinespace.tools.cli.arguments import (
     not_negative,
     positive,
     reading_of,
-    share,
 )
 from kinespace.tools.feeding import packets
 from kinespace.tools.feeding.feed import (
     OscFrameSender,
     ZmqFrameSender,
     piece_cues,
-    with_drops,
-    with_jitter,
-    with_reordering,
 )
-from kinespace.tools.loopback.answer_listener import Listener
-from kinespace.tools.programs.replay.exchange import Exchange, shown
+from kinespace.tools.loopback.answers import Listener
+from kinespace.tools.programs.replay.exchange import Exchange
 from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
-from kinespace.tools.terminal.console import console, progress_console
+from kinespace.tools.terminal.console import console, progress, progress_console
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterator
 
-    from kinespace.tools.feeding.feed import Cue, FrameSender
+    from kinespace.tools.feeding.feed import FrameSender
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
@@ -72,21 +65,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
     add_shared(parser, "--keys", "--open")
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
-    parser.add_argument("--speed", type=positive, default=1.0, help="play so many times as fast (default %(default)s)")
+    parser.add_argument(
+        "--speed", type=positive, default=1.0, help="factor on the recorded speed (default %(default)s)"
+    )
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
     parser.add_argument(
         "--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin each recording at this second"
     )
     parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
-    parser.add_argument("--drop", type=share, default=0.0, metavar="SHARE", help="lose this share of frames")
-    parser.add_argument(
-        "--jitter-ms", type=not_negative, default=0.0, metavar="MS", help="delay frames by at most this"
-    )
-    parser.add_argument(
-        "--reorder", type=share, default=0.0, metavar="SHARE", help="swap this share of frames with the next frame"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the faults (default %(default)s)")
     add_shared(parser, "--json")
 
 
@@ -107,15 +94,17 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
     osc_to = options.osc or (None if options.zmq else OSC_IN)
     zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
-    if any(place.suffix.lower() == ENDING for place in places):
+    is_raw = any(place.suffix.lower() == ENDING for place in places)
+    if is_raw:
         if len(places) != 1:
             raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
-        if options.listen or options.drop or options.jitter_ms or options.reorder:
-            raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen, --drop, --jitter-ms or --reorder")
-        return packets.replay(places[0], osc_to, zmq_to, options)
-    recordings = recordings_in(places, reading)
+        if options.listen:
+            raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen")
     with ExitStack() as opened:
         keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
+        if is_raw:
+            return packets.replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
+        recordings = recordings_in(places, reading)
         pieces = pieces_of(recordings, reading, options)
         with progress_console.status("Reading"):
             first = next(pieces)
@@ -124,29 +113,16 @@ def run(options: argparse.Namespace) -> int:
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
-        sender = _sender(osc_to, zmq_to, keyring)
-        opened.callback(sender.close)
+        sender = [*_senders(opened, osc_to, zmq_to, keyring).values()][-1]
         exchange = Exchange(sender, listener, announcement, zmq_to.address if zmq_to else osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
         opened.callback(exchange.report, as_json=options.json)
         with suppress(KeyboardInterrupt):
-            if zmq_to:
-                time.sleep(_MEETING)
             if not options.json:
                 console.print(announced(recordings, options))
-            exchange.play(shown(with_faults(played, options), None if options.loop else len(recordings)))
-        unheard = exchange.was_unheard
-    return 1 if unheard or (listener and not exchange.answered) else 0
-
-
-def with_faults(cues: Iterator[Cue], options: argparse.Namespace) -> Iterator[Cue]:
-    """Drop, swap and delay frames as the options say, by their seed."""
-    generator = np.random.default_rng(options.seed)
-    if options.drop:
-        cues = with_drops(cues, options.drop, generator)
-    if options.reorder:
-        cues = with_reordering(cues, options.reorder, generator)
-    return with_jitter(cues, options.jitter_ms / 1000, generator) if options.jitter_ms else cues
+            exchange.play(progress(played, "Sending", None))
+        in_vain = exchange.reached_nobody
+    return 1 if in_vain or (listener and not exchange.answered) else 0
 
 
 def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:
@@ -158,8 +134,17 @@ def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> List
         return Listener(osc.OscReceiver(*host_and_port(listen)))
 
 
-def _sender(osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None) -> FrameSender:
+def _senders(
+    opened: ExitStack, osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None
+) -> dict[str, FrameSender]:
+    """Open a sender for each kind of packets that has an address, ZeroMQ last; wait until its peers have connected."""
+    senders: dict[str, FrameSender] = {}
+    if osc_to:
+        senders["osc"] = OscFrameSender(*host_and_port(osc_to), asks=True)
     if zmq_to:
         with opening("--zmq"):
-            return ZmqFrameSender(zmq_to, keyring, asks=True)
-    return OscFrameSender(*host_and_port(osc_to or ""), asks=True)
+            senders["zmq"] = ZmqFrameSender(zmq_to, keyring, asks=True)
+        time.sleep(_MEETING)
+    for sender in senders.values():
+        opened.callback(sender.close)
+    return senders

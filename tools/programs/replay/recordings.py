@@ -11,7 +11,7 @@ from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
 from kinespace.tools.cli.arguments import BUILT_IN, class_at
 from kinespace.tools.feeding.feed import Piece
-from kinespace.tools.terminal.named_joints import NameTeller
+from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.tables import counted
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def announced(recordings: Sequence[Path | Clip], options: argparse.Namespace) ->
 def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace) -> Iterator[Piece]:
     """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
     skeleton: Skeleton | None = None
-    reader, teller = RecordingReader(reading), NameTeller()
+    reader, teller = RecordingReader(reading), NameNotes()
     while True:
         for recording in recordings:
             clip, segments = _read(reader, recording)
@@ -66,7 +66,7 @@ def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argp
 
 
 def _read(reader: RecordingReader, recording: Path | Clip) -> tuple[Clip, Sequence[Segment]]:
-    """Read a recording, and the labels beside it if there are any; without labels the clip has its class."""
+    """Read a recording, and the labels next to it if there are any; without labels the clip has its class."""
     if isinstance(recording, Clip):
         return replace(recording, name=recording.name or f"{recording.class_name} {recording.actor}".strip()), ()
     clip, segments = reader.clip(recording), segments_beside(recording)

@@ -17,8 +17,7 @@ from synthetic import stick_clip
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.scoring.stream_score import score_courses
-from kinespace.tools.evaluation.scoring.stretches import LASTING
-from kinespace.tools.evaluation.scoring.timeline import NONE, Course, course_of
+from kinespace.tools.evaluation.scoring.timeline import LASTING, NONE, Course, course_of
 from kinespace.tools.evaluation.takes import Take
 
 if TYPE_CHECKING:

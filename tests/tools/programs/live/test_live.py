@@ -23,7 +23,7 @@ from kinespace.library import MotionLibrary, read_recordings
 from kinespace.stream import Announcement, LiveSignature, Settings, osc
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues
-from kinespace.tools.loopback.expected_answers import expected_answers
+from kinespace.tools.loopback.answers import expected_answers
 from kinespace.tools.programs.live.program import OSC_OUT
 
 if TYPE_CHECKING:

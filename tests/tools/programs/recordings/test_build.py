@@ -101,7 +101,7 @@ def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.Captur
     assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
     assert [motion.class_name for motion in MotionLibrary.load(output).motions] == ["bendLeft", "down", "up"]
     printed = capsys.readouterr().out
-    assert "1 of 2 recordings cut by the labels beside" in printed
+    assert "1 of 2 recordings cut by the labels next to them" in printed
     assert "1 of 3 labels reach beyond the take (0.0 to 1.5 s): 0 shortened, 1 left out" in printed
     cut.with_suffix(".txt").write_text("0.0\t90\tup\n90\t180\tdown\n")
     cut.with_suffix(".csv").write_text("start_s,end_s,label\n20,180,up\n")
@@ -124,7 +124,7 @@ def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixtur
     name, printed = take.stem, capsys.readouterr().out.splitlines()
     assert printed[0].startswith(f"{tmp_path / 'library.npz'}: 1 motion, 1 class, ")
     assert printed[1:] == [
-        "1 of 1 recording cut by the labels beside",
+        "1 of 1 recording cut by the labels next to them",
         f"{name}.amc: cut by {name}.csv, not by {name}.txt",
         "1 file passed over: notes.csv (a .csv without joints' positions: columns like time, head_x, head_y, head_z)",
         f"{name}.amc: 1 label of zoe left out: bd is in the recording",

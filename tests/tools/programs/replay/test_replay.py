@@ -27,7 +27,6 @@ from kinespace.stream.service.loop import Service
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues, piece_cues
 from kinespace.tools.programs.replay.exchange import Score
-from kinespace.tools.programs.replay.program import with_faults
 from kinespace.tools.programs.replay.recordings import announced, pieces_of
 
 if TYPE_CHECKING:
@@ -224,23 +223,6 @@ def test_it_says_before_how_much_it_sends(monkeypatch: pytest.MonkeyPatch) -> No
         "sending 1 motion, 2 s, again and again"
     )
     assert announced([Path("a"), Path("b")], course()) == "sending 2 recordings"
-
-
-def test_faults_follow_the_options(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Frames are lost and swapped by the seed, and `sent` counts the frames really sent."""
-    (clip,) = read_recordings([take])
-    faults = Namespace(drop=0.2, jitter_ms=10.0, reorder=0.2, seed=5)
-    expected = [cue.frame.time for cue in with_faults(clip_cues([clip], "replay", speed=SPEED), faults)]
-    order = ("--drop", 0.2, "--jitter-ms", 10, "--reorder", 0.2)
-    assert replay(take, "--osc", target(stage), *order, "--seed", 5, "--json") == 0
-    times = [frame.time for frame in frames_in(received(stage))]
-    assert times == expected
-    assert 100 < len(times) < 180
-    assert times != sorted(times)
-    described = json.loads(capsys.readouterr().out)
-    assert described == {"sent": len(times), "failed": 0, "unheard": 0, "answers": 0, "unlabelled": 0, "right": None}
-    replay(take, "--osc", target(stage), *order, "--seed", 6)
-    assert [frame.time for frame in frames_in(received(stage))] != times
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])

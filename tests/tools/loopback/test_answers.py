@@ -1,7 +1,9 @@
-"""Computing answers beforehand, and pairing answers with their frames."""
+"""Answers: every packet with its receiver and its moment; answers computed beforehand, and paired with their frames."""
 
 from __future__ import annotations
 
+import time
+from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,10 +15,36 @@ from programs import builtin_library, motion_cues
 
 from kinespace.stream import Frame, Recognizer, Settings, osc
 from kinespace.stream.recognition import Answer
-from kinespace.tools.loopback.expected_answers import AnswerMatcher, Expected, expected_answers
+from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, expected_answers
 
 if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue
+
+
+def test_every_packet_is_received_in_order_with_its_moment(stage: osc.OscReceiver) -> None:
+    """Datagrams that wait are all collected, in order, each with the receiver it came in on and when it was taken."""
+    listener, before = Listener(stage), time.perf_counter()
+    with closing(osc.OscSender(*stage.address)) as sender:
+        for number in range(20):
+            sender.send(b"%d" % number)
+        received = listener.listen_until(before + 0.02)
+        after = time.perf_counter()
+        assert [each.packet for each in received] == [b"%d" % number for number in range(20)]
+        assert all(each.receiver is stage for each in received)
+        arrivals = [each.arrival for each in received]
+        assert [before, *arrivals, after] == sorted([before, *arrivals, after])
+        # A moment that is past is not waited for, but what waits is taken.
+        assert listener.listen_until(0.0) == []
+        sender.send(b"late")
+        assert [each.packet for each in listener.listen_until(0.0)] == [b"late"]
+
+
+@pytest.mark.parametrize("seconds", [0.0003, 0.003, 0.03])
+def test_listening_lasts_until_the_moment(stage: osc.OscReceiver, seconds: float) -> None:
+    """Without a packet, listening ends when the moment has come and not before."""
+    moment = time.perf_counter() + seconds
+    assert Listener(stage).listen_until(moment) == []
+    assert time.perf_counter() >= moment
 
 
 def over_osc(cue: Cue) -> Frame:

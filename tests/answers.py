@@ -104,7 +104,7 @@ def _strangers(data: Path) -> list[Recognition]:
 
 
 def _depth_sensor(data: Path) -> list[Recognition]:
-    take = read_take(data / "utkinect" / "joints_s01_e01.txt").clip
+    take = read_take(data / "utkinect" / "joints_s01_e01.txt")[0]
     library = MotionLibrary.builtin().restricted_to(take.skeleton.joints)
     asked = take.restricted_to(library.skeleton.joints).as_of(library.skeleton)
     return _answers(Recognizer(library, Settings(sensitivity=0.4)), _frames([asked], 30.0))

@@ -47,15 +47,9 @@ PROGRAMS: Programs = {
 _MAX_SAID = 280
 #: The experiments of `kinespace evaluate`.
 EXPERIMENTS: Programs = {
-    "retrieval": (
-        "evaluation.evaluate_retrieval",
-        "the paper's experiment: every motion's nearest neighbour, in three spaces",
-    ),
+    "retrieval": ("evaluation.evaluate_retrieval", "the paper's experiment: nearest neighbours in three spaces"),
     "stream": ("evaluation.evaluate_stream", "play takes through the live recogniser"),
-    "noise": (
-        "evaluation.evaluate_noise",
-        "play motions as a noisy sensor sees them, each left out of its library",
-    ),
+    "noise": ("evaluation.evaluate_noise", "play motions with noise, each left out of its library"),
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
@@ -112,25 +106,7 @@ def _size(text: str) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that says a mistake in one line, with the name that was perhaps meant."""
-
-    def error(self, message: str) -> NoReturn:
-        """End with status 2 and the mistake."""
-        if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
-            message += meant(choice[1], re.findall(r"[^\s',]+", choice[2]))
-        self.exit(2, f"{self.prog}: error: {message}; {self.prog} --help lists all options\n")
-
-    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
-        """Parse as argparse does, and refuse the first argument that is unknown."""
-        parsed, unknown = super().parse_known_args(*arguments, **options)
-        if unknown:
-            name = unknown[0].partition("=")[0]
-            self.error(f"unknown argument {name}{meant(name, self._option_string_actions)}")
-        return parsed, unknown
-
-
-class _ProgramParser(_Parser):
-    """The parser of one program, which imports the program when its arguments are parsed.
+    """A parser that imports its program when it parses, and says a mistake in one line, with what was perhaps meant.
 
     Attributes
     ----------
@@ -140,10 +116,20 @@ class _ProgramParser(_Parser):
 
     module = ""
 
-    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - as above
-        """Parse as its base does, once the program has said which arguments it takes."""
+    def error(self, message: str) -> NoReturn:
+        """End with status 2 and the mistake."""
+        if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
+            message += meant(choice[1], re.findall(r"[^\s',]+", choice[2]))
+        self.exit(2, f"{self.prog}: error: {message}; {self.prog} --help lists all options\n")
+
+    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
+        """Parse as argparse does, once the program has said its arguments, and refuse the first that is unknown."""
         self.fill()
-        return super().parse_known_args(*arguments, **options)
+        parsed, unknown = super().parse_known_args(*arguments, **options)
+        if unknown:
+            name = unknown[0].partition("=")[0]
+            self.error(f"unknown argument {name}{meant(name, self._option_string_actions)}")
+        return parsed, unknown
 
     def fill(self) -> None:
         """Let the program say which arguments it takes."""
@@ -160,7 +146,7 @@ def whole_parser() -> argparse.ArgumentParser:
     return _parser(filled=True)
 
 
-def _parser(*, filled: bool = False) -> argparse.ArgumentParser:
+def _parser(*, filled: bool = False) -> _Parser:
     parser = _Parser(
         prog="kinespace",
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
@@ -180,11 +166,9 @@ def _parser(*, filled: bool = False) -> argparse.ArgumentParser:
     return parser
 
 
-def _add_programs(
-    parser: argparse.ArgumentParser, programs: Programs, *, title: str, metavar: str
-) -> dict[str, _ProgramParser]:
+def _add_programs(parser: _Parser, programs: Programs, *, title: str, metavar: str) -> dict[str, _Parser]:
     """Add the programs to a parser; return the parser of each."""
-    added = parser.add_subparsers(title=title, metavar=metavar, required=True, parser_class=_ProgramParser)
+    added = parser.add_subparsers(title=title, metavar=metavar, required=True)
     parsers = {name: added.add_parser(name, help=text) for name, (_, text) in programs.items()}
     for name, each in parsers.items():
         each.module = programs[name][0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,25 +38,6 @@ _LABEL = re.compile(r"(?P<label>.+):\s*(?P<begin>\d+|NaN)\s+(?P<end>\d+|NaN)\s*"
 _MISPRINTS = {("s03_e01", "push", 2556): 3556}
 
 
-class UTKinectTake(NamedTuple):
-    """A take.
-
-    Attributes
-    ----------
-    clip
-        All frames from the first to the last in which a person is seen, skipped frames on straight lines.
-    segments
-        The actions by their start, in seconds since the first frame. Actions of unknown time are left out; where two
-        actions overlap, the earlier one ends where the later one begins.
-    delivered
-        The clip's frames that the camera delivered.
-    """
-
-    clip: Clip
-    segments: tuple[Segment, ...]
-    delivered: NDArray[np.int64]
-
-
 def is_take(path: Path) -> bool:
     """Say whether a file is named like UTKinect's takes."""
     return _NAME.fullmatch(path.name) is not None
@@ -67,8 +48,14 @@ def takes_in(place: Path) -> list[Path]:
     return [path for path in (sorted(place.rglob("*.txt")) if place.is_dir() else [place]) if is_take(path)]
 
 
-def read_take(path: Path) -> UTKinectTake:
+def read_take(path: Path) -> tuple[Clip, tuple[Segment, ...], NDArray[np.int64]]:
     """Read a take, and its labels in the file next to it.
+
+    Returns
+    -------
+    All frames from the first to the last in which a person is seen, skipped frames on straight lines; the actions by
+    their start, in seconds since the first frame; and the clip's frames that the camera delivered. Actions of unknown
+    time are left out; where two actions overlap, the earlier one ends where the later one begins.
 
     Raises
     ------
@@ -92,7 +79,7 @@ def read_take(path: Path) -> UTKinectTake:
         source="UTKinect-Action3D",
         filled=(int(numbers[-1] - numbers[0]) + 1 - len(numbers)) * len(SKELETON.joints),
     )
-    return UTKinectTake(clip, _segments(path.with_name(_LABELS), named["take"].lower(), numbers), numbers - numbers[0])
+    return clip, _segments(path.with_name(_LABELS), named["take"].lower(), numbers), numbers - numbers[0]
 
 
 def _frames(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

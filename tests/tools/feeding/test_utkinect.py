@@ -66,7 +66,7 @@ def test_a_take_that_makes_no_sense_is_refused(tmp_path: Path, text: str, labels
 def test_all_of_utkinect_is_read(data_folder: Path) -> None:
     """The 20 takes have 199 actions of ten kinds; a misprinted number is put right."""
     takes = [read_take(path) for path in takes_in(data_folder / "utkinect")]
-    labels = [each.label for take in takes for each in take.segments]
+    labels = [each.label for _, segments, _ in takes for each in segments]
     assert (len(takes), len(labels), len(set(labels))) == (20, 199, 10)
-    (push,) = (each for each in takes[4].segments if each.label == "push")
+    (push,) = (each for each in takes[4][1] if each.label == "push")
     assert 0 < push.duration < 5

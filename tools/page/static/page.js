@@ -9,6 +9,7 @@ const SILENT = 2.5; // seconds without a status after which the recogniser count
 /** Make an element with text; text from outside never becomes markup. */
 function made(kind, { className = "", text = "" } = {}, ...children) {
   const element = document.createElement(kind);
+  if (kind === "button") element.type = "button";
   element.className = className;
   if (text) element.textContent = text;
   element.append(...children);
@@ -230,12 +231,10 @@ function listClasses() {
     const examples = page.control?.taught[name];
     const named = made("span", { className: "name", text: name }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
     const row = made("button", {}, named, score, made("span", { className: "track" }, fill));
-    row.type = "button";
     row.disabled = !teaches();
     row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
     row.addEventListener("click", () => openClass(name));
     const again = made("button", { className: "again", text: "+" });
-    again.type = "button";
     again.hidden = !examples || !teaches();
     again.setAttribute("aria-label", `another example of ${name}`);
     again.title = `another example of ${name}`;
@@ -257,7 +256,6 @@ function listMotions() {
   byId("motions").replaceChildren(...motions.map((motion) => {
     const seconds = `${motion.className} ${number(motion.end - motion.begin, 1)} s`;
     const button = made("button", { className: motion.mark, text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
-    button.type = "button";
     button.style.borderLeftColor = colourOf(page.classes.indexOf(motion.className));
     if (motion.mark === "wrong") button.append(` was ${motion.meant}`);
     button.addEventListener("click", () => openWrong(performer, motion));

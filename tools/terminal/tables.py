@@ -31,7 +31,7 @@ def table_of(
 ) -> Table:
     """Make a table without frames.
 
-    Figures are never broken; their headings break between words. Where a terminal is too narrow, names are folded.
+    Figures are never broken. Where a terminal is too narrow, headings of figures break between words, and names fold.
 
     Parameters
     ----------
@@ -54,13 +54,14 @@ def table_of(
         caption_justify="left",
     )
     cells = [[printable(each) if isinstance(each, str) else each for each in row] for row in rows]
+    widths = [max((len(row[place]) for row in cells if place < len(row)), default=0) for place in range(len(headings))]
+    is_wide = sum(max(width, len(heading)) + 2 for width, heading in zip(widths, headings, strict=True)) > console.width
     for place, heading in enumerate(headings):
         if place < names:
             table.add_column(heading, overflow="fold")
         else:
-            longest = max((len(row[place]) for row in cells if place < len(row)), default=0)
-            text = textwrap.fill(heading, max(longest, _HEADING), break_long_words=False)
-            table.add_column(text, justify="right", no_wrap=True)
+            broken = textwrap.fill(heading, max(widths[place], _HEADING), break_long_words=False)
+            table.add_column(broken if is_wide else heading, justify="right", no_wrap=True)
     for row in cells:
         table.add_row(*row)
     return table

@@ -125,7 +125,7 @@ _OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of o
 def summary_counts(output: str) -> dict[str, int]:
     """Read the counts out of the last lines of `kinespace live`."""
     found = re.search(", ".join(rf"{name} (\d+)" for name in _OF_INPUT), output)
-    told = re.search(r"(\d+) answers of (\d+) frames[^,]*, (\d+) windows started anew, (\d+) answers not sent", output)
+    told = re.search(r"(\d+) answers of (\d+) frames[^,]*, (\d+) windows started again, (\d+) answers not sent", output)
     assert found
     assert told
     names = *_OF_INPUT, "answers", "frames", "restarts", "unsent"

@@ -86,7 +86,7 @@ MISTAKES = {
     },
     '"x", "y", "z"': {
         '"x", "y"': "message 1, arguments: expected joint, x, y, z in a joint message, z too",
-        '"x", "y", "z", "w"': "message 1, arguments: expected roles out of joint",
+        '"x", "y", "z", "w"': "message 1, arguments 4: expected text matching regex '^(joint|",
         '"x", "y", "z", "x"': "message 1, arguments: expected each role but skip once",
         '"x", "y", "z", "qx"': "message 1, arguments: expected all of qx, qy, qz, qw or none",
     },

@@ -52,13 +52,15 @@ def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
     header = RawFile(tmp_path / "a.kinerec").header
     assert (header.sources, header.presets) == (SOURCES, presets)
     assert re.match(r"\d{4}-\d\d-\d\dT.*\+00:00$", header.began)
-    assert RawFile(write(tmp_path / "b.kinerec", [])).header.presets == {}
-    assert b"presets" not in (tmp_path / "b.kinerec").read_bytes()
-    told = {"format": kinerec.FORMAT, "version": kinerec.VERSION, "began": "", "sources": [], "presets": ["vmc"]}
-    body = b"\0" + json.dumps(told).encode()
-    (tmp_path / "c.kinerec").write_bytes(struct.pack("<II", len(body), zlib.crc32(body)) + body)
-    with pytest.raises(RawFileError, match="byte 0: not a raw recording"):
-        RawFile(tmp_path / "c.kinerec")
+    path, older = tmp_path / "b.kinerec", {"format": kinerec.FORMAT, "version": 1, "began": "", "sources": SOURCES}
+    for more, read in (({}, {}), ({"presets": ["vmc"]}, None)):
+        body = b"\0" + json.dumps(older | more).encode()
+        path.write_bytes(struct.pack("<II", len(body), zlib.crc32(body)) + body)
+        if read is None:
+            with pytest.raises(RawFileError, match="byte 0: not a raw recording"):
+                RawFile(path)
+        else:
+            assert (RawFile(path).header.sources, RawFile(path).header.presets) == (SOURCES, read)
     with pytest.raises(ValueError, match="presets: expected at most 2097152 bytes"):
         RawWriter(tmp_path / "d.kinerec", SOURCES, {"mine": "#" * (1 << 21)})
     assert not (tmp_path / "d.kinerec").exists()
@@ -95,7 +97,7 @@ _LATER = kinerec._record(  # noqa: SLF001 - a whole record
         (b"", "byte 0: not a raw recording (no header)"),
         (b"PK\x03\x04" + b"\0" * 500, "byte 0: not a raw recording (no header)"),
         (encode_packet(PACKETS[0]), "byte 0: not a raw recording (no header)"),
-        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording (another format)"),  # noqa: SLF001 - a whole record
+        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording (Invalid value 'x'"),  # noqa: SLF001 - a whole record
         (kinerec._record(b"\0[]"), "byte 0: not a raw recording"),  # noqa: SLF001 - as above
         (encode_header(RawHeader("now", SOURCES))[:-3], "byte 0: not a raw recording"),
         (_LATER, "format version 9, this kinespace reads 1"),

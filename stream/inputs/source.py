@@ -73,6 +73,8 @@ class Source:
     ----------
     recorder
         As given; it may change while the source is open.
+    has_put_aside
+        Whether packets were put aside; the socket does not wake the loop for them.
     commands
         Reads the commands among the packets; None where nobody may command.
     waited
@@ -92,7 +94,7 @@ class Source:
         self.commands: CommandReader | None = None
         self._admission = admission
         self.waited = 0.0
-        self._turns = Turns()
+        self._turns, self.has_put_aside = Turns(), False
         self._last_was_aside = False
         self._now = 0.0
         #: The sender's name where the transport names none, or the decoder has numbered the senders itself.
@@ -105,11 +107,6 @@ class Source:
     def pollable(self) -> object:
         """The socket."""
         return self.receiver.socket
-
-    @property
-    def has_put_aside(self) -> bool:
-        """Whether packets were put aside; the socket does not wake the loop for them."""
-        return bool(self._turns.aside)
 
     @property
     def tended_within(self) -> float:
@@ -172,11 +169,13 @@ class Source:
                 self._last_was_aside = False
                 return taken
             turns.put_aside(taken)
+            self.has_put_aside = True
         if not turns.aside or self._last_was_aside:
             self._last_was_aside = False
             return None
         self._last_was_aside = True
         taken = turns.take()
+        self.has_put_aside = bool(turns.aside)
         return taken._replace(waited=now - taken.arrival)
 
     def tend(self, now: float) -> Sequence[Admitted]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from array import array
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -179,8 +179,9 @@ class _AsfReader:
                 raise RecordingError(f"{self.path}: no {word!r} in :root")
         channels = self.root["order"].channels(("tx", "ty", "tz", "rx", "ry", "rz"))
         order = self.root["axis"].order(-1)
-        position = self.root["position"].floats(3) if "position" in self.root else [0.0] * 3
-        orientation = self.root["orientation"].floats(3) if "orientation" in self.root else [0.0] * 3
+        position, orientation = (
+            self.root[word].floats(3) if word in self.root else [0.0] * 3 for word in ("position", "orientation")
+        )
         return Bone("root", np.array(position) * metres, self._axis_frame(order, orientation), order, channels)
 
     def _finish_bone(self, name: str, metres: float) -> Bone:
@@ -213,13 +214,11 @@ def read_asf(path: Path) -> AcclaimSkeleton:
     return _AsfReader(path).read()
 
 
-@dataclass(frozen=True, slots=True)
-class _Motion:
-    """The numbers of an AMC: one row of channels for each frame, the angles in the file's unit."""
+class _Motion(NamedTuple):
+    """The numbers of an AMC: one row of channels for each frame, in metres and radians, and the rate it names."""
 
     channels: NDArray[np.float64]
     frame_numbers: NDArray[np.int64]
-    angle: str
     frame_rate: float | None
 
 
@@ -250,8 +249,14 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
             refuse(path, line, f"expected a frame number or a bone of the skeleton's {len(body.bones)}, got {word!r}")
     if unseen or not numbers:
         refuse(path, line, f"the file ends in the middle of frame {numbers[-1]}" if unseen else "no frames in it")
+    memory.require_numbers(len(numbers) * max(len(frame), 3 * len(body.bones)))
+    radians = math.radians(1.0) if angle == "deg" else 1.0
     channels = np.frombuffer(values, dtype=np.float64).reshape(-1, len(frame))
-    return _checked(path, _Motion(channels, np.frombuffer(numbers, dtype=np.int64), angle, rate))
+    frames = np.frombuffer(numbers, dtype=np.int64)
+    _check(path, channels, frames)
+    return _Motion(
+        channels * [body.metres_per_unit if kind[0] == "t" else radians for kind in body.channels], frames, rate
+    )
 
 
 def _angles(words: list[str], path: Path, line: int, count: int) -> list[float]:
@@ -277,9 +282,9 @@ def _channel_places(body: AcclaimSkeleton) -> Mapping[str, slice]:
     return places
 
 
-def _checked(path: Path, motion: _Motion) -> _Motion:
+def _check(path: Path, channels: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
     """Refuse numbers that are not finite, and frame numbers that do not grow or of which most are missing."""
-    numbers, bad = motion.frame_numbers, np.flatnonzero(~np.isfinite(motion.channels).all(axis=1))
+    bad = np.flatnonzero(~np.isfinite(channels).all(axis=1))
     if bad.size:
         raise RecordingError(f"{path}: NaN or infinity in frame {numbers[bad[0]]}")
     steps = np.diff(numbers)
@@ -289,7 +294,6 @@ def _checked(path: Path, motion: _Motion) -> _Motion:
     frames, span = len(numbers), int(numbers[-1] - numbers[0]) + 1
     if span > 2 * frames:
         raise RecordingError(f"{path}: {span - frames} of {span} frames are missing, more than are there")
-    return motion
 
 
 def _forward_kinematics(body: AcclaimSkeleton, channels: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -322,12 +326,6 @@ def _place(body: AcclaimSkeleton, channels: NDArray[np.float64], positions: NDAr
         else:
             turned.append(turned[parent] @ local)
             positions[:, index] = positions[:, parent] + turned[index] @ bone.offset
-
-
-def _in_si(body: AcclaimSkeleton, motion: _Motion) -> NDArray[np.float64]:
-    """Scale channels to metres and radians."""
-    per_degree = math.radians(1.0) if motion.angle == "deg" else 1.0
-    return motion.channels * [body.metres_per_unit if kind[0] == "t" else per_degree for kind in body.channels]
 
 
 def find_asf(amc: Path) -> Path:
@@ -380,12 +378,10 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
         A file cannot be opened.
     """
     body = body or read_asf(find_asf(amc))
-    motion = _read_amc(amc, body)
-    memory.require_numbers(len(motion.frame_numbers) * max(len(body.channels), 3 * len(body.bones)))
-    channels, numbers = _in_si(body, motion), motion.frame_numbers
+    channels, numbers, rate = _read_amc(amc, body)
     positions = _forward_kinematics(body, channels).reshape(len(channels), -1)
     named = hdm05.read_clip_name(amc)
-    said = named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE
+    said = named.frame_rate if named else rate or DEFAULT_FRAME_RATE
     clip = Clip(
         skeleton=body.skeleton,
         positions=with_missing_frames(numbers, positions).reshape(-1, len(body.bones), 3),

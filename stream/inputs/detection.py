@@ -38,14 +38,18 @@ MAX_KINDS = 200
 _MAX_SENDERS = 50
 #: Messages and packets that are kept for reading by each preset, at most.
 _MAX_KEPT = 20_000
-#: The preset of our own messages, and their addresses.
-NATIVE, OURS = "native", ("/motion/frame", SKELETON)
+#: The preset of our own messages.
+NATIVE = "native"
+#: The addresses of our own messages.
+OURS = ("/motion/frame", SKELETON)
 #: Packings whose packets can be recognised.
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
 #: Share of a preset's joints that must come for the preset to fit.
 _LIKELY = 0.25
-#: Share of its length by which a segment may change, and share of the segments that may change by more.
-_STRETCHES, _MANY = 0.1, 0.25
+#: Share of its length by which a segment may change.
+_STRETCHES = 0.1
+#: Share of the segments that may change by more.
+_MANY = 0.25
 _NUMBERED = re.compile(r"\d+")
 _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", list: "[", tuple: "m"}
 

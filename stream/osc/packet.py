@@ -124,7 +124,7 @@ def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tup
 
 
 def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
-    """Decode a message of at most so many values that are not floats; give it and the number of these values."""
+    """Decode a message of at most `left` values that are not floats; give it and the number of these values."""
     address, place = _string(packet, 0)
     if not address.startswith("/"):
         raise PacketError("an address that does not begin with /")

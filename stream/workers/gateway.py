@@ -36,11 +36,16 @@ if TYPE_CHECKING:
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
+#: Seconds between two performers that move to another worker: it recognises the last seconds of one in some 20 ms, for
+#: which its other performers wait.
+_MOVE_EVERY = 0.04
 #: Seconds in which the last frames are answered at the end.
 _MAX_ENDING = 0.5
 #: Seconds between two messages of frames to a worker, at least, where its frames come closer together than `_SPARSE` on
-#: average: being woken costs a worker as much as a frame. The frames of fewer performers never wait.
-_MIN_APART, _SPARSE = 0.002, 0.0004
+#: average: being woken costs a worker as much as a frame.
+_MIN_APART = 0.002
+#: Seconds on average from which on frames are sent at once: the frames of a few performers never wait.
+_SPARSE = 0.0004
 #: The weight of the newest frames in that average.
 _NEW = 0.05
 
@@ -129,7 +134,7 @@ class Gateway(Router):
         self.inbox = Inbox()
         self.source = GatewaySource(self)
         self._session, self._connect, self._show, self._pack = session, connect, show, pack
-        self._looked = time.monotonic()
+        self._looked = self._moved = time.monotonic()
         self._members: dict[str, _Member] = {}
         self._lost, self._last_lost = 0, ""
         self._joined = set[str]()
@@ -284,10 +289,13 @@ class Gateway(Router):
         return max(min(sent) + _MIN_APART - time.monotonic(), 0.0) if sent else TENDING
 
     def tend(self, now: float) -> None:
-        """Send the frames that have waited long enough; drop the workers that do not report."""
+        """Send the frames that have waited long enough; move a performer; drop the workers that do not report."""
         for member in self._members.values():
             if member.held and member.is_due(now):
                 self._flush(member)
+        if now - self._moved >= _MOVE_EVERY:
+            self._moved = now
+            self._move_one()
         if now - self._looked > _STOPPED:
             for member in self._members.values():
                 member.newest = max(member.newest, now - MAX_SILENT / 2)

@@ -36,8 +36,10 @@ if TYPE_CHECKING:
 
 #: Seconds between two reports.
 REPORT_EVERY = 0.25
-#: Seconds for which frames may wait, and seconds after a takeover in which they may wait for longer.
-_MAX_AGE, _MAX_WARMING = 1.0, 4.0
+#: Seconds for which frames may wait.
+_MAX_AGE = 1.0
+#: Seconds after a takeover in which frames may wait for longer.
+_MAX_WARMING = 4.0
 #: Maximum seconds for which an answer waits for further answers, to travel with them.
 _MAX_TOGETHER = 0.002
 #: Seconds within which a worker that leaves hands its performers over.
@@ -134,7 +136,7 @@ class Node:
         return all(membership.has_left for membership in self._memberships.values())
 
     def step(self, longest: float) -> None:
-        """Wait at most so many seconds for messages, and deal with them; report when it is time."""
+        """Wait at most `longest` seconds for messages, and deal with them; report when it is time."""
         if self.inbox.is_empty:
             select.select([self.inbox], [], [], longest)
         # A worker that warms up is busy, but must go on reporting: a silent worker counts as gone.

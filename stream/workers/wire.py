@@ -25,7 +25,8 @@ from kinespace.stream.recognizer.joints.mending import LongAgo  # noqa: TC001 - 
 from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - as above
 from kinespace.stream.workers.terms import Terms  # noqa: TC001 - as above
 
-GATEWAYS, WORKERS = "kin/gateway", "kin/worker"
+GATEWAYS = "kin/gateway"
+WORKERS = "kin/worker"
 #: Seconds of a sender's clock, at most: more are a mistake.
 MAX_SECONDS = 1e300
 _FLOATS: np.dtype[np.floating] = np.dtype("<f4")

@@ -329,7 +329,7 @@ def _place(body: AcclaimSkeleton, channels: NDArray[np.float64], positions: NDAr
 
 
 def find_asf(amc: Path) -> Path:
-    """Find the skeleton of an AMC by name, beside it or one folder up.
+    """Find the skeleton of an AMC by name, in its folder or one folder up.
 
     The skeleton of `HDM_bd_squat1Reps_001_120.amc` (cut) and `HDM_bd_03-03_01_120.amc` (uncut) is `HDM_bd.asf`, the
     skeleton of `13_29.amc` is `13.asf`. If neither is there, the AMC's own name with `.asf` is tried. Endings may be in
@@ -349,7 +349,7 @@ def find_asf(amc: Path) -> Path:
                 if (folder / f"{stem}{ending}").is_file():
                     return folder / f"{stem}{ending}"
     raise RecordingError(
-        f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} beside it or one folder up"
+        f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} in its folder or one folder up"
     )
 
 

@@ -174,7 +174,7 @@ def _channels(statement: Line) -> tuple[str, ...]:
     channels = tuple(each[2][0].lower() + each[1].lower() for each in found if each)
     if not count.isdecimal() or int(count) != len(names) or len(set(channels)) != len(names):
         statement.fail(
-            f"expected CHANNELS, how many, and so many of Xposition ... Zrotation, got {' '.join(statement.words)!r}"
+            f"expected CHANNELS, a count, and that number of Xposition ... Zrotation, got {' '.join(statement.words)!r}"
         )
     return channels
 

@@ -62,15 +62,11 @@ class _Member:
         Sends frames; drops them if the way is full.
     newest
         When its last message came.
-    leaves, let_go
-        Whether it wants to end, and whether it knows that it may.
     """
 
     membership: str
     sends: Any
     newest: float
-    leaves: bool = False
-    let_go: bool = False
     #: Frames that wait for the next message, when the last message was sent, and how many messages were sent.
     held: list[SentFrame] = field(default_factory=list)
     sent_at: float = -math.inf
@@ -106,7 +102,7 @@ class Gateway(Router):
     connect
         The endpoints to which the session connects.
     show
-        Prints a line for a person: a worker has come, leaves, or is gone.
+        Prints a line for a person: a worker has come or is gone.
     pack
         Writes a library for workers, which must read it alike.
 
@@ -165,13 +161,8 @@ class Gateway(Router):
 
     @property
     def ready(self) -> list[str]:
-        """The workers that recognise, and do not want to end."""
-        return [name for name, member in self._members.items() if not member.leaves]
-
-    @property
-    def _alive(self) -> list[str]:
-        """The workers that recognise, or that wait until others have their performers."""
-        return [name for name, member in self._members.items() if not member.let_go]
+        """The workers that recognise."""
+        return [*self._members]
 
     @property
     def notes(self) -> list[str]:
@@ -235,10 +226,9 @@ class Gateway(Router):
     def _drop(self, worker: str, why: str) -> None:
         if member := self._members.pop(worker, None):
             member.sends.undeclare()
-            if not member.let_go:
-                self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
-                self._say(worker, why)
-            self._remove(worker, self.ready, self._alive)
+            self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
+            self._say(worker, why)
+            self._remove(worker, self.ready)
 
     def _take_in(self, worker: str, message: bytes) -> None:
         """Read a worker's message."""
@@ -252,31 +242,18 @@ class Gateway(Router):
             self.outdated += len(back.answered)
             self._drop(worker, "began again")
             self._put(worker, Orders(back.member, self.terms, begins=True))
-            if back.report and not back.report.leaves:
+            if back.report:
                 self._welcome(worker, back.member)
             return
         member.newest = time.monotonic()
         self.source.answers += self.accept(worker, back)
-        if back.report and back.report.leaves:
-            self._let_go(worker, member)
 
     def _welcome(self, worker: str, membership: str) -> None:
         congestion = self._zenoh.CongestionControl.DROP
         sends = self._session.declare_publisher(key(self.name, "to", worker), congestion_control=congestion)
         self._members[worker] = _Member(membership, sends, time.monotonic())
         self._say(worker, "works")
-        self._balance(self.ready, self._alive)
-
-    def _let_go(self, worker: str, member: _Member) -> None:
-        """Give the performers of a worker that wants to end to others, as long as there are any; then let it end."""
-        if not member.leaves:
-            member.leaves = True
-            self._say(worker, "leaves")
-            self._balance(self.ready, self._alive)
-        has_performers = any(each.worker == worker for each in self._performers.values())
-        if not member.let_go and not (has_performers and self.ready):
-            member.let_go = True
-            self._send(worker, Orders(let_go=True))
+        self._balance(self.ready)
 
     def _say(self, worker: str, what: str) -> None:
         new = joined(self._session, self._joined)

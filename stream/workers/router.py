@@ -250,14 +250,14 @@ class Router(Following[Track]):
         self._send(worker, Orders(question=question))
         return question
 
-    def _balance(self, ready: Collection[str], alive: Collection[str]) -> None:
+    def _balance(self, ready: Collection[str]) -> None:
         """Give each performer a worker that is ready, and no worker two performers more than another.
 
-        A former worker that is alive answers until the performer's turn to move has come.
+        A former worker that is ready answers until the performer's turn to move has come.
         """
         self._ready = ready
         for track in self._performers.values():
-            track.worker = track.worker if track.worker in alive else ""
+            track.worker = track.worker if track.worker in ready else ""
             track.to = track.to if track.to in ready else ""
         load = self._load()
         for name, track in self._performers.items() if ready else ():
@@ -281,12 +281,12 @@ class Router(Following[Track]):
                 self._give(name, track, track.to)
                 return
 
-    def _remove(self, worker: str, ready: Collection[str], alive: Collection[str]) -> None:
+    def _remove(self, worker: str, ready: Collection[str]) -> None:
         """Give the performers of a worker that has ended to the others; keep its counts."""
         self._last.pop(worker, None)
         if report := self._reports.pop(worker, None):
             self._past = _summed([self._past, report])
-        self._balance(ready, alive)
+        self._balance(ready)
 
 
 def _summed(reports: Sequence[Report]) -> Report:

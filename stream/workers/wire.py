@@ -130,8 +130,6 @@ class Orders(msgspec.Struct, omit_defaults=True):
         The number of a message that may be lost on the way, counted from 1; 0 for a message that must arrive.
     question
         A number that a report must give back once all before it is dealt with; 0 for none.
-    let_go
-        Whether the worker, which wanted to end, may end.
     """
 
     member: str = ""
@@ -140,7 +138,6 @@ class Orders(msgspec.Struct, omit_defaults=True):
     frames: list[SentFrame] = []
     number: _Count = 0
     question: _Count = 0
-    let_go: bool = False
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
@@ -176,8 +173,6 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
         The same as in `Performers`.
     dropped
         Frames or messages that were lost on the way or dropped because the worker was busy.
-    leaves
-        Whether the worker wants to end: it goes on until its performers are with others.
     """
 
     counts: PerformerCounts
@@ -185,7 +180,6 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     doubted: dict[str, str] = {}
     compared: dict[str, str] = {}
     dropped: int = 0
-    leaves: bool = False
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):

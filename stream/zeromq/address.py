@@ -16,7 +16,7 @@ MAX_MESSAGE = 1 << 18
 #: Bytes of a subscription, at most: the longest topic has 270. ZeroMQ keeps every subscription in memory.
 MAX_SUBSCRIPTION = 512
 #: Seconds of silence after which the system asks whether the other machine is still there. A sender that is switched
-#: off sends no end, and ZeroMQ would wait for hours. These are not ZeroMQ's own heartbeats, which older peers do not know.
+#: off sends no end, and ZeroMQ would wait for hours. ZeroMQ has heartbeats of its own, which older peers do not know.
 _ASK_AFTER = 5
 #: Seconds between two further questions.
 _ASK_EVERY = 1

@@ -27,7 +27,6 @@ class Noted(Router):
         super().__init__(library, Terms(settings=Settings(), most=len(NAMES)))
         self.joints = len(library.skeleton.joints)
         self.workers: list[str] = []
-        self.leaving: list[str] = []
         #: The numbers of each performer's frames, and of the last one that each worker got.
         self.sent: dict[str, list[int]] = {name: [] for name in NAMES}
         self.newest: dict[tuple[str, str], int] = {}
@@ -62,26 +61,15 @@ class Noted(Router):
         self.takeovers += sum(each.take_over is not None for each in orders.frames)
         self._take(worker, orders.frames)
 
-    @property
-    def alive(self) -> list[str]:
-        """The workers that have not gone."""
-        return [*self.workers, *self.leaving]
-
     def join(self, worker: str) -> None:
         """Let a worker come."""
         self.workers.append(worker)
-        self._balance(self.workers, self.alive)
-
-    def leave(self, worker: str) -> None:
-        """Let a worker ask for leave."""
-        self.workers.remove(worker)
-        self.leaving.append(worker)
-        self._balance(self.workers, self.alive)
+        self._balance(self.workers)
 
     def lose(self, worker: str) -> None:
-        """Let a worker go without a word, perhaps one that has asked for leave."""
-        (self.workers if worker in self.workers else self.leaving).remove(worker)
-        self._remove(worker, self.workers, self.alive)
+        """Let a worker go."""
+        self.workers.remove(worker)
+        self._remove(worker, self.workers)
 
     def move_all(self) -> None:
         """Let all performers move, one by one."""
@@ -113,33 +101,28 @@ def test_performers_move_one_by_one_if_their_former_worker_answers(sticks: Motio
     router.move_all()
     assert router.takeovers == len(NAMES) / 2
     assert set(router.frames()) == {1}
-    router.leave("ann")
-    router.move_all()
-    assert {track.worker for track in router._performers.values()} == {"ben"}  # noqa: SLF001 - who answers
     router.join("cat")
-    router.leave("cat")
+    router.lose("cat")
     before = router.takeovers
     router.move_all()
     assert router.takeovers == before
     router.join("dan")
     router.lose("ben")
-    assert router.takeovers == before + len(NAMES)
+    assert router.takeovers == before + len(NAMES) / 2
     assert set(router.frames()) == {1}
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_every_frame_is_answered_and_no_worker_misses_one(sticks: MotionLibrary, seed: int) -> None:
-    """Workers come, ask for leave and go, and performers move, in any order."""
+    """Workers come and go, and performers move, in any order."""
     chance, router = np.random.default_rng(seed), Noted(sticks)
     router.join("worker 0")
     for number in range(1, 80):
-        what = str(chance.choice(["join", "leave", "lose", "end", "move", "move", "move", "move"]))
+        what = str(chance.choice(["join", "lose", "move", "move", "move"]))
         if what == "join" and len(router.workers) < 6:
             router.join(f"worker {number}")
-        elif what in {"leave", "lose"} and len(router.workers) > 1:
-            getattr(router, what)(str(chance.choice(router.workers)))
-        elif what == "end" and router.leaving:
-            router.lose(router.leaving[0])
+        elif what == "lose" and len(router.workers) > 1:
+            router.lose(str(chance.choice(router.workers)))
         elif what == "move":
             router._move_one()  # noqa: SLF001 - as a gateway does from time to time
         for _ in range(chance.integers(8)):

@@ -1,6 +1,6 @@
 """ZeroMQ: frames and answers as messages, and the two endpoints.
 
-`frames`, `single_part`, `bodies` and `answers` know neither sockets nor clocks; the others are the endpoints.
+`frames`, `bodies` and `answers` know neither sockets nor clocks; the others are the endpoints.
 """
 
 from kinespace.stream.zeromq.address import MAX_MESSAGE, Endpoint

@@ -33,8 +33,9 @@ from kinespace.stream.osc.frames import _layouts as remembered  # its size canno
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
 from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
-from kinespace.stream.zeromq import FormatError, single_part
+from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
+from kinespace.stream.zeromq.frames import Packed, decode_packed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -114,7 +115,7 @@ def _through_three_parts(frame: Frame, seq: int, joints: Sequence[str] | None) -
 
 def _through_one_part(frame: Frame, seq: int, joints: Sequence[str] | None) -> list[object]:
     packed = singlepart.encode(frame, seq, joints)
-    assert single_part.decode(packed, 0.0).seq == seq
+    assert decode_packed(packed, 0.0).seq == seq
     return [*ZmqDecoder().decode([packed], 77.0, None)]
 
 
@@ -556,10 +557,10 @@ def test_the_page_lists_every_key_of_one_part() -> None:
     page = (ROOT / ".github/docs/messages.md").read_text(encoding="utf-8")
     table = page.partition("The map's keys:")[2].partition("\n#")[0]
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", table, re.MULTILINE)
-    assert {key for key, _ in rows} == set(single_part.Packed.__struct_fields__)
+    assert {key for key, _ in rows} == set(Packed.__struct_fields__)
     good = msgpack.unpackb(wrong.msgpack_frame()[0])
     needed = {key: good[key] for key, kind in rows if "absent" not in kind}
-    assert single_part.decode(msgpack.packb(needed), 77.0).frame.time == 77.0
+    assert decode_packed(msgpack.packb(needed), 77.0).frame.time == 77.0
     for key in needed:
         with pytest.raises(FormatError, match=key):
-            single_part.decode(msgpack.packb({name: value for name, value in needed.items() if name != key}), 0.0)
+            decode_packed(msgpack.packb({name: value for name, value in needed.items() if name != key}), 0.0)

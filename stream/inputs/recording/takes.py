@@ -12,7 +12,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.preset import builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement
@@ -154,21 +154,20 @@ def ordered_frames(
     """
     skeletons = {name: each.skeleton() for name, each in seen.items()}
     clocks = {name: each.times() for name, each in seen.items()}
-    orders: dict[str, NDArray[np.intp] | None] = {name: np.arange(len(each.joints)) for name, each in skeletons.items()}
-    sizes = {name: len(each.joints) for name, each in skeletons.items()}
+    #: The number of joints that a performer's frames have now, and their order; None where some are missing.
+    orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {
+        name: (len(each.joints), np.arange(len(each.joints))) for name, each in skeletons.items()
+    }
     for arrival, event in events_of(recording, preset):
         name = event.performer
         if name not in seen:
             continue
         if isinstance(event, Announcement):
-            sizes[name] = len(event.joints)
-            try:
-                orders[name] = skeletons[name].order_from(event.joints)
-            except SkeletonMismatchError:
-                orders[name] = None
+            whole = {*event.joints}.issuperset(skeletons[name].joints)
+            orders[name] = len(event.joints), skeletons[name].order_from(event.joints) if whole else None
             continue
-        seconds, order = clocks[name].read(event.time, arrival), orders[name]
-        if order is not None and len(event.positions) == sizes[name]:
+        seconds, (size, order) = clocks[name].read(event.time, arrival), orders[name]
+        if order is not None and len(event.positions) == size:
             yield name, arrival, seconds, event.positions[order]
 
 

@@ -106,11 +106,6 @@ class LocalGateway(Gateway):
             self.close()
             raise
 
-    @property
-    def process_ids(self) -> dict[str, int]:
-        """The number of each worker's process."""
-        return {name: each.process.pid for name, each in self._workers.items()}
-
     def _start(self, name: str, now: float) -> None:
         context = multiprocessing.get_context("spawn")
         theirs, ours = context.Pipe(duplex=False)

@@ -232,7 +232,7 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
         if place := places.get(word):
             if word not in unseen:
                 refuse(path, line, f"bone {word!r} stands twice in a frame, or before the first frame number")
-            frame[place] = _angles(words, path, line, place.stop - place.start)
+            frame[place] = numbers_in(words[1:], path, line, place.stop - place.start, f" after {word!r}")
             unseen.remove(word)
             if not unseen:
                 values.extend(frame)
@@ -253,19 +253,10 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
     radians = math.radians(1.0) if angle == "deg" else 1.0
     channels = np.frombuffer(values, dtype=np.float64).reshape(-1, len(frame))
     frames = np.frombuffer(numbers, dtype=np.int64)
-    _check(path, channels, frames)
+    _check(path, frames)
     return _Motion(
         channels * [body.metres_per_unit if kind[0] == "t" else radians for kind in body.channels], frames, rate
     )
-
-
-def _angles(words: list[str], path: Path, line: int, count: int) -> list[float]:
-    """Read the numbers of a bone's line; whether they are finite is seen later, of all numbers at once."""
-    try:
-        found = list(map(float, words[1:]))
-    except ValueError:
-        found = []
-    return found if len(found) == count else numbers_in(words[1:], path, line, count, f" after {words[0]!r}")
 
 
 def _is_frame_number(word: str) -> bool:
@@ -282,11 +273,8 @@ def _channel_places(body: AcclaimSkeleton) -> Mapping[str, slice]:
     return places
 
 
-def _check(path: Path, channels: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
-    """Refuse numbers that are not finite, and frame numbers that do not grow or of which most are missing."""
-    bad = np.flatnonzero(~np.isfinite(channels).all(axis=1))
-    if bad.size:
-        raise RecordingError(f"{path}: NaN or infinity in frame {numbers[bad[0]]}")
+def _check(path: Path, numbers: NDArray[np.int64]) -> None:
+    """Refuse frame numbers that do not grow or of which most are missing."""
     steps = np.diff(numbers)
     if (steps < 1).any():
         late = numbers[int(np.argmax(steps < 1)) + 1]

@@ -329,20 +329,6 @@ def builtin_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(_ENDING) for name in names if name.endswith(_ENDING)))
 
 
-def builtin_text(name: str) -> str:
-    """Give the TOML of a preset that comes with kinespace.
-
-    Raises
-    ------
-    PresetError
-        There is none of that name.
-    """
-    names = builtin_names()
-    if name not in names:
-        raise PresetError(f"feed: expected a .toml file or one of {', '.join(names)}, got {name!r}")
-    return (_PRESETS / f"{name}{_ENDING}").read_text(encoding="utf-8")
-
-
 def builtin_preset(name: str) -> Preset:
     """Load a preset that comes with kinespace.
 
@@ -351,7 +337,10 @@ def builtin_preset(name: str) -> Preset:
     PresetError
         There is none of that name.
     """
-    return parse_preset(builtin_text(name), name, f"{name}{_ENDING}")
+    names, file = builtin_names(), f"{name}{_ENDING}"
+    if name not in names:
+        raise PresetError(f"feed: expected a .toml file or one of {', '.join(names)}, got {name!r}")
+    return parse_preset((_PRESETS / file).read_text(encoding="utf-8"), name, file)
 
 
 def load_preset(path: Path) -> Preset:

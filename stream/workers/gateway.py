@@ -191,9 +191,11 @@ class Gateway(Router):
 
     def end(self) -> list[Event]:
         """Give the last events, and the ends of all motions going on, because no more frames will come."""
-        asked = {worker: self._ask(worker) for worker in self.ready}
+        self._asked = {*self.ready}
+        for worker in self.ready:
+            self._send(worker, Orders(asks=True))
         until = time.monotonic() + _MAX_ENDING
-        while time.monotonic() < until and any(self._last.get(name, 0) < number for name, number in asked.items()):
+        while time.monotonic() < until and self._asked:
             time.sleep(0.001)
             self.inbox.deal()
         last = [event for recognition, _ in self.source.answers for event in recognition.events]

@@ -227,8 +227,8 @@ class Membership:
             self._agree(orders.terms, begins=orders.begins)
         if orders.frames and self._worker:
             self._recognise(self._worker, orders, came)
-        if orders.question:
-            self.report(orders.question)
+        if orders.asks:
+            self.report(answered_all=True)
 
     def _agree(self, terms: Terms, *, begins: bool) -> None:
         """Work on terms, or on changed terms, if this worker can; fetch and open their library first."""
@@ -348,13 +348,13 @@ class Membership:
             answers, self._answers = self._answers, []
             self._back.put(encode(Answers(self._name, answers)))
 
-    def report(self, question: int = 0) -> None:
-        """Send a report, which also shows that the worker is alive, or ask for terms, or answer a question."""
+    def report(self, *, answered_all: bool = False) -> None:
+        """Send a report, which also shows that the worker is alive, or ask for terms."""
         self.send_answers()
         if self._terms and self._terms.digest != self._digest:
             self._open(self._terms)
         if self._worker:
             report = self._worker.report(time.monotonic(), dropped=self._dropped)
-            self._back.put(encode(Answers(self._name, [], report, question)))
+            self._back.put(encode(Answers(self._name, [], report, answered_all)))
         elif not (self._terms or self._is_refused):
             self._back.put(encode(Answers(self._name)))

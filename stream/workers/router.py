@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from abc import abstractmethod
 from collections import Counter
@@ -65,10 +64,9 @@ class Router(Following[Track]):
         self._know(library)
         #: The number of the last frame. None is used twice: who comes again is not taken for the former performer.
         self._number = 0
-        self._questions = itertools.count(1)
         self._reports: dict[str, Report] = {}
-        #: The number of the last question that each worker has dealt with.
-        self._last: dict[str, int] = {}
+        #: The workers that were asked to say when they have dealt with everything, and have not.
+        self._asked = set[str]()
         #: The workers that may get performers.
         self._ready: Collection[str] = ()
         #: The counts of workers that have ended.
@@ -240,15 +238,9 @@ class Router(Following[Track]):
                 news.append((recognition if same else replace(recognition, events=events), answer.at))
         if answers.report:
             self._reports[worker] = answers.report
-        if answers.question:
-            self._last[worker] = answers.question
+        if answers.answered_all:
+            self._asked.discard(worker)
         return news
-
-    def _ask(self, worker: str) -> int:
-        """Ask a worker to say when it has dealt with everything so far; give the question's number."""
-        question = next(self._questions)
-        self._send(worker, Orders(question=question))
-        return question
 
     def _balance(self, ready: Collection[str]) -> None:
         """Give each performer a worker that is ready, and no worker two performers more than another.
@@ -283,7 +275,7 @@ class Router(Following[Track]):
 
     def _remove(self, worker: str, ready: Collection[str]) -> None:
         """Give the performers of a worker that has ended to the others; keep its counts."""
-        self._last.pop(worker, None)
+        self._asked.discard(worker)
         if report := self._reports.pop(worker, None):
             self._past = _summed([self._past, report])
         self._balance(ready)

@@ -4,7 +4,7 @@
 |---|---|---|
 | `kin/gateway/<gateway>`, `kin/worker/<worker>` | liveliness tokens | both |
 | `kin/<gateway>/library` | a query: the library | gateway |
-| `kin/<gateway>/to/<worker>` | `Orders`: terms, frames, questions | gateway |
+| `kin/<gateway>/to/<worker>` | `Orders`: terms and frames | gateway |
 | `kin/<gateway>/back/<worker>` | `Answers`: answers, reports | worker |
 
 Times named `at` are seconds on the gateway's clock.
@@ -128,8 +128,8 @@ class Orders(msgspec.Struct, omit_defaults=True):
         Frames, in order.
     number
         The number of a message that may be lost on the way, counted from 1; 0 for a message that must arrive.
-    question
-        A number that a report must give back once all before it is dealt with; 0 for none.
+    asks
+        Whether a report must say when everything before is dealt with.
     """
 
     member: str = ""
@@ -137,7 +137,7 @@ class Orders(msgspec.Struct, omit_defaults=True):
     begins: bool = False
     frames: list[SentFrame] = []
     number: _Count = 0
-    question: _Count = 0
+    asks: bool = False
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
@@ -193,14 +193,14 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
         Answers, in order.
     report
         None where the worker has no library yet, and asks for terms.
-    question
-        The number of a question before which it has dealt with everything; 0 where there was no question.
+    answered_all
+        Whether it has dealt with everything, as it was asked to say.
     """
 
     member: str
     answered: list[Answered] = []
     report: Report | None = None
-    question: int = 0
+    answered_all: bool = False
 
 
 _Read = TypeVar("_Read", Orders, Answers)

@@ -29,11 +29,13 @@ from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc.frames import _layouts as remembered  # its size cannot be seen from outside
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
 from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.zeromq import FormatError
+from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
 from kinespace.stream.zeromq.frames import Packed, decode_packed
 
@@ -154,7 +156,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
     assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
-    assert len(packet) <= osc.MAX_ANSWER
+    assert len(packet) <= osc_answers.MAX_ANSWER
     said = {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
     assert said[f"/motion/{part}/guess"] == [recognition.guess_index]
     scores = said.get(f"/motion/{part}/scores")
@@ -163,7 +165,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     numbers = followed and (followed.phase, followed.speed, followed.amplitude, followed.sure, followed.scrub)
     progress = followed and [recognition.progress_index, *(numbers or ()), followed.cycles]
     assert said.get(f"/motion/{part}/progress") == progress
-    assert osc.encode_progress(recognition) == (
+    assert osc_answers.encode_progress(recognition) == (
         by_python_osc(f"/motion/{part}/progress", *zip("ifffffi", progress, strict=True)) if progress else b""
     )
 
@@ -229,7 +231,7 @@ def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> No
     """The packet of any event equals python-osc's."""
     arguments = [("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score)]
     address = f"/motion/{osc.address_part(event.performer)}/event"
-    assert osc.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
+    assert osc_answers.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
 
 
 _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
@@ -465,7 +467,7 @@ _NAMED = Recognition("Ada", 4.0, Outcome.NAMED, ("bow", "jump"), np.array([0.25,
 _ANSWER = json.loads(zeromq.encode_recognition(_NAMED)[1])
 _LABEL = message("/motion/Ada/label", "s", "x")
 _NO_ANSWERS_BY_OSC = [
-    *(b"", b"no osc", osc.encode_classes(("bow", "jump")), wrong.osc_frame()),
+    *(b"", b"no osc", osc_answers.encode_classes(("bow", "jump")), wrong.osc_frame()),
     message("/motion/Ada/class", "iff", 1, 0.5, 0.5),
     bundle(message("/motion/Ada/class", "i", 1), _LABEL),
     bundle(message("/class", "iff", 1, 0.5, 0.5), message("/label", "s", "x")),
@@ -479,7 +481,7 @@ _NO_ANSWERS_BY_ZMQ = [
     *([b"class/p/", text] for text in (b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000)),
     *([b"class/p/", json.dumps(_ANSWER | changes).encode()] for changes in _CHANGES),
     [b"class/p/", json.dumps({name: value for name, value in _ANSWER.items() if name != "margin"}).encode()],
-    *(zeromq.encode_classes(("bow",)), wrong.zmq_frame()),
+    *(zeromq_answers.encode_classes(("bow",)), wrong.zmq_frame()),
 ]
 
 

@@ -132,8 +132,11 @@ def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     exported = bool(_EXPORTED.fullmatch(head))
     delimiter = "\t" if exported else max(",;\t", key=head.count)
     # Audacity's labels have no headings, and may hold quotation marks.
-    quoting, named = (csv.QUOTE_NONE, _COLUMNS) if exported else (csv.QUOTE_MINIMAL, None)
-    rows = csv.DictReader(lines, named, delimiter=delimiter, quoting=quoting)
+    rows = (
+        csv.DictReader(lines, _COLUMNS, delimiter=delimiter, quoting=csv.QUOTE_NONE)
+        if exported
+        else csv.DictReader(lines, delimiter=delimiter)
+    )
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
     if missing and set(rows.fieldnames or ()) >= _IN_FRAMES:
         raise LabelError(

@@ -20,7 +20,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import accumulate
-from typing import TYPE_CHECKING, BinaryIO, Self
+from typing import TYPE_CHECKING, BinaryIO
 
 import msgspec
 
@@ -204,12 +204,6 @@ class RawWriter:
             raise
         self._syncing = threading.Thread(target=self._sync_every_second, name="kinespace recording", daemon=True)
         self._syncing.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def write(self, packet: RawPacket) -> None:
         """Append one packet; a packet without room is counted, and nothing is raised."""

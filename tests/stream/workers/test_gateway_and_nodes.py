@@ -334,7 +334,7 @@ def test_frames_of_a_moment_travel_together(
     for moment in range(4):
         gateway.push_all(feed[moment], 0.0)
     assert (sent, source.tended_within) == ([(1, 3)], pytest.approx(1000.0, abs=10.0))
-    gateway._send(node.name, Orders(question=5))  # noqa: SLF001 - any order
+    gateway._send(node.name, Orders(asks=True))  # noqa: SLF001 - any order
     assert (sent[1:], source.tended_within) == ([(2, 9), (0, 0)], TENDING)
     gateway.push_all(feed[4], 0.0)
     gateway.tend(time.monotonic() + 2000.0)

@@ -7,6 +7,7 @@ import json
 import re
 import struct
 import zlib
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -37,7 +38,7 @@ PACKETS = [
 
 def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
     """Write the bytes for which there is room."""
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         for packet in packets:
             writer.write(packet)
     assert (writer.written, writer.failed) == (len(packets), 0)
@@ -47,7 +48,7 @@ def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
 def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
     """Presets come back unchanged; a header without them has none, and one of another kind is no header."""
     presets = {"vmc": 'port = 1 # "søren"\n', "mine": ""}
-    with RawWriter(tmp_path / "a.kinerec", SOURCES, presets):
+    with closing(RawWriter(tmp_path / "a.kinerec", SOURCES, presets)):
         pass
     header = RawFile(tmp_path / "a.kinerec").header
     assert (header.sources, header.presets) == (SOURCES, presets)
@@ -149,7 +150,7 @@ class _Disk:
 def test_a_disk_that_refuses_for_a_while_costs_nothing(tmp_path: Path, read_only: bool) -> None:  # noqa: FBT001
     """While the disk is full or read-only that is said and packets wait; then all are in the file, and none is torn."""
     path = tmp_path / "a.kinerec"
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         disk = _Disk(writer._file, 20, read_only=read_only)  # noqa: SLF001 - a disk that fills
         writer._file = disk  # type: ignore[assignment]  # noqa: SLF001 - as above
         for packet in PACKETS[:2]:
@@ -174,7 +175,7 @@ def test_a_disk_that_is_nearly_full_keeps_the_packets_that_fit(tmp_path: Path) -
     """Of large packets that wait, the first ones are in the file whole; the others wait, and are lost at the end."""
     large = [RawPacket(float(number), 0, "", (bytes(30_000),)) for number in range(10)]
     path, size = tmp_path / "a.kinerec", len(encode_packet(large[0]))
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         writer._file = disk = _Disk(writer._file, 4 * size - 1)  # type: ignore[assignment]  # noqa: SLF001 - as above
         for packet in large:
             writer.write(packet)
@@ -190,7 +191,7 @@ def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch:
     """On a full disk the writer first loses packets beyond the memory's limit; it counts them and raises no error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
     path = tmp_path / "a.kinerec"
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         writer._file = _Disk(writer._file, 10)  # type: ignore[assignment]  # noqa: SLF001 - as above
         for _ in range(5):
             writer.write(PACKETS[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -146,7 +146,7 @@ def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> N
     found = dict[str, int]()
     for name, presets in {"older": {}, "same": {"osceleton": builtin.text}, "mine": {"osceleton": mine}}.items():
         path.unlink(missing_ok=True)
-        with RawWriter(path, sources, presets) as writer:
+        with closing(RawWriter(path, sources, presets)) as writer:
             for packet in packets:
                 writer.write(packet)
         recording = RawFile(path)

@@ -12,8 +12,10 @@ from kinespace.library.naming.convention import Convention, convention_named, co
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-#: The words by which a person asks to find the convention, and to leave names unchanged.
-AUTO, AS_THEY_ARE = "auto", "as-they-are"
+#: The word by which a person asks to find the convention.
+AUTO = "auto"
+#: The word by which a person asks to leave names unchanged.
+AS_THEY_ARE = "as-they-are"
 #: Joints of ours without which a convention is not found in a skeleton.
 _MIN_KNOWN = 6
 #: A convention is found when it knows this share of the skeleton's names, or when the skeleton has this share of the

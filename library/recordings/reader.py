@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
     from kinespace.library.recordings.formats.labels import Segment
 
-_AMC, _C3D = ".amc", ".c3d"
+_AMC = ".amc"
+_C3D = ".c3d"
 #: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
 RAW = ".kinerec"
 _TABLES = (".csv", ".npz")
@@ -38,9 +39,11 @@ _READERS: dict[str, Callable[..., Clip]] = {
 #: The endings of all files that can be read.
 ENDINGS = (_AMC, *_READERS, RAW, *_TABLES)
 _NAMED = f"{', '.join(ENDINGS[:-2])}, a table in {' or '.join(_TABLES)}"
-#: Bytes of memory for each byte in a file: a number takes two characters or more, or two bytes in a binary file, and
-#: eight in each of the arrays that are computed one from the other.
-_TIMES, _TIMES_BINARY = 4, {_C3D: 10, RAW: 10}
+#: Bytes of memory for each byte in a text: a number takes two characters or more, and eight bytes in each of the arrays
+#: that are computed one from the other.
+_TIMES = 4
+#: Bytes of memory for each byte in a binary file, whose numbers take two bytes or more.
+_TIMES_BINARY = {_C3D: 10, RAW: 10}
 
 
 class ActorIn(StrEnum):
@@ -175,13 +178,10 @@ class RecordingReader:
         OSError
             The file cannot be opened.
         """
-        if path.suffix.lower() != RAW:
-            return [self.clip(path)]
-        if self._reading.raw is None:
-            raise RecordingError(f"{path}: expected a motion file, got a raw recording: kinespace convert makes one")
+        if not is_recording(path):
+            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
         with _errors_naming(path):
-            clips = self._reading.raw(path)
-            return [self._named(restricted(clip, self._reading.joints)) for clip in clips]
+            return [self._named(clip) for clip in self._read(path)]
 
     def clip(self, path: Path) -> Clip:
         """Read one recording of a single performer.
@@ -193,29 +193,26 @@ class RecordingReader:
         OSError
             The file cannot be opened.
         """
-        if not is_recording(path):
-            raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
-        ending = path.suffix.lower()
+        first, *others = self.clips(path)
+        if others:
+            names = ", ".join(clip.actor for clip in (first, *others))
+            raise RecordingError(f"{path}: the recording has several performers ({names})")
+        return first
+
+    def _read(self, path: Path) -> Sequence[Clip]:
+        ending, reading = path.suffix.lower(), self._reading
         if ending == RAW:
-            clips = self.clips(path)
-            if len(clips) > 1:
-                names = ", ".join(clip.actor for clip in clips)
-                raise RecordingError(f"{path}: the recording has several performers ({names})")
-            return clips[0]
-        with _errors_naming(path):
-            reading = self._reading
-            if ending == _AMC:
-                clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
-                return self._named(restricted(clip, reading.joints))
-            read = _READERS.get(ending, joint_table.read_clip)
-            return self._named(
-                read(
-                    path,
-                    metres_per_unit=metres_of(reading.unit),
-                    frame_rate=reading.frame_rate,
-                    joints=reading.joints,
+            if reading.raw is None:
+                raise RecordingError(
+                    f"{path}: expected a motion file, got a raw recording: kinespace convert makes one"
                 )
-            )
+            return [restricted(clip, reading.joints) for clip in reading.raw(path)]
+        if ending == _AMC:
+            clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
+            return [restricted(clip, reading.joints)]
+        read = _READERS.get(ending, joint_table.read_clip)
+        metres = metres_of(reading.unit)
+        return [read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)]
 
     def _body(self, path: Path) -> acclaim.AcclaimSkeleton:
         file = self._reading.asf or acclaim.find_asf(path)
@@ -271,5 +268,5 @@ def _errors_naming(path: Path) -> Iterator[None]:
     except RecordingError:
         raise
     except (ValueError, *memory.DAMAGE) as error:
-        told = str(error) or type(error).__name__
-        raise RecordingError(told if told.startswith(str(path)) else f"{path}: {told}") from error
+        what = str(error) or type(error).__name__
+        raise RecordingError(what if what.startswith(str(path)) else f"{path}: {what}") from error

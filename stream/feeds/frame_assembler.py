@@ -384,12 +384,12 @@ class FrameAssembler:
         A bone that is absent for too long is lost, and so are the bones below it, because its rotation is not known.
         """
         poses, lost = {}, set[str]()
-        for bone in self.preset.bones:
-            sighting = opened.get(bone.name) or self._held(body, bone.name, self.preset.closings.hold)
+        for name, bone in self.preset.bones.items():
+            sighting = opened.get(name) or self._held(body, name, self.preset.closings.hold)
             if sighting is not None:
-                poses[bone.name] = (sighting.position, sighting.rotation)
-            if bone.parent in lost or (sighting is None and self._held(body, bone.name, FORGET_AFTER) is not None):
-                lost.add(bone.name)
+                poses[name] = (sighting.position, sighting.rotation)
+            if bone.parent in lost or (sighting is None and self._held(body, name, FORGET_AFTER) is not None):
+                lost.add(name)
         world = world_positions(self.preset.bones, poses)
         places = {self.preset.joint_map[name]: world[name] for name in self._needed}
         return self._done_without([self.preset.joint_map[name] for name in self._needed if name in lost], places)

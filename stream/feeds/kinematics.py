@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
 #: A number that is neither infinite nor NaN.
 _Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
@@ -26,20 +26,19 @@ class Bone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes
     ----------
-    name, parent
-        The bone's name and its parent's; empty for no parent.
+    parent
+        The parent's name; empty for no parent.
     offset
         The bone's beginning relative to its parent, in the parent's axes and the sender's unit, if the sender sends
         none.
     """
 
-    name: str
     parent: str = ""
     offset: tuple[_Number, _Number, _Number] = (0.0, 0.0, 0.0)
 
 
 def world_positions(
-    bones: Sequence[Bone], poses: Mapping[str, tuple[Vector | None, Quaternion | None]]
+    bones: Mapping[str, Bone], poses: Mapping[str, tuple[Vector | None, Quaternion | None]]
 ) -> dict[str, Vector]:
     """Place every bone in the world.
 
@@ -48,7 +47,7 @@ def world_positions(
     Parameters
     ----------
     bones
-        Parents before their children.
+        By name, parents before their children.
     poses
         Each sent bone's position relative to its parent, and its rotation. Without a position, or with zeros, the bone
         has its own offset; without a rotation, or with zeros, and for bones that are not sent, there is no rotation.
@@ -59,8 +58,8 @@ def world_positions(
     """
     placed = dict[str, Vector]()
     turned = dict[str, Quaternion]()
-    for bone in bones:
-        position, rotation = poses.get(bone.name, (None, None))
+    for name, bone in bones.items():
+        position, rotation = poses.get(name, (None, None))
         if position is None or max(map(abs, position)) < _NOT_GIVEN:
             position = bone.offset
         own = _unit(rotation)
@@ -68,8 +67,8 @@ def world_positions(
             above = turned[bone.parent]
             position = _added(placed[bone.parent], _rotated(above, position))
             own = _product(above, own)
-        placed[bone.name] = position
-        turned[bone.name] = own
+        placed[name] = position
+        turned[name] = own
     return placed
 
 

@@ -126,26 +126,23 @@ class Mapper:
         """Read arguments; None, TypeError or OverflowError when they do not fit the roles."""
         if not way.counts_fit(arguments):
             return None
-        performer = way.text("performer", arguments, way.performer)
+        performer = way.text("performer", arguments)
         time = self._time(way, arguments)
         means = way.means
         if means is Means.GONE or way.nobody(arguments):
             return Reading(means, performer, (), time, present=False)
         sightings: list[Sighting] | None = []
         if means is Means.ORDER:
-            self._order = tuple(way.group_text("joint", arguments, start) for start in way.starts(arguments))
+            self._order = tuple(way.joint_names(arguments))
             self._resolved.cache_clear()
         elif means is Means.NAME:
             self._learn(performer, way, arguments)
-        elif means is Means.FRAME:
-            sightings = self._whole(way, arguments, performer)
-        elif means is Means.JOINT:
-            joint = self._known(way.text("joint", arguments, way.joint), performer)
-            sightings = self._sightings(way.spots, arguments, 0, joint)
+        elif means in (Means.JOINT, Means.FRAME):
+            sightings = self._joints(way, arguments, performer)
         return None if sightings is None else Reading(means, performer, sightings, time)
 
     def _learn(self, performer: str | None, way: _Way, arguments: Sequence[object]) -> None:
-        number, name = way.text("joint", arguments, way.joint), way.text("name", arguments, None)
+        number, name = way.text("joint", arguments), way.text("name", arguments)
         if number is None or name is None:
             raise TypeError("joint and name: expected both")
         if len(self._taught) >= _MAX_REMEMBERED:
@@ -164,22 +161,16 @@ class Mapper:
         # As in our own frames, 0 means "on arrival".
         return time * self.preset.seconds if time and math.isfinite(time) else None
 
-    def _whole(self, way: _Way, arguments: Sequence[object], performer: str | None) -> list[Sighting] | None:
-        """Read all joints of a frame; None when there are more joints than names."""
-        starts = way.starts(arguments)
-        named = "joint" in way.group_places
-        if not named and len(starts) > len(self._order):
+    def _joints(self, way: _Way, arguments: Sequence[object], performer: str | None) -> list[Sighting] | None:
+        """Read all joints of a message; None when there are more joints than names."""
+        starts, names = way.starts(arguments), way.joint_names(arguments) or self._order
+        if len(starts) > len(names):
             return None
-        sightings = list[Sighting]()
-        for index, start in enumerate(starts):
-            name = way.group_text("joint", arguments, start) if named else self._order[index]
-            joint = self._known(name, performer)
-            sightings += self._sightings(way.group_spots, arguments, start, joint)
+        taught_for, sightings = performer if self._taught else None, list[Sighting]()
+        for start, name in zip(starts, names, strict=False):
+            if joint := self._resolved(name, taught_for):
+                sightings.append(self._sighting(way, arguments, start, joint))
         return sightings
-
-    def _known(self, name: str | None, performer: str | None) -> str | None:
-        """Give the preset's name for a joint, None when it has none."""
-        return None if name is None else self._resolved(name, performer if self._taught else None)
 
     def _resolve(self, name: str, performer: str | None) -> str | None:
         known = self._taught.get((performer, name)) or self._taught.get((None, name)) or name
@@ -191,23 +182,21 @@ class Mapper:
             self.unknown.add(known)
         return found
 
-    def _sightings(self, spots: _Spots, arguments: Sequence[object], start: int, joint: str | None) -> list[Sighting]:
-        """Read one joint; nothing of a joint that the preset does not name."""
-        if joint is None:
-            return []
-        numbers = (arguments[start + spots.x], arguments[start + spots.y], arguments[start + spots.z])
+    def _sighting(self, way: _Way, arguments: Sequence[object], start: int, joint: str) -> Sighting:
+        """Read one joint."""
+        numbers = [arguments[start + place] for place in way.position]
         if None in numbers:
-            return [Sighting(joint, None)]
-        x, y, z = _number(numbers[0]), _number(numbers[1]), _number(numbers[2])
+            return Sighting(joint, None)
+        x, y, z = map(_number, numbers)
         rotation = None
         # World positions need no rotations.
-        if spots.rotation and self.preset.bones:
-            a, b, c, d = (_number(arguments[start + place]) for place in spots.rotation)
+        if way.rotation and self.preset.bones:
+            a, b, c, d = (_number(arguments[start + place]) for place in way.rotation)
             rotation = (a, b, c, d)
         seen = math.isfinite(x + y + z) and (rotation is None or math.isfinite(sum(rotation)))
-        if seen and spots.confidence is not None:
-            seen = self._confidence(arguments[start + spots.confidence]) >= self.preset.closings.confidence
-        return [Sighting(joint, (x, y, z) if seen else None, rotation if seen else None)]
+        if seen and way.confidence is not None:
+            seen = self._confidence(arguments[start + way.confidence]) >= self.preset.closings.confidence
+        return Sighting(joint, (x, y, z) if seen else None, rotation if seen else None)
 
     def _confidence(self, argument: object) -> float:
         if isinstance(argument, str):
@@ -216,45 +205,28 @@ class Mapper:
         return math.inf if argument is None else _number(argument)
 
 
-class _Spots(NamedTuple):
-    """The places of a joint's numbers in the arguments."""
-
-    x: int
-    y: int
-    z: int
-    rotation: tuple[int, ...]
-    confidence: int | None
-
-    @classmethod
-    def of(cls, places: dict[str, int]) -> _Spots:
-        """Look the roles up once; roles that are not there are not read."""
-        x, y, z = (places.get(axis, 0) for axis in ("x", "y", "z"))
-        turned = tuple(places[axis] for axis in ("qx", "qy", "qz", "qw")) if "qx" in places else ()
-        return cls(x, y, z, turned, places.get("confidence"))
-
-
 class _Way:
     """A rule, and the names in an address that fits it."""
 
     def __init__(self, rule: MessageRule, named: dict[str, str]) -> None:
-        self.rule = rule
-        self.means = rule.means
-        self.joint = named.get("joint")
-        self.performer = named.get("performer")
+        self.means, self._named = rule.means, named
         self.places = {role: place for place, role in enumerate(rule.arguments)}
-        self.group_places = {role: place for place, role in enumerate(rule.each)}
-        self.spots = _Spots.of(self.places)
-        self.group_spots = _Spots.of(self.group_places)
-        self.group = len(rule.each)
+        #: How many arguments stand before the groups, and how many a group has; a message without groups is one joint.
+        self._before, self._group = len(rule.arguments), len(rule.each)
+        in_group = {role: place for place, role in enumerate(rule.each)} or self.places
+        self._joint = in_group.get("joint")
+        self.position = [in_group.get(axis, 0) for axis in "xyz"]
+        self.rotation = [in_group[axis] for axis in ("qx", "qy", "qz", "qw")] if "qx" in in_group else []
+        self.confidence = in_group.get("confidence")
         self._literals = [(place, role[1:]) for place, role in enumerate(rule.arguments) if role.startswith("=")]
 
     def counts_fit(self, arguments: Sequence[object]) -> bool:
         """Say whether there are as many arguments as the rule needs."""
-        rest = len(arguments) - len(self.rule.arguments)
-        if rest < 0 or not self.group:
+        rest = len(arguments) - self._before
+        if rest < 0 or not self._group:
             return rest >= 0
         # A message of a whole frame without a performer has no further arguments.
-        return rest % self.group == 0 and (rest > 0 or self.nobody(arguments))
+        return rest % self._group == 0 and (rest > 0 or self.nobody(arguments))
 
     def literals_fit(self, arguments: Sequence[object]) -> bool:
         """Say whether the arguments have the texts that the rule demands."""
@@ -267,18 +239,22 @@ class _Way:
         place = self.places.get("present")
         return place is not None and not arguments[place]
 
-    def starts(self, arguments: Sequence[object]) -> range:
+    def starts(self, arguments: Sequence[object]) -> Sequence[int]:
         """Give the place where each group of arguments begins."""
-        return range(len(self.rule.arguments), len(arguments), self.group)
+        return range(self._before, len(arguments), self._group) if self._group else (0,)
 
-    def text(self, role: str, arguments: Sequence[object], default: str | None) -> str | None:
+    def text(self, role: str, arguments: Sequence[object]) -> str | None:
         """Give the name or number in a role, from the address when no argument has it."""
         place = self.places.get(role)
-        return _text(arguments[place]) if place is not None else default if default is None else _text(default)
+        found = self._named.get(role) if place is None else arguments[place]
+        return None if place is None and found is None else _text(found)
 
-    def group_text(self, role: str, arguments: Sequence[object], start: int) -> str:
-        """Give the name or number in a role of a group."""
-        return _text(arguments[start + self.group_places[role]])
+    def joint_names(self, arguments: Sequence[object]) -> list[str]:
+        """Give the joints' names or numbers; nothing where groups have none."""
+        if self._joint is not None:
+            return [_text(arguments[start + self._joint]) for start in self.starts(arguments)]
+        named = self.text("joint", arguments)
+        return [] if named is None else [named]
 
 
 def _text(argument: object) -> str:

@@ -27,23 +27,14 @@ _ENDING = ".toml"
 _PRESETS = resources.files("kinespace.stream.feeds") / "presets"
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
-#: The roles of an argument; a role that begins with = is a text that must be there.
-ROLES = (
-    "joint",
-    "performer",
-    *_POSITION,
-    *_ROTATION,
-    "confidence",
-    "time",
-    "time_high",
-    "name",
-    "present",
-    "skip",
-)
+_ROLES = ("joint", "performer", *_POSITION, *_ROTATION, "confidence", "time", "time_high", "name", "present", "skip")
+#: The role of an argument; a role that begins with = is a text that must be there.
+_Role = Annotated[str, Meta(pattern=f"^({'|'.join(_ROLES)}|=.*)$")]
 #: A number above 0 that is neither infinite nor NaN.
 _Length = Annotated[float, Meta(ge=1e-9, le=1e9)]
 _Port = Annotated[int, Meta(ge=1, le=65535)]
-_PLACEHOLDERS = {"joint": "[^/]+", "performer": "[^/]+", "skip": "[^/]+", "any": ".+"}
+#: Regular expressions for the placeholders of an address.
+_PLACEHOLDERS = {"joint": "(?P<joint>[^/]+)", "performer": "(?P<performer>[^/]+)", "skip": "[^/]+", "any": ".+"}
 
 
 class PresetError(ValueError):
@@ -102,8 +93,8 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     address: Annotated[str, Meta(pattern="^/")]
-    arguments: tuple[Text, ...] = ()
-    each: tuple[Text, ...] = ()
+    arguments: tuple[_Role, ...] = ()
+    each: tuple[_Role, ...] = ()
     given: Means | None = msgspec.field(name="means", default=None)
 
     def __post_init__(self) -> None:
@@ -117,9 +108,6 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         except re.error as error:
             raise ValueError(f"address: expected each of {{joint}} and {{performer}} once, got {error}") from error
         for key, roles in (("arguments", self.arguments), ("each", self.each)):
-            for role in roles:
-                if role not in ROLES and not role.startswith("="):
-                    raise ValueError(f"{key}: expected roles out of {', '.join(ROLES)} or =text, got {role!r}")
             named = [role for role in roles if role != "skip" and not role.startswith("=")]
             if len(set(named)) != len(named):
                 raise ValueError(f"{key}: expected each role but skip once, got {roles!r}")
@@ -250,7 +238,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     order, order_from
         Joint names in the order of their numbers, and the first number; also their order in messages without names.
     bones
-        For positions relative to a parent: the parents, and offsets for bones without a position.
+        By name, for positions relative to a parent: the parents, and offsets for bones without a position.
     asking
         The messages for the sender, or None.
     """
@@ -270,7 +258,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     closings: Closings = msgspec.field(name="frame", default=Closings())
     order: tuple[Text, ...] = ()
     order_from: Annotated[int, Meta(ge=0, le=1000)] = 0
-    bones: tuple[Bone, ...] = ()
+    bones: dict[str, Bone] = {}
     asking: Asking | None = msgspec.field(name="ask", default=None)
 
     def __post_init__(self) -> None:
@@ -298,10 +286,10 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         if len(set(map(spelling, joints))) != len(joints):
             raise ValueError(f"joints: expected names that differ in more than capitals and blanks, got {[*joints]!r}")
         before = {""}
-        for bone in self.bones:
+        for name, bone in self.bones.items():
             if bone.parent not in before:
-                raise ValueError(f"bones, {bone.name}, parent: expected a bone before this one, got {bone.parent!r}")
-            before.add(bone.name)
+                raise ValueError(f"bones, {name}, parent: expected a bone before this one, got {bone.parent!r}")
+            before.add(name)
         for name, target in joints.items():
             if self.bones and target and name not in before:
                 raise ValueError(f"joints: expected names that stand in [bones], got {name!r}")
@@ -341,20 +329,6 @@ def builtin_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(_ENDING) for name in names if name.endswith(_ENDING)))
 
 
-def builtin_text(name: str) -> str:
-    """Give the TOML of a preset that comes with kinespace.
-
-    Raises
-    ------
-    PresetError
-        There is none of that name.
-    """
-    names = builtin_names()
-    if name not in names:
-        raise PresetError(f"feed: expected a .toml file or one of {', '.join(names)}, got {name!r}")
-    return (_PRESETS / f"{name}{_ENDING}").read_text(encoding="utf-8")
-
-
 def builtin_preset(name: str) -> Preset:
     """Load a preset that comes with kinespace.
 
@@ -363,7 +337,10 @@ def builtin_preset(name: str) -> Preset:
     PresetError
         There is none of that name.
     """
-    return parse_preset(builtin_text(name), name, f"{name}{_ENDING}")
+    names, file = builtin_names(), f"{name}{_ENDING}"
+    if name not in names:
+        raise PresetError(f"feed: expected a .toml file or one of {', '.join(names)}, got {name!r}")
+    return parse_preset((_PRESETS / file).read_text(encoding="utf-8"), name, file)
 
 
 def load_preset(path: Path) -> Preset:
@@ -396,36 +373,20 @@ def parse_preset(text: str, name: str, file: str) -> Preset:
     PresetError
         The text is no TOML, or something in it is wrong, missing or unknown.
     """
-    read = read_toml(text, file, PresetFile, PresetError, _written_out)
+    read = read_toml(text, file, PresetFile, PresetError, _with_three_axes)
     found = msgspec.structs.asdict(read)
     found |= {"product": read.product or name, "performer": read.performer or name[:32]}
     return Preset(**found, name=name, text=text)
 
 
-def _written_out(table: dict[str, Any]) -> dict[str, Any]:
-    """Write one number for three axes out, and name each bone in its own table."""
-    bones = table.get("bones", {})
-    if isinstance(bones, dict):
-        named = [(name, _thrice(bone, "offset")) for name, bone in bones.items()]
-        bones = [bone | {"name": name} if isinstance(bone, dict) else bone for name, bone in named]
-    return _thrice(table, "metres") | {"bones": bones}
-
-
-def _thrice(table: dict[str, Any], key: str) -> dict[str, Any]:
-    one = isinstance(table, dict) and isinstance(table.get(key), (int, float))
-    return table | {key: [table[key]] * 3} if one else table
+def _with_three_axes(table: dict[str, Any]) -> dict[str, Any]:
+    """Write one number of metres for three axes out."""
+    metres = table.get("metres")
+    return table | {"metres": [metres] * 3} if isinstance(metres, (int, float)) else table
 
 
 @lru_cache
 def _pattern(address: str) -> re.Pattern[str]:
     """Turn an address with placeholders into a regular expression; KeyError for an unknown placeholder."""
-    parts = re.split(r"\{(\w*)\}", address)
-    expression = ""
-    for index, part in enumerate(parts):
-        if index % 2 == 0:
-            expression += re.escape(part)
-        elif part in ("joint", "performer"):
-            expression += f"(?P<{part}>{_PLACEHOLDERS[part]})"
-        else:
-            expression += f"(?:{_PLACEHOLDERS[part]})"
+    expression = re.sub(r"\\{(\w*)\\}", lambda found: _PLACEHOLDERS[found[1]], re.escape(address))
     return re.compile(expression, re.IGNORECASE)

@@ -29,9 +29,10 @@ MAX_JUMP = 5.0
 _MAX_NAMES = 1024
 #: Ports of one host that are known to be other programs, at most.
 _MAX_PORTS = 16
-#: Packets in a row from one port after which a sender is known to keep to it, and seconds without one of them after
-#: which it may have started again at another port.
-_STEADY, _RESTARTED = 3, 0.5
+#: Packets in a row from one port after which a sender is known to keep to it.
+_STEADY = 3
+#: Seconds without one of them after which the sender may have started again at another port.
+_RESTARTED = 0.5
 
 
 @dataclass(slots=True)
@@ -119,15 +120,15 @@ class Admission:
             Host and port; a source that does not know its senders gives a name of its own and 0.
         """
         host, port = sender or ("", 0)
-        let_in: list[Admitted] = []
+        admitted: list[Admitted] = []
         for event in events:
             if self._allowed and event.performer not in self._allowed:
                 self.counts.not_allowed += 1
             elif isinstance(event, Announcement):
-                let_in += self._announcement(event, arrival, host, port)
+                admitted += self._announcement(event, arrival, host, port)
             else:
-                let_in += self._frame(event, arrival, host, port)
-        return let_in
+                admitted += self._frame(event, arrival, host, port)
+        return admitted
 
     def _announcement(self, event: Announcement, arrival: float, host: str, port: int) -> Sequence[Admitted]:
         """Admit an announcement of the performer's sender; another sender's waits for frames from the same port."""

@@ -13,8 +13,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-#: Seconds of arrivals, and frames, that a verdict rests on at least.
-_SPAN, _MIN_FRAMES = 0.4, 7
+#: Seconds of arrivals that a verdict rests on, at least.
+_SPAN = 0.4
+#: Frames that a verdict rests on, at least.
+_MIN_FRAMES = 7
 #: Seconds without a frame after which the frames before are forgotten.
 _PAUSE = 1.0
 #: Frames a second above which frames come all at once, not as they are made: then there is no verdict.
@@ -25,10 +27,14 @@ _STILL = 0.15
 _UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e7: "ticks of 100 nanoseconds", 1e9: "nanoseconds"}
 #: Factor by which the pace may differ from a unit's: frames are lost, and the first span is short.
 _TOLERANCE = 1.6
-#: Pace of times that still count as seconds: a feed may be sent again faster or slower than it was recorded.
-_SLOWEST, _FASTEST = 0.01, 500.0
-#: Frame numbers a second, at least, and steps of frame numbers: some programs send every second frame only.
-_MIN_NUMBERS, _MAX_NUMBER_STEP = 4.0, 10.0
+#: The lowest pace of times that still count as seconds: a feed may be sent again slower than it was recorded.
+_SLOWEST = 0.01
+#: The highest such pace: a feed may be sent again faster, too.
+_FASTEST = 500.0
+#: Frame numbers a second, at least.
+_MIN_NUMBERS = 4.0
+#: The largest step of frame numbers: some programs send every second frame only.
+_MAX_NUMBER_STEP = 10.0
 #: Seconds over which the rate of frame numbers is measured.
 _MEASURED = 10.0
 #: Seconds by which a time may differ from the arrivals and still be of the same clock.

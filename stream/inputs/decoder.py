@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from kinespace.stream.osc.frames import decode as decode_datagram
 from kinespace.stream.packet import datagram_of, parts_of
 from kinespace.stream.status import InputCounts, Refusals
-from kinespace.stream.zeromq import single_part
-from kinespace.stream.zeromq.frames import FormatError, SequenceGaps
+from kinespace.stream.zeromq.frames import FormatError, SequenceGaps, decode_packed
 from kinespace.stream.zeromq.frames import decode as decode_message
 
 if TYPE_CHECKING:
@@ -21,6 +20,11 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Input
     from kinespace.stream.packet import Packet, Sender
     from kinespace.stream.zeromq.frames import NumberedFrame
+
+#: First bytes of OSC packets, which some programs send unchanged: a map begins with another byte.
+_OSC = (b"/", b"#bundle\0")
+#: First bytes of msgpack maps: of up to 15 fields, and of more.
+_MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b"\xdf"])
 
 
 class Decoder(Protocol):
@@ -95,14 +99,14 @@ class ZmqDecoder(OscDecoder):
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode a message."""
         parts = parts_of(packet)
-        if len(parts) == 1 and single_part.is_osc(parts[0]):
+        if len(parts) == 1 and parts[0].startswith(_OSC):
             return super().decode(parts[0], arrival, sender)
         self.counts.received += 1
         try:
             if parts and parts[0].startswith(b"frame/"):
                 return self._counted(decode_message(parts, arrival))
-            if len(parts) == 1 and single_part.is_map(parts[0]):
-                return self._counted(single_part.decode(parts[0], arrival))
+            if len(parts) == 1 and parts[0][:1] in _MAPS:
+                return self._counted(decode_packed(parts[0], arrival))
         except FormatError as error:
             self.counts.malformed += 1
             self.refusals.note("malformed", str(error), sender, packet)

@@ -38,14 +38,18 @@ MAX_KINDS = 200
 _MAX_SENDERS = 50
 #: Messages and packets that are kept for reading by each preset, at most.
 _MAX_KEPT = 20_000
-#: The preset of our own messages, and their addresses.
-NATIVE, OURS = "native", ("/motion/frame", SKELETON)
+#: The preset of our own messages.
+NATIVE = "native"
+#: The addresses of our own messages.
+OURS = ("/motion/frame", SKELETON)
 #: Packings whose packets can be recognised.
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
 #: Share of a preset's joints that must come for the preset to fit.
 _LIKELY = 0.25
-#: Share of its length by which a segment may change, and share of the segments that may change by more.
-_STRETCHES, _MANY = 0.1, 0.25
+#: Share of its length by which a segment may change.
+_STRETCHES = 0.1
+#: Share of the segments that may change by more.
+_MANY = 0.25
 _NUMBERED = re.compile(r"\d+")
 _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", list: "[", tuple: "m"}
 
@@ -80,25 +84,38 @@ class Guess(NamedTuple):
         Share of the messages that the preset can read.
     joints
         Joints that came, by the motion library's names.
-    missing
-        Joints of the preset that did not come.
-    frames
-        Frames made of the messages.
-    rate
-        Frames a second of one performer.
-    performers
-        The performers' names.
+    frames, refused
+        Frames made of the messages, and frames that lack too many joints.
+    times
+        The arrivals of each performer's frames, seconds.
+    unknown
+        Joints that came and that the preset does not name.
     """
 
     preset: Preset
     understood: float
     joints: tuple[str, ...]
-    missing: tuple[str, ...]
     frames: int
-    rate: float
-    performers: tuple[str, ...]
-    unknown: tuple[str, ...]
     refused: int
+    times: Mapping[str, Sequence[float]]
+    unknown: tuple[str, ...] = ()
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Joints of the preset that did not come."""
+        return tuple(joint for joint in self.preset.joints if joint not in self.joints)
+
+    @property
+    def performers(self) -> tuple[str, ...]:
+        """The performers' names."""
+        return tuple(self.times)
+
+    @property
+    def rate(self) -> float:
+        """Frames a second of the performer with the most frames; 0 for none."""
+        longest = max(self.times.values(), key=len, default=())
+        span = longest[-1] - longest[0] if longest else 0.0
+        return (len(longest) - 1) / span if span > 0 else 0.0
 
 
 class Findings(NamedTuple):
@@ -207,15 +224,13 @@ class Survey:
             # A bone that does not come stays at rest.
             came = set(preset.joints)
         return Guess(
-            preset=preset,
-            understood=understood / total if total else 0.0,
-            joints=tuple(joint for joint in preset.joints if joint in came),
-            missing=tuple(joint for joint in preset.joints if joint not in came),
-            frames=assembler.counts.frames,
-            rate=_rate(times),
-            performers=tuple(times),
-            unknown=tuple(sorted(mapper.unknown)),
-            refused=assembler.counts.incomplete,
+            preset,
+            understood / total if total else 0.0,
+            tuple(joint for joint in preset.joints if joint in came),
+            assembler.counts.frames,
+            assembler.counts.incomplete,
+            times,
+            tuple(sorted(mapper.unknown)),
         )
 
     def _as_our_own(self, preset: Preset) -> Guess:
@@ -229,17 +244,8 @@ class Survey:
                 frames += isinstance(event, Frame)
         whole, joints = sum(map(len, times.values())), tuple(each for each in preset.joints if each in named)
         ours = sum(kind.count for kind in self.kinds.values() if kind.address in OURS)
-        return Guess(
-            preset=preset,
-            understood=ours / max(sum(kind.count for kind in self.kinds.values()), 1),
-            joints=joints,
-            missing=tuple(each for each in preset.joints if each not in named),
-            frames=whole if len(joints) >= MIN_JOINTS else 0,
-            rate=_rate(times),
-            performers=tuple(times),
-            unknown=(),
-            refused=frames - whole,
-        )
+        understood = ours / max(sum(kind.count for kind in self.kinds.values()), 1)
+        return Guess(preset, understood, joints, whole if len(joints) >= MIN_JOINTS else 0, frames - whole, times)
 
     def findings(self, preset: Preset) -> Findings:
         """List the oddities of the packets, read by a preset."""
@@ -282,13 +288,6 @@ class Survey:
         guesses = [self.looked_at_as(preset) for preset in presets]
         likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.joints)]
         return max(likely, key=_likelihood, default=None)
-
-
-def _rate(times: Mapping[str, Sequence[float]]) -> float:
-    """Give the frames a second of the performer with the most arrivals; 0 for none."""
-    longest = max(times.values(), key=len, default=())
-    span = longest[-1] - longest[0] if longest else 0.0
-    return (len(longest) - 1) / span if span > 0 else 0.0
 
 
 def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200
-_CLASS, _SIZE, _EVENT = struct.Struct(">iff"), struct.Struct(">i"), struct.Struct(">iff")
+_CLASS = struct.Struct(">iff")
+_SIZE = struct.Struct(">i")
+_EVENT = struct.Struct(">iff")
 _PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: The largest number that OSC holds as a float.

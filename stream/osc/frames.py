@@ -25,8 +25,8 @@ _FRAME = "/motion/frame"
 SKELETON = "/motion/skeleton"
 _FRAME_ADDRESS = b"/motion/frame\0"
 _FRAME_START = _FRAME_ADDRESS + b"\0\0,sd"
-#: Frames in one packet, at most: each is recognised before the next packet is looked at. So many performers can share a
-#: packet.
+#: Frames in one packet, at most: each is recognised before the next packet is looked at. As many performers
+#: can share a packet.
 MAX_FRAMES = 32
 _DOUBLE = struct.Struct(">d")
 #: Made once: numpy needs as long to look up a type's name as to read the positions.

@@ -7,6 +7,7 @@ packets that are no OSC. Here time tags are ignored and there is one error. The 
 
 from __future__ import annotations
 
+import re
 import struct
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,6 +28,8 @@ _BUNDLE = b"#bundle\0"
 BUNDLE_START = _BUNDLE + b"\0\0\0\0\0\0\0\1"
 _FIXED = {"i": struct.Struct(">i"), "h": struct.Struct(">q"), "f": struct.Struct(">f"), "d": struct.Struct(">d")}
 _FIXED |= {"t": struct.Struct(">Q"), "r": struct.Struct(">I")}
+#: A type tag, or a run of floats.
+_RUN = re.compile(r"f+|.", re.DOTALL)
 _VALUES: dict[str, object] = {"T": True, "F": False, "N": None, "I": float("inf")}
 
 
@@ -124,7 +127,7 @@ def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tup
 
 
 def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
-    """Decode a message of at most so many values that are not floats; give it and the number of these values."""
+    """Decode a message of at most `left` values that are not floats; give it and the number of these values."""
     address, place = _string(packet, 0)
     if not address.startswith("/"):
         raise PacketError("an address that does not begin with /")
@@ -142,20 +145,12 @@ def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
 
 def _arguments(packet: bytes, place: int, tags: str) -> list[object]:
     stack: list[list[object]] = [[]]
-    index = 1
-    while index < len(tags):
-        tag = tags[index]
-        index += 1
-        if tag == "f":
-            # Joint positions are long runs of floats: one call takes a whole run.
-            count = 1
-            while index < len(tags) and tags[index] == "f":
-                index += 1
-                count += 1
-            if place + 4 * count > len(packet):
-                raise PacketError("cut off in its arguments")
-            stack[-1].extend(struct.unpack_from(f">{count}f", packet, place))
-            place += 4 * count
+    # Joint positions are long runs of floats: one call takes a whole run.
+    for tag in _RUN.findall(tags, 1):
+        if tag[0] == "f":
+            end = _end(packet, place + 4 * len(tag))
+            stack[-1].extend(struct.unpack_from(f">{len(tag)}f", packet, place))
+            place = end
         elif tag == "[":
             inner: list[object] = []
             stack[-1].append(inner)

@@ -104,7 +104,7 @@ class OscReceiver:
     def __init__(self, host: str, port: int, networks: Networks = ()) -> None:
         family, kind, address = _resolved(host, port)
         self._networks = networks
-        self._let_in = lru_cache(maxsize=1024)(lambda host: is_within(host, networks))
+        self._is_admitted = lru_cache(maxsize=1024)(lambda host: is_within(host, networks))
         self.strangers = 0
         self.socket = socket.socket(family, kind)
         try:
@@ -161,7 +161,7 @@ class OscReceiver:
                 waited = time.time() - seconds - nanoseconds * 1e-9
                 self.waited = waited if 0.0 <= waited < _MAX_WAITED else 0.0
         self.sender = sender[:2]
-        if self._networks and not self._let_in(sender[0]):
+        if self._networks and not self._is_admitted(sender[0]):
             self.strangers += 1
             return b""
         return datagram

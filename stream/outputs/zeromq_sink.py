@@ -21,10 +21,14 @@ if TYPE_CHECKING:
     from kinespace.stream.zeromq.sockets import ZmqSender
 
 
-#: Seconds between two bodies of a performer, and the share of it by which a frame may come early.
-EVERY, _EARLY = 1 / 30, 0.01
-#: Bodies between two with the joints that carry the decision, and between two with the skeleton.
-_CARRIED_EVERY, _SKELETON_EVERY = 5, 30
+#: Seconds between two bodies of a performer.
+EVERY = 1 / 30
+#: Share of these seconds by which a frame may come early.
+_EARLY = 0.01
+#: Bodies between two with the joints that carry the decision.
+_CARRIED_EVERY = 5
+#: Bodies between two with the skeleton.
+_SKELETON_EVERY = 30
 #: Performers whose pace is remembered, at most.
 _MAX_PERFORMERS = 256
 

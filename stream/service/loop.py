@@ -150,9 +150,8 @@ class Service:
         self._rates = Rates(clock())
         self._latest_rates: dict[str, float] = {}
         self._next_status = self._next_classes = clock()
-        self._stopped = False
-        #: When the last step ends; 0 before it was stopped.
-        self._over = 0.0
+        #: When the last step ends; inf before it was stopped.
+        self._over = math.inf
         #: The newest answer of each performer that is too old to be sent before it is known to be the newest.
         self._held: dict[str, Recognition] = {}
         #: The motions whose starts were published: performer and class.
@@ -186,27 +185,20 @@ class Service:
 
     def stop(self) -> None:
         """Make `run` return soon; from any thread or signal handler."""
-        self._stopped = True
+        self._over = min(self._over, time.perf_counter() + MAX_ENDING)
 
     def run(self) -> None:
         """Run until stopped; answer packets that have arrived by then, end motions, let all performers leave."""
         try:
-            while not self._stopped:
+            while self._over == math.inf:
                 self.step(_MAX_SLEEP)
             for _ in range(_MAX_LAST_STEPS):
-                if not self._is_over():
+                if time.perf_counter() < self._over:
                     self.step(0.0)
         finally:
             self._publish_held()
             self._publish_events(self.performers.end())
             self._publish_gone(self.performers.names)
-
-    def _is_over(self) -> bool:
-        """Say whether it was stopped so long ago that waiting packets are no longer answered."""
-        if not self._stopped:
-            return False
-        self._over = self._over or time.perf_counter() + MAX_ENDING
-        return time.perf_counter() > self._over
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for packets, and deal with all that have come."""
@@ -221,7 +213,7 @@ class Service:
         # receiver looks after its connections.
         for source in self.sources:
             left = _MAX_IN_TURN
-            while left and not self._is_over() and (taken := self._deal_with_waiting(source, left)):
+            while left and time.perf_counter() < self._over and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
         self._looked = self._clock()
         if self._held and not self._poller.poll(0):

@@ -82,7 +82,7 @@ def open_session(
     if far := [] if to_anybody else _open_to_others(config):
         raise ValueError(
             f"--listen {far[0]}: expected an endpoint on this machine, tls/... with --keys or client certificates in "
-            "--zenoh, which let in known workers alone, or --open, which lets in anybody"
+            "--zenoh, which admit known workers alone, or --open, which admits anybody"
         )
     try:
         return zenoh.open(config)
@@ -130,7 +130,7 @@ def _open_to_others(config: Any) -> list[str]:  # noqa: ANN401 - Zenoh's
 def joined(session: Any, known: set[str]) -> list[str]:  # noqa: ANN401 - Zenoh's
     """Name the ends of new links: where they are and, by TLS, who proved to be there; add the links to the known."""
     links = [(each.auth_identifier, str(each.dst)) for each in session.info.links()]
-    # Where nobody proves anything, other machines are told all the same.
+    # Where nobody proves anything, other machines are named all the same.
     new = [f"{who or 'somebody'} at {to}" for who, to in links if to not in known and (who or not _is_here(to))]
     known.update(to for _, to in links)
     return new
@@ -165,7 +165,7 @@ class Inbox:
                 self._wakes.send(b"!")
 
     def deal(self, longest: float = math.inf) -> None:
-        """Deal with the messages that wait, for so many seconds or a little longer; in the loop's thread."""
+        """Deal with the messages that wait, for `longest` seconds or a little more; in the loop's thread."""
         ends = time.monotonic() + longest
         if self._awake:
             with suppress(BlockingIOError):

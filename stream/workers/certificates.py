@@ -1,7 +1,7 @@
-"""Certificates for Zenoh (TLS): who may join, and whom we join; made and kept beside the keys for ZeroMQ.
+"""Certificates for Zenoh (TLS): who may join, and whom we join; made and kept next to the keys for ZeroMQ.
 
 A folder holds our own certificate, `NAME.pem`, its secret key, `NAME.pem_secret`, and the certificates, `*.pem`, of all
-that are let in. Each certificate stands for itself: no authority has signed it, and no other is believed.
+that are admitted. Each certificate stands for itself: no authority has signed it, and no other is believed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,10 @@ from kinespace.stream.zeromq.keys import SECRET_MODE, require_own
 if TYPE_CHECKING:
     from pathlib import Path
 
-PUBLIC, SECRET = ".pem", ".pem_secret"
+#: The ending of a certificate.
+PUBLIC = ".pem"
+#: The ending of its secret key.
+SECRET = ".pem_secret"  # noqa: S105 - an ending
 #: How long a certificate lasts.
 _LASTS = timedelta(days=3650)
 

@@ -35,11 +35,16 @@ if TYPE_CHECKING:
 
 #: Whether the socket is this user's own.
 _IS_PRIVATE = sys.platform != "win32"
-#: Seconds in which a new worker must be ready, in which a worker that was left out must come back before it is killed,
-#: and between two starts of a worker that ends soon after it was started.
-MAX_START, _MAX_ABSENT, _PAUSE = 60.0, 2.0, 1.0
-#: Seconds in which a worker ends, and between two looks at the processes.
-_MAX_ENDING, _LOOK_EVERY = 2.0, 0.1
+#: Seconds in which a new worker must be ready.
+MAX_START = 60.0
+#: Seconds in which a worker that was left out must come back before it is killed.
+_MAX_ABSENT = 2.0
+#: Seconds between two starts of a worker that ends soon after it was started.
+_PAUSE = 1.0
+#: Seconds in which a worker ends.
+_MAX_ENDING = 2.0
+#: Seconds between two looks at the processes.
+_LOOK_EVERY = 0.1
 
 
 @dataclass(slots=True)
@@ -100,11 +105,6 @@ class LocalGateway(Gateway):
         except BaseException:
             self.close()
             raise
-
-    @property
-    def process_ids(self) -> dict[str, int]:
-        """The number of each worker's process."""
-        return {name: each.process.pid for name, each in self._workers.items()}
 
     def _start(self, name: str, now: float) -> None:
         context = multiprocessing.get_context("spawn")

@@ -17,11 +17,13 @@ from kinespace.stream.recognizer.performers import SentJoints
 from kinespace.stream.recognizer.settings import Settings  # noqa: TC001 - msgspec reads annotations
 
 #: The version of the messages.
-PROTOCOL = 7
+PROTOCOL = 8
 #: Bytes of a library's file, at most.
 MAX_LIBRARY = 1 << 28
-#: Performers of a gateway, and joints of a performer, at most.
-MAX_PERFORMERS, MAX_JOINTS = 100_000, 4096
+#: Performers of a gateway, at most.
+MAX_PERFORMERS = 100_000
+#: Joints of a performer, at most.
+MAX_JOINTS = 4096
 
 
 def own_version() -> str:

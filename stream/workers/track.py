@@ -33,35 +33,6 @@ _MAX_OWED = 2.5
 
 
 @dataclass(slots=True)
-class Move:
-    """A performer's way to a new worker, while the former one answers.
-
-    The new one gets the last seconds first, piece by piece. Then new frames wait until the former one has answered
-    those before, and the new one goes on with them.
-
-    Attributes
-    ----------
-    to
-        The new worker.
-    waiting
-        The frames that it has not been sent; None before it knows of the performer.
-    came
-        How many of them came since the last piece.
-    asked, question
-        Who must have dealt with what was sent before the next step, and the number of the question; 0 for nobody.
-    is_last
-        Whether the new worker has all frames that the former one must answer.
-    """
-
-    to: str
-    waiting: deque[SentFrame] | None = None
-    came: int = 0
-    asked: str = ""
-    question: int = 0
-    is_last: bool = False
-
-
-@dataclass(slots=True)
 class Track:
     """The frames that were sent to workers, and the answers that came back.
 
@@ -75,8 +46,10 @@ class Track:
         Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
     worker
         The worker that answers; empty for none.
-    move
-        The way to another worker.
+    to
+        The worker that answers soon in its place; empty for none.
+    taken_over
+        Whether the next frame is the first that the worker answers in another one's place.
     carried
         The joints that carried the last answer that was asked about.
     asks
@@ -88,7 +61,8 @@ class Track:
     number: int
     decision: Decision
     worker: str = ""
-    move: Move | None = None
+    to: str = ""
+    taken_over: bool = False
     carried: Carried | None = None
     asks: bool = False
     #: Seconds between two answers, and how many may come now.
@@ -127,6 +101,8 @@ class Track:
         self._recent.append(sent)
         while self._recent[0].at < now - KEPT:
             self._recent.popleft()
+        if self.taken_over:
+            sent, self.taken_over = msgspec.structs.replace(sent, go_on=self.past), False
         return sent
 
     def accept(self, answer: Answered, classes: Sequence[str]) -> tuple[Event, ...] | None:
@@ -178,11 +154,14 @@ class Track:
         """What the last seconds need not show."""
         return Past(self._answer.recognition.time, self._answer.long_ago) if self._answer else Past()
 
-    def recent(self, joints: tuple[str, ...] | None) -> tuple[list[SentFrame], list[SentFrame]]:
-        """Give the last frames that need no answer any more, and those that need one, for a worker that takes over."""
+    def give_to(self, worker: str, joints: tuple[str, ...] | None) -> list[SentFrame]:
+        """Let a worker answer from now on; give the frames of the last seconds, answered or not, for it."""
         since = self._answer.at - HISTORY if self._answer else 0.0
         recent = [frame for frame in self._recent if frame.at >= since]
         if recent:
             recent[0] = msgspec.structs.replace(recent[0], begins=True, joints=joints, take_over=self.past)
-        done = sum(frame.seq <= self.number for frame in recent)
-        return recent[:done], recent[done:]
+        answered = sum(frame.seq <= self.number for frame in recent)
+        self.worker, self.to, self.taken_over = worker, "", answered == len(recent)
+        if not self.taken_over:
+            recent[answered] = msgspec.structs.replace(recent[answered], go_on=self.past)
+        return recent

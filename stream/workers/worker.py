@@ -83,11 +83,11 @@ class Worker:
             if past.long_ago:
                 performers.go_on(name, past.long_ago, now)
 
-    def report(self, now: float, *, dropped: int = 0, leaves: bool = False) -> Report:
+    def report(self, now: float, *, dropped: int = 0) -> Report:
         """Forget silent performers, and give the counters."""
         performers = self.performers
         performers.drop_silent(now)
         self._warming.difference_update(performers.take_gone())
         counts = performers.counts
         counts.recognizers.add(self._warmed, -1)
-        return Report(counts, performers.refused, performers.doubted, performers.compared, dropped, leaves)
+        return Report(counts, performers.refused, performers.doubted, performers.compared, dropped)

@@ -1,17 +1,10 @@
 """ZeroMQ: frames and answers as messages, and the two endpoints.
 
-`frames`, `single_part`, `bodies` and `answers` know neither sockets nor clocks; the others are the endpoints.
+`frames`, `bodies` and `answers` know neither sockets nor clocks; the others are the endpoints.
 """
 
 from kinespace.stream.zeromq.address import MAX_MESSAGE, Endpoint
-from kinespace.stream.zeromq.answers import (
-    decode_answer,
-    encode_classes,
-    encode_event,
-    encode_gone,
-    encode_recognition,
-    encode_status,
-)
-from kinespace.stream.zeromq.frames import MAX_HEADER, FormatError, NumberedFrame, SequenceGaps, decode, encode_frame
+from kinespace.stream.zeromq.answers import decode_answer, encode_recognition
+from kinespace.stream.zeromq.frames import MAX_HEADER, FormatError, SequenceGaps, decode, encode_frame
 from kinespace.stream.zeromq.keys import Keyring
-from kinespace.stream.zeromq.sockets import MAX_PARTS, ZmqReceiver, ZmqSender
+from kinespace.stream.zeromq.sockets import ZmqReceiver, ZmqSender

@@ -15,10 +15,13 @@ if TYPE_CHECKING:
 MAX_MESSAGE = 1 << 18
 #: Bytes of a subscription, at most: the longest topic has 270. ZeroMQ keeps every subscription in memory.
 MAX_SUBSCRIPTION = 512
-#: Seconds of silence after which the system asks whether the other machine is still there, seconds between two further
-#: questions, and the number of unanswered questions before the connection is made again. A sender that is switched off
-#: sends no end, and ZeroMQ would wait for hours. These are not ZeroMQ's own heartbeats, which older peers do not know.
-_ASK_AFTER, _ASK_EVERY, _ASK_TIMES = 5, 1, 5
+#: Seconds of silence after which the system asks whether the other machine is still there. A sender that is switched
+#: off sends no end, and ZeroMQ would wait for hours. ZeroMQ has heartbeats of its own, which older peers do not know.
+_ASK_AFTER = 5
+#: Seconds between two further questions.
+_ASK_EVERY = 1
+#: Unanswered questions after which the connection is made again.
+_ASK_TIMES = 5
 #: Milliseconds in which a new connection must have shown that it speaks ZeroMQ and, with keys, its key.
 _MAX_HANDSHAKE = 3000
 #: Hosts of this machine, as addresses name them.

@@ -1,7 +1,10 @@
-"""Frames as ZeroMQ messages of several parts: bytes in, frames out, and back.
+"""Frames as ZeroMQ messages, of several parts or of one: bytes in, frames out, and back.
 
 `[b"frame/<performer>/"][JSON header][raw little-endian floats]`. The header holds `v` (1), `seq`, `t` seconds, `shape`
 [joints, 3], `dtype` "<f4" or "<f8", and `joints` (names) in the first frame and whenever they change.
+
+Senders that cannot send several parts, or whose sockets keep only the newest message (CONFLATE) and so lose all parts
+but the last, send a msgpack map: the header's fields, `performer`, and the positions as `data`.
 
 Topics end in a slash because subscriptions match by their first bytes: `frame/p1` would match `frame/p10` too.
 Nothing is unpickled. msgspec checks a header's fields and their bounds while it reads them, and the size of the
@@ -46,7 +49,15 @@ class Header(msgspec.Struct):
     joints: list[str] | None = None
 
 
+class Packed(Header, kw_only=True):
+    """A header with the performer and the positions."""
+
+    performer: str
+    data: bytes
+
+
 _read_header = msgspec.json.Decoder(Header).decode
+_unpack = msgspec.msgpack.Decoder(Packed).decode
 
 
 class NumberedFrame(NamedTuple):
@@ -137,6 +148,28 @@ def encode_frame(frame: Frame, seq: int, joints: Sequence[str] | None = None) ->
     if joints is not None:
         header["joints"] = joints
     return [f"frame/{frame.performer}/".encode(), msgspec.json.encode(header), positions.tobytes()]
+
+
+def decode_packed(payload: bytes, arrival: float) -> NumberedFrame:
+    """Decode a frame in one msgpack map.
+
+    Parameters
+    ----------
+    payload
+        The message's only part.
+    arrival
+        Seconds: the time of frames whose `t` is missing or 0.
+
+    Raises
+    ------
+    FormatError
+        The payload is no msgpack, or not a frame of ours.
+    """
+    try:
+        packed = _unpack(payload)
+        return numbered(packed.performer, packed, packed.data, arrival)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"msgpack: {error}") from error
 
 
 class SequenceGaps:

@@ -1,7 +1,7 @@
 """Keys for ZeroMQ (CURVE): which peers may connect to us, and to whom we connect.
 
 A folder holds our own pair of keys, `NAME.key` and `NAME.key_secret`, and the public keys, `*.key`, of all peers that
-are let in. `zmq.auth` makes, reads and checks them, so that every other program with ZeroMQ can use the same files.
+are admitted. `zmq.auth` makes, reads and checks them, so that every other program with ZeroMQ can use the same files.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
     from zmq.auth.thread import ThreadAuthenticator
 
-PUBLIC, SECRET = ".key", ".key_secret"
+#: The ending of a public key.
+PUBLIC = ".key"
+#: The ending of a secret key.
+SECRET = ".key_secret"  # noqa: S105 - an ending
 #: Mode of the file with the secret key: only its owner reads and writes it.
 SECRET_MODE = 0o600
 #: The domain for which ZeroMQ asks the authenticator; a socket with a domain admits no peer without an authenticator.
@@ -67,7 +70,7 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
 class Keyring:
     """The keys in a folder, for the sockets of one program; `close` it after them.
 
-    Bound sockets let in only the keys of the folder. Connected sockets reach only the owner of one key: the only other
+    Bound sockets admit only the keys of the folder. Connected sockets reach only the owner of one key: the only other
     public key in the folder or, if there is none, our own.
 
     Parameters
@@ -121,7 +124,7 @@ class Keyring:
         if not bind:
             opened.setsockopt(zmq.CURVE_SERVERKEY, self._of_the_other_end())
             return
-        self._let_in_known_keys()
+        self._admit_known_keys()
         opened.setsockopt(zmq.CURVE_SERVER, 1)
         opened.setsockopt(zmq.ZAP_DOMAIN, _DOMAIN)
 
@@ -136,7 +139,7 @@ class Keyring:
             raise ValueError(f"keys: expected one key besides our own in {self._folder} to connect to, got {names}")
         return others[0] if others else self._public
 
-    def _let_in_known_keys(self) -> None:
+    def _admit_known_keys(self) -> None:
         if self._authenticator:
             return
         from zmq.auth.thread import ThreadAuthenticator  # noqa: PLC0415 - loads asyncio, which takes long
@@ -146,7 +149,7 @@ class Keyring:
         self._authenticator.configure_curve(domain=_DOMAIN.decode(), location=self._folder)
 
     def close(self) -> None:
-        """Let in no peer any more, and close the sockets that are still open."""
+        """Admit no peer any more, and close the sockets that are still open."""
         if self._authenticator:
             self._authenticator.stop()
             self._authenticator = None

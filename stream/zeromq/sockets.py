@@ -20,13 +20,17 @@ if TYPE_CHECKING:
     from kinespace.stream.zeromq.address import Endpoint
     from kinespace.stream.zeromq.keys import Keyring
 
-#: Plain integers, because pyzmq's own flags are slow to combine and to pass on.
-_NOW, _MORE_TO_COME = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
-#: Parts of a message, at most: ours have three. A message with more is dropped in pieces of so many parts.
+#: Without waiting; plain integers, because pyzmq's own flags are slow to combine and to pass on.
+_NOW = int(zmq.NOBLOCK)
+#: Without waiting, and a further part of the message follows.
+_MORE_TO_COME = int(zmq.NOBLOCK | zmq.SNDMORE)
+#: Parts of a message, at most: ours have three. The further parts of a message with more are dropped.
 MAX_PARTS = 8
 _MAX_PASSED = 256
-#: ZeroMQ's names for the file number of a message's connection, and for the key shown on it.
-_CONNECTION, _USER = int(zmq.SRCFD), "User-Id"
+#: ZeroMQ's name for the file number of a message's connection.
+_CONNECTION = int(zmq.SRCFD)
+#: ZeroMQ's name for the key shown on a connection.
+_USER = "User-Id"
 #: The beginning of a monitor's message: the event and its value. pyzmq's own reader loads asyncio, which takes long.
 _EVENT = struct.Struct("=HI")
 _BEGUN = (zmq.EVENT_ACCEPTED, zmq.EVENT_CONNECTED)
@@ -246,7 +250,7 @@ class ZmqSender:
     keyring
         Keys that the other end must know; None for none.
     networks
-        Where bound, networks whose listeners are let in; empty for all.
+        Where bound, networks whose listeners are admitted; empty for all.
     asks
         Count the messages without a subscriber. For trusted listeners: their topics are kept.
 

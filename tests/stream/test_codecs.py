@@ -29,12 +29,15 @@ from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc.frames import _layouts as remembered  # its size cannot be seen from outside
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
 from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
-from kinespace.stream.zeromq import FormatError, single_part
+from kinespace.stream.zeromq import FormatError
+from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
+from kinespace.stream.zeromq.frames import Packed, decode_packed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -114,7 +117,7 @@ def _through_three_parts(frame: Frame, seq: int, joints: Sequence[str] | None) -
 
 def _through_one_part(frame: Frame, seq: int, joints: Sequence[str] | None) -> list[object]:
     packed = singlepart.encode(frame, seq, joints)
-    assert single_part.decode(packed, 0.0).seq == seq
+    assert decode_packed(packed, 0.0).seq == seq
     return [*ZmqDecoder().decode([packed], 77.0, None)]
 
 
@@ -153,7 +156,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
     assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
-    assert len(packet) <= osc.MAX_ANSWER
+    assert len(packet) <= osc_answers.MAX_ANSWER
     said = {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
     assert said[f"/motion/{part}/guess"] == [recognition.guess_index]
     scores = said.get(f"/motion/{part}/scores")
@@ -162,7 +165,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     numbers = followed and (followed.phase, followed.speed, followed.amplitude, followed.sure, followed.scrub)
     progress = followed and [recognition.progress_index, *(numbers or ()), followed.cycles]
     assert said.get(f"/motion/{part}/progress") == progress
-    assert osc.encode_progress(recognition) == (
+    assert osc_answers.encode_progress(recognition) == (
         by_python_osc(f"/motion/{part}/progress", *zip("ifffffi", progress, strict=True)) if progress else b""
     )
 
@@ -228,7 +231,7 @@ def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> No
     """The packet of any event equals python-osc's."""
     arguments = [("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score)]
     address = f"/motion/{osc.address_part(event.performer)}/event"
-    assert osc.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
+    assert osc_answers.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
 
 
 _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
@@ -464,7 +467,7 @@ _NAMED = Recognition("Ada", 4.0, Outcome.NAMED, ("bow", "jump"), np.array([0.25,
 _ANSWER = json.loads(zeromq.encode_recognition(_NAMED)[1])
 _LABEL = message("/motion/Ada/label", "s", "x")
 _NO_ANSWERS_BY_OSC = [
-    *(b"", b"no osc", osc.encode_classes(("bow", "jump")), wrong.osc_frame()),
+    *(b"", b"no osc", osc_answers.encode_classes(("bow", "jump")), wrong.osc_frame()),
     message("/motion/Ada/class", "iff", 1, 0.5, 0.5),
     bundle(message("/motion/Ada/class", "i", 1), _LABEL),
     bundle(message("/class", "iff", 1, 0.5, 0.5), message("/label", "s", "x")),
@@ -478,7 +481,7 @@ _NO_ANSWERS_BY_ZMQ = [
     *([b"class/p/", text] for text in (b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000)),
     *([b"class/p/", json.dumps(_ANSWER | changes).encode()] for changes in _CHANGES),
     [b"class/p/", json.dumps({name: value for name, value in _ANSWER.items() if name != "margin"}).encode()],
-    *(zeromq.encode_classes(("bow",)), wrong.zmq_frame()),
+    *(zeromq_answers.encode_classes(("bow",)), wrong.zmq_frame()),
 ]
 
 
@@ -556,10 +559,10 @@ def test_the_page_lists_every_key_of_one_part() -> None:
     page = (ROOT / ".github/docs/messages.md").read_text(encoding="utf-8")
     table = page.partition("The map's keys:")[2].partition("\n#")[0]
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", table, re.MULTILINE)
-    assert {key for key, _ in rows} == set(single_part.Packed.__struct_fields__)
+    assert {key for key, _ in rows} == set(Packed.__struct_fields__)
     good = msgpack.unpackb(wrong.msgpack_frame()[0])
     needed = {key: good[key] for key, kind in rows if "absent" not in kind}
-    assert single_part.decode(msgpack.packb(needed), 77.0).frame.time == 77.0
+    assert decode_packed(msgpack.packb(needed), 77.0).frame.time == 77.0
     for key in needed:
         with pytest.raises(FormatError, match=key):
-            single_part.decode(msgpack.packb({name: value for name, value in needed.items() if name != key}), 0.0)
+            decode_packed(msgpack.packb({name: value for name, value in needed.items() if name != key}), 0.0)

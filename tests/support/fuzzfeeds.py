@@ -27,8 +27,8 @@ from kinespace.stream.inputs import Source, ZmqDecoder
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.zeromq import single_part
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
+from kinespace.stream.zeromq.frames import decode_packed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -222,7 +222,7 @@ READERS = {
     "ZeroMQ frames": Reader(golden_messages()[:3], lambda parts: zeromq.decode(parts, 1.0), zeromq.FormatError),
     "ZeroMQ answers": Reader([zeromq.encode_recognition(_NAMED)], zeromq.decode_answer),
     "ZeroMQ in one part": Reader(
-        golden_messages()[3:6], lambda parts: single_part.decode(parts[0], 1.0), zeromq.FormatError
+        golden_messages()[3:6], lambda parts: decode_packed(parts[0], 1.0), zeromq.FormatError
     ),
     "bodies": Reader([encode_body(Frame("jan", 1.0, np.ones((31, 3))), SKELETON)], decode_body),
 }

@@ -243,15 +243,15 @@ def _vmc_bones(moment: Moment) -> dict[str, tuple[list[float], list[float]]]:
     generator = np.random.default_rng(moment.number)
     turned: dict[str, Rotation] = {}
     sent: dict[str, tuple[list[float], list[float]]] = {}
-    for bone in preset.bones:
+    for name, bone in preset.bones.items():
         own = Rotation.random(rng=generator)
-        local = world[bone.name]
-        turned[bone.name] = own
+        local = world[name]
+        turned[name] = own
         if bone.parent:
             above = turned[bone.parent]
-            local = above.inv().apply(world[bone.name] - world[bone.parent])
-            turned[bone.name] = above * own
-        sent[bone.name] = (local.tolist(), own.as_quat().tolist())
+            local = above.inv().apply(world[name] - world[bone.parent])
+            turned[name] = above * own
+        sent[name] = (local.tolist(), own.as_quat().tolist())
     return sent
 
 

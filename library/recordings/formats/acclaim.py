@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from array import array
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -179,8 +179,9 @@ class _AsfReader:
                 raise RecordingError(f"{self.path}: no {word!r} in :root")
         channels = self.root["order"].channels(("tx", "ty", "tz", "rx", "ry", "rz"))
         order = self.root["axis"].order(-1)
-        position = self.root["position"].floats(3) if "position" in self.root else [0.0] * 3
-        orientation = self.root["orientation"].floats(3) if "orientation" in self.root else [0.0] * 3
+        position, orientation = (
+            self.root[word].floats(3) if word in self.root else [0.0] * 3 for word in ("position", "orientation")
+        )
         return Bone("root", np.array(position) * metres, self._axis_frame(order, orientation), order, channels)
 
     def _finish_bone(self, name: str, metres: float) -> Bone:
@@ -213,13 +214,11 @@ def read_asf(path: Path) -> AcclaimSkeleton:
     return _AsfReader(path).read()
 
 
-@dataclass(frozen=True, slots=True)
-class _Motion:
-    """The numbers of an AMC: one row of channels for each frame, the angles in the file's unit."""
+class _Motion(NamedTuple):
+    """The numbers of an AMC: one row of channels for each frame, in metres and radians, and the rate it names."""
 
     channels: NDArray[np.float64]
     frame_numbers: NDArray[np.int64]
-    angle: str
     frame_rate: float | None
 
 
@@ -233,7 +232,7 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
         if place := places.get(word):
             if word not in unseen:
                 refuse(path, line, f"bone {word!r} stands twice in a frame, or before the first frame number")
-            frame[place] = _angles(words, path, line, place.stop - place.start)
+            frame[place] = numbers_in(words[1:], path, line, place.stop - place.start, f" after {word!r}")
             unseen.remove(word)
             if not unseen:
                 values.extend(frame)
@@ -250,17 +249,14 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
             refuse(path, line, f"expected a frame number or a bone of the skeleton's {len(body.bones)}, got {word!r}")
     if unseen or not numbers:
         refuse(path, line, f"the file ends in the middle of frame {numbers[-1]}" if unseen else "no frames in it")
+    memory.require_numbers(len(numbers) * max(len(frame), 3 * len(body.bones)))
+    radians = math.radians(1.0) if angle == "deg" else 1.0
     channels = np.frombuffer(values, dtype=np.float64).reshape(-1, len(frame))
-    return _checked(path, _Motion(channels, np.frombuffer(numbers, dtype=np.int64), angle, rate))
-
-
-def _angles(words: list[str], path: Path, line: int, count: int) -> list[float]:
-    """Read the numbers of a bone's line; whether they are finite is seen later, of all numbers at once."""
-    try:
-        found = list(map(float, words[1:]))
-    except ValueError:
-        found = []
-    return found if len(found) == count else numbers_in(words[1:], path, line, count, f" after {words[0]!r}")
+    frames = np.frombuffer(numbers, dtype=np.int64)
+    _check(path, frames)
+    return _Motion(
+        channels * [body.metres_per_unit if kind[0] == "t" else radians for kind in body.channels], frames, rate
+    )
 
 
 def _is_frame_number(word: str) -> bool:
@@ -277,11 +273,8 @@ def _channel_places(body: AcclaimSkeleton) -> Mapping[str, slice]:
     return places
 
 
-def _checked(path: Path, motion: _Motion) -> _Motion:
-    """Refuse numbers that are not finite, and frame numbers that do not grow or of which most are missing."""
-    numbers, bad = motion.frame_numbers, np.flatnonzero(~np.isfinite(motion.channels).all(axis=1))
-    if bad.size:
-        raise RecordingError(f"{path}: NaN or infinity in frame {numbers[bad[0]]}")
+def _check(path: Path, numbers: NDArray[np.int64]) -> None:
+    """Refuse frame numbers that do not grow or of which most are missing."""
     steps = np.diff(numbers)
     if (steps < 1).any():
         late = numbers[int(np.argmax(steps < 1)) + 1]
@@ -289,7 +282,6 @@ def _checked(path: Path, motion: _Motion) -> _Motion:
     frames, span = len(numbers), int(numbers[-1] - numbers[0]) + 1
     if span > 2 * frames:
         raise RecordingError(f"{path}: {span - frames} of {span} frames are missing, more than are there")
-    return motion
 
 
 def _forward_kinematics(body: AcclaimSkeleton, channels: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -324,14 +316,8 @@ def _place(body: AcclaimSkeleton, channels: NDArray[np.float64], positions: NDAr
             positions[:, index] = positions[:, parent] + turned[index] @ bone.offset
 
 
-def _in_si(body: AcclaimSkeleton, motion: _Motion) -> NDArray[np.float64]:
-    """Scale channels to metres and radians."""
-    per_degree = math.radians(1.0) if motion.angle == "deg" else 1.0
-    return motion.channels * [body.metres_per_unit if kind[0] == "t" else per_degree for kind in body.channels]
-
-
 def find_asf(amc: Path) -> Path:
-    """Find the skeleton of an AMC by name, beside it or one folder up.
+    """Find the skeleton of an AMC by name, in its folder or one folder up.
 
     The skeleton of `HDM_bd_squat1Reps_001_120.amc` (cut) and `HDM_bd_03-03_01_120.amc` (uncut) is `HDM_bd.asf`, the
     skeleton of `13_29.amc` is `13.asf`. If neither is there, the AMC's own name with `.asf` is tried. Endings may be in
@@ -351,7 +337,7 @@ def find_asf(amc: Path) -> Path:
                 if (folder / f"{stem}{ending}").is_file():
                     return folder / f"{stem}{ending}"
     raise RecordingError(
-        f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} beside it or one folder up"
+        f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} in its folder or one folder up"
     )
 
 
@@ -380,12 +366,10 @@ def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: flo
         A file cannot be opened.
     """
     body = body or read_asf(find_asf(amc))
-    motion = _read_amc(amc, body)
-    memory.require_numbers(len(motion.frame_numbers) * max(len(body.channels), 3 * len(body.bones)))
-    channels, numbers = _in_si(body, motion), motion.frame_numbers
+    channels, numbers, rate = _read_amc(amc, body)
     positions = _forward_kinematics(body, channels).reshape(len(channels), -1)
     named = hdm05.read_clip_name(amc)
-    said = named.frame_rate if named else motion.frame_rate or DEFAULT_FRAME_RATE
+    said = named.frame_rate if named else rate or DEFAULT_FRAME_RATE
     clip = Clip(
         skeleton=body.skeleton,
         positions=with_missing_frames(numbers, positions).reshape(-1, len(body.bones), 3),

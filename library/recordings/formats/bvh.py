@@ -22,7 +22,7 @@ import numpy as np
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import Line, RecordingError, count_in, numbers_in, positive_in
+from kinespace.library.recordings.formats.errors import Line, count_in, numbers_in, positive_in
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
 from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
 from kinespace.library.recordings.formats.units import guessed_metres
@@ -174,7 +174,7 @@ def _channels(statement: Line) -> tuple[str, ...]:
     channels = tuple(each[2][0].lower() + each[1].lower() for each in found if each)
     if not count.isdecimal() or int(count) != len(names) or len(set(channels)) != len(names):
         statement.fail(
-            f"expected CHANNELS, how many, and so many of Xposition ... Zrotation, got {' '.join(statement.words)!r}"
+            f"expected CHANNELS, a count, and that number of Xposition ... Zrotation, got {' '.join(statement.words)!r}"
         )
     return channels
 
@@ -202,20 +202,12 @@ def read_bvh(path: Path) -> BvhMotion:
     for line in statements:
         if frames == announced:
             line.fail(f"a frame more than the {announced} that were announced")
-        try:
-            values.extend(map(float, line.words))
-        except ValueError:
-            numbers_in(line.words, path, line.number, size)
-        if len(line.words) != size:
-            line.fail(f"expected {size} numbers, got {len(line.words)}")
+        values.extend(numbers_in(line.words, path, line.number, size))
         frames += 1
     if frames != announced:
         line.fail(f"the file ends after {frames} of {announced} frames")
     memory.require_numbers(frames * max(size, 3 * len(hierarchy.joints)))
     channels = np.frombuffer(values, dtype=np.float64).reshape(frames, size)
-    finite = np.isfinite(channels).all(axis=1)
-    if not finite.all():
-        raise RecordingError(f"{path}: NaN or infinity in frame {int(np.argmin(finite)) + 1}")
     return BvhMotion(tuple(hierarchy.joints), channels, frame_rate)
 
 

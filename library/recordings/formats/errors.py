@@ -55,7 +55,7 @@ def numbers_in(words: Sequence[str], path: Path, line: int, count: int, where: s
     if len(words) != count:
         refuse(path, line, f"expected {count} numbers{where}, got {len(words)}")
     try:
-        values = [float(word) for word in words]
+        values = list(map(float, words))
     except ValueError:
         refuse(path, line, f"expected numbers{where}, got {' '.join(words)[:60]!r}")
     if not all(map(math.isfinite, values)):

@@ -12,8 +12,10 @@ if TYPE_CHECKING:
     from kinespace.library.clip import Clip
 
 
-#: Joints of a recording, at most: two fingered bodies have some 150; and characters of a joint's name.
-MAX_JOINTS, MAX_NAME = 1000, 400
+#: Joints of a recording, at most: two fingered bodies have some 150.
+MAX_JOINTS = 1000
+#: Characters of a joint's name, at most.
+MAX_NAME = 400
 
 
 def few(names: Sequence[str]) -> tuple[str, ...]:

@@ -128,15 +128,15 @@ def _holds_labels(path: Path) -> bool:
 
 def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     """Read segments in the order of the file."""
-    head = next((line for line in lines if line.strip()), "")
-    if _EXPORTED.fullmatch(head.rstrip("\r\n")):
-        yield from _exported(path, lines)
-    else:
-        yield from _table(path, lines, max(",;\t", key=head.count))
-
-
-def _table(path: Path, lines: Sequence[str], delimiter: str) -> Iterator[Segment]:
-    rows = csv.DictReader(lines, delimiter=delimiter)
+    head = next((line for line in lines if line.strip()), "").rstrip("\r\n")
+    exported = bool(_EXPORTED.fullmatch(head))
+    delimiter = "\t" if exported else max(",;\t", key=head.count)
+    # Audacity's labels have no headings, and may hold quotation marks.
+    rows = (
+        csv.DictReader(lines, _COLUMNS, delimiter=delimiter, quoting=csv.QUOTE_NONE)
+        if exported
+        else csv.DictReader(lines, delimiter=delimiter)
+    )
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
     if missing and set(rows.fieldnames or ()) >= _IN_FRAMES:
         raise LabelError(
@@ -145,33 +145,21 @@ def _table(path: Path, lines: Sequence[str], delimiter: str) -> Iterator[Segment
     if missing:
         raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
     for row in rows:
-        if row["label"] is None or row["label"].strip():
-            times = [row["start_s"] or "", row["end_s"] or ""]
-            if delimiter != ",":
-                times = [time.replace(",", ".") for time in times]
-            yield _segment(path, rows.line_num, times, row["label"] or "", row.get("performer") or "")
+        start, end, label = row["start_s"] or "", row["end_s"] or "", row["label"]
+        # Audacity writes a label's frequencies in a line of their own, and marks moments, too.
+        if exported and (start.startswith("\\") or start == end):
+            continue
+        if label is None or label.strip():
+            times = [start, end] if delimiter == "," else [time.replace(",", ".") for time in (start, end)]
+            yield _segment(path, rows.line_num, times, label or "", row.get("performer") or "")
 
 
-def _segment(path: Path, line: int, times: Sequence[str], label: str, performer: str = "") -> Segment:
+def _segment(path: Path, line: int, times: Sequence[str], label: str, performer: str) -> Segment:
     try:
         start, end = map(float, times)
         return Segment(start, end, label.strip(), performer.strip())
     except ValueError as error:
         raise LabelError(f"{path}:{line}: {error}") from error
-
-
-def _exported(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
-    """Read Audacity's labels."""
-    for number, line in enumerate(lines, 1):
-        # Audacity writes a label's frequencies in a line of their own.
-        if not line.strip() or line.startswith("\\"):
-            continue
-        found = _EXPORTED.fullmatch(line.rstrip("\r\n"))
-        if found is None:
-            raise LabelError(f"{path}:{number}: expected start, end and label with tabs between, got {line.strip()!r}")
-        start, end, label = found.groups()
-        if label.strip() and start != end:
-            yield _segment(path, number, [time.replace(",", ".") for time in (start, end)], label)
 
 
 def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:

@@ -19,9 +19,11 @@ METRES = {
     **dict.fromkeys(("in", "inch", "inches"), 0.0254),
     **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
 }
-#: The size of a person, in the file's numbers, up to which the unit is a metre, and up to which it is a centimetre;
-#: beyond, the unit is a millimetre. A crouching child and a very tall person are far from both limits.
-_MAX_IN_METRES, _MAX_IN_CENTIMETRES = 16.0, 500.0
+#: The size of a person, in the file's numbers, up to which the unit is a metre. A crouching child and a very tall
+#: person are far from this limit and the next.
+_MAX_IN_METRES = 16.0
+#: The size up to which the unit is a centimetre; beyond, it is a millimetre.
+_MAX_IN_CENTIMETRES = 500.0
 
 
 def metres_of(unit: str) -> float | None:

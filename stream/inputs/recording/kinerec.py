@@ -12,16 +12,17 @@ its parts. Records are only ever appended, so a recorder that is killed leaves w
 
 from __future__ import annotations
 
-import json
 import os
 import struct
 import threading
 import zlib
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import accumulate
-from typing import TYPE_CHECKING, BinaryIO, Self
+from typing import TYPE_CHECKING, BinaryIO
+
+import msgspec
 
 from kinespace.library import memory
 from kinespace.stream.packet import parts_of
@@ -50,7 +51,9 @@ _MAX_ARRIVAL = 4e9
 _RECORD = struct.Struct("<II")
 _PACKET = struct.Struct("<BBdH")
 _PART = struct.Struct("<I")
-_HEADER, _ARRIVED = 0, 1
+#: The kinds of records: a header, and a packet that arrived.
+_HEADER = 0
+_ARRIVED = 1
 
 
 class RawFileError(ValueError):
@@ -79,8 +82,7 @@ class RawPacket:
     parts: tuple[bytes, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class RawHeader:
+class RawHeader(msgspec.Struct, frozen=True, tag_field="format", tag=FORMAT):
     """The header of a recording.
 
     Attributes
@@ -92,11 +94,17 @@ class RawHeader:
     presets
         The texts of the presets by which packets were read, by name: a user's own preset may have the name of a
         built-in one, and the built-in ones change. A preset that is missing here was built in, as far as is known.
+    version
+        The version of the format.
     """
 
     began: str
     sources: tuple[str, ...]
-    presets: Mapping[str, str] = field(default_factory=dict)
+    presets: dict[str, str] = {}
+    version: int = VERSION
+
+
+_read_header = msgspec.json.Decoder(RawHeader).decode
 
 
 def encode_packet(packet: RawPacket) -> bytes:
@@ -114,10 +122,7 @@ def encode_header(header: RawHeader) -> bytes:
     ValueError
         The presets are larger than a record may be.
     """
-    described = {"format": FORMAT, "version": VERSION, "began": header.began, "sources": header.sources}
-    if header.presets:
-        described["presets"] = dict(header.presets)
-    body = bytes([_HEADER]) + json.dumps(described).encode()
+    body = bytes([_HEADER]) + msgspec.json.encode(header)
     if len(body) > MAX_RECORD:
         raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with the rest of the header, got {len(body)}")
     return _record(body)
@@ -184,7 +189,7 @@ class RawWriter:
         self.written = 0
         self.failed = 0
         self.trouble = ""
-        header = encode_header(RawHeader(datetime.now(UTC).isoformat(), tuple(sources), presets or {}))
+        header = encode_header(RawHeader(datetime.now(UTC).isoformat(), tuple(sources), {**(presets or {})}))
         self._file = path.open("xb", buffering=0)
         #: Bytes of the file up to the end of its last whole record.
         self._whole = 0
@@ -199,12 +204,6 @@ class RawWriter:
             raise
         self._syncing = threading.Thread(target=self._sync_every_second, name="kinespace recording", daemon=True)
         self._syncing.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def write(self, packet: RawPacket) -> None:
         """Append one packet; a packet without room is counted, and nothing is raised."""
@@ -329,16 +328,11 @@ class RawFile:
         try:
             if not body or body[0] != _HEADER:
                 raise ValueError("no header")  # noqa: TRY301 - refused as the others
-            described = json.loads(body[1:])
-            if described["format"] != FORMAT:
-                raise ValueError("another format")  # noqa: TRY301 - as above
-            version = described["version"]
-            presets = {str(name): str(text) for name, text in described.get("presets", {}).items()}
-            self.header = RawHeader(str(described["began"]), tuple(map(str, described["sources"])), presets)
-        except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
+            self.header = _read_header(body[1:])
+        except (ValueError, RecursionError) as error:
             raise RawFileError(f"{path}: byte 0: not a raw recording ({error})") from error
-        if version != VERSION:
-            raise RawFileError(f"{path}: format version {version}, this kinespace reads {VERSION}")
+        if self.header.version != VERSION:
+            raise RawFileError(f"{path}: format version {self.header.version}, this kinespace reads {VERSION}")
 
     def packets(self) -> Iterator[RawPacket]:
         """Give the packets in the order in which they came, up to the first record that is torn or damaged.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.preset import builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement
@@ -21,14 +21,14 @@ from kinespace.stream.inputs.decoder import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.recording.kinerec import RawFile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from kinespace.library import Clip
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.frame import Frame, Input
+    from kinespace.stream.frame import Input
     from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.inputs.recording.kinerec import RawHeader, RawPacket
     from kinespace.stream.packet import Sender
@@ -39,17 +39,12 @@ _AFTERWARDS = 1.0
 _ASTRAY = 1.0
 
 
-class Decoded(NamedTuple):
-    """The content of one packet of a recording: when it came, and frames and announcements in order."""
+def decoded(
+    header: RawHeader, packets: Iterable[RawPacket], preset: Preset | None = None
+) -> Iterator[tuple[float, Input]]:
+    """Give frames and announcements of packets, by the decoders of the live sources, each with its arrival in seconds.
 
-    arrival: float
-    events: Sequence[Input]
-
-
-def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | None = None) -> Iterator[Decoded]:
-    """Decode packets by the decoders of the live sources; malformed and foreign packets give nothing.
-
-    Frames that are still open after the last packet come last.
+    Malformed and foreign packets give nothing. Frames that are still open after the last packet come last.
 
     Parameters
     ----------
@@ -72,9 +67,8 @@ def decoded(header: RawHeader, packets: Iterable[RawPacket], preset: Preset | No
         decoder = decoders[packet.source]
         early = decoder.expire(packet.arrival)
         held = decoder.decode(list(packet.parts), packet.arrival, _sender(packet))
-        yield Decoded(packet.arrival, (*early, *held))
-    if late := [event for decoder in decoders for event in decoder.expire(ended)]:
-        yield Decoded(ended, late)
+        yield from ((packet.arrival, event) for event in (*early, *held))
+    yield from ((ended, event) for decoder in decoders for event in decoder.expire(ended))
 
 
 def _decoder(header: RawHeader, source: str, preset: Preset | None) -> Decoder:
@@ -130,14 +124,12 @@ class Seen:
         return Skeleton(few([f"joint{number}" for number in range(1, size + 1)]))
 
 
-def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
+def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Input]]:
     """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
-    for each in decoded(recording.header, recording.packets(), preset):
-        for event in each.events:
-            yield each.arrival, event
+    return decoded(recording.header, recording.packets(), preset)
 
 
-def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
+def seen_in(events: Iterator[tuple[float, Input]]) -> dict[str, Seen]:
     """List the performers of a recording."""
     seen: dict[str, Seen] = {}
     for arrival, event in events:
@@ -162,21 +154,20 @@ def ordered_frames(
     """
     skeletons = {name: each.skeleton() for name, each in seen.items()}
     clocks = {name: each.times() for name, each in seen.items()}
-    orders: dict[str, NDArray[np.intp] | None] = {name: np.arange(len(each.joints)) for name, each in skeletons.items()}
-    sizes = {name: len(each.joints) for name, each in skeletons.items()}
+    #: The number of joints that a performer's frames have now, and their order; None where some are missing.
+    orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {
+        name: (len(each.joints), np.arange(len(each.joints))) for name, each in skeletons.items()
+    }
     for arrival, event in events_of(recording, preset):
         name = event.performer
         if name not in seen:
             continue
         if isinstance(event, Announcement):
-            sizes[name] = len(event.joints)
-            try:
-                orders[name] = skeletons[name].order_from(event.joints)
-            except SkeletonMismatchError:
-                orders[name] = None
+            whole = {*event.joints}.issuperset(skeletons[name].joints)
+            orders[name] = len(event.joints), skeletons[name].order_from(event.joints) if whole else None
             continue
-        seconds, order = clocks[name].read(event.time, arrival), orders[name]
-        if order is not None and len(event.positions) == sizes[name]:
+        seconds, (size, order) = clocks[name].read(event.time, arrival), orders[name]
+        if order is not None and len(event.positions) == size:
             yield name, arrival, seconds, event.positions[order]
 
 

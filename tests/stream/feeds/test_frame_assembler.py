@@ -242,7 +242,7 @@ def test_one_lost_joint_of_many_costs_no_frame() -> None:
 def test_bones_below_a_lost_bone_are_lost() -> None:
     """Of VMC's bones a hand that does not come any more is NaN, with its fingers; without a spine there is no frame."""
     preset = builtin_preset("vmc")
-    bones = [bone.name for bone in preset.bones]
+    bones = list(preset.bones)
 
     def made_without(lost: str) -> list[Frame]:
         target = FrameAssembler(preset)

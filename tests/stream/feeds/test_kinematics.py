@@ -18,22 +18,20 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 def naive_positions(bones, poses):  # noqa: ANN001, ANN201 - the textbook's way, for comparison only
     """Multiply each bone's matrix to its parent's."""
     matrices = {"": np.eye(4)}
-    for bone in bones:
-        position, rotation = poses.get(bone.name, (bone.offset, UPRIGHT))
+    for name, bone in bones.items():
+        position, rotation = poses.get(name, (bone.offset, UPRIGHT))
         matrix = np.eye(4)
         matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix()
         matrix[:3, 3] = position
-        matrices[bone.name] = matrices[bone.parent] @ matrix
-    return {bone.name: matrices[bone.name][:3, 3] for bone in bones}
+        matrices[name] = matrices[bone.parent] @ matrix
+    return {name: matrices[name][:3, 3] for name in bones}
 
 
 @given(st.integers(0, 10_000))
 def test_it_is_the_product_of_matrices(seed: int) -> None:
     """For any positions and rotations of all humanoid bones every bone stands where the matrices put it."""
     generator = np.random.default_rng(seed)
-    poses = {
-        bone.name: (tuple(generator.normal(size=3)), tuple(Rotation.random(rng=generator).as_quat())) for bone in VMC
-    }
+    poses = {name: (tuple(generator.normal(size=3)), tuple(Rotation.random(rng=generator).as_quat())) for name in VMC}
     expected = naive_positions(VMC, poses)
     for name, position in world_positions(VMC, poses).items():
         np.testing.assert_allclose(position, expected[name], atol=1e-9)
@@ -43,12 +41,12 @@ def test_it_is_the_product_of_matrices(seed: int) -> None:
 def test_rotations_alone_are_enough(seed: int) -> None:
     """With positions of zero or none the fallback offsets stand in."""
     generator = np.random.default_rng(seed)
-    turns = {bone.name: tuple(Rotation.random(rng=generator).as_quat()) for bone in VMC}
-    expected = naive_positions(VMC, {bone.name: (bone.offset, turns[bone.name]) for bone in VMC})
+    turns = {name: tuple(Rotation.random(rng=generator).as_quat()) for name in VMC}
+    expected = naive_positions(VMC, {name: (bone.offset, turns[name]) for name, bone in VMC.items()})
     for position in ((0.0, 0.0, 0.0), None):
         placed = world_positions(VMC, {name: (position, turn) for name, turn in turns.items()})
-        for bone in VMC:
-            np.testing.assert_allclose(placed[bone.name], expected[bone.name], atol=1e-9)
+        for name in VMC:
+            np.testing.assert_allclose(placed[name], expected[name], atol=1e-9)
 
 
 def test_the_body_at_rest_is_a_body() -> None:
@@ -62,12 +60,12 @@ def test_the_body_at_rest_is_a_body() -> None:
 @pytest.mark.parametrize("rotation", [(0.0,) * 4, (1e300,) * 4, (1e-20,) * 4])
 def test_a_rotation_that_is_none_is_no_rotation(rotation: tuple[float, ...]) -> None:
     """Zeros, and numbers too large or small for a direction, do not turn the bone."""
-    bones = (Bone("a", "", (0.0, 0.0, 0.0)), Bone("b", "a", (1.0, 0.0, 0.0)))
+    bones = {"a": Bone(), "b": Bone("a", (1.0, 0.0, 0.0))}
     assert world_positions(bones, {"a": (None, rotation)})["b"] == (1.0, 0.0, 0.0)  # type: ignore[dict-item]  # of four
 
 
 def test_a_rotation_is_made_a_unit() -> None:
     """A quaternion of another length than one turns, and does not stretch."""
-    bones = (Bone("a", "", (0.0, 0.0, 0.0)), Bone("b", "a", (1.0, 0.0, 0.0)))
+    bones = {"a": Bone(), "b": Bone("a", (1.0, 0.0, 0.0))}
     placed = world_positions(bones, {"a": (None, (0.0, 0.0, 3.0, 3.0))})
     np.testing.assert_allclose(placed["b"], (0.0, 1.0, 0.0), atol=1e-12)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, builtin_text, load_preset
+from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, load_preset
 from kinespace.stream.feeds.preset import Closing, parse_preset
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def test_presets_are_found_in_their_folder() -> None:
 def test_a_preset_is_whole_and_its_copy_is_the_same(name: str, tmp_path: Path) -> None:
     """Each has a product, something to set, at least nine joints of HDM05's, and means the same in one's own file."""
     path = tmp_path / "mine.toml"
-    path.write_text(builtin_text(name), encoding="utf-8")
+    path.write_text(builtin_preset(name).text, encoding="utf-8")
     mine, theirs = load_preset(path), builtin_preset(name)
     assert (mine.name, theirs.name) == ("mine", name)
     assert theirs.product
@@ -86,7 +86,7 @@ MISTAKES = {
     },
     '"x", "y", "z"': {
         '"x", "y"': "message 1, arguments: expected joint, x, y, z in a joint message, z too",
-        '"x", "y", "z", "w"': "message 1, arguments: expected roles out of joint",
+        '"x", "y", "z", "w"': "message 1, arguments 4: expected text matching regex '^(joint|",
         '"x", "y", "z", "x"': "message 1, arguments: expected each role but skip once",
         '"x", "y", "z", "qx"': "message 1, arguments: expected all of qx, qy, qz, qw or none",
     },

@@ -15,6 +15,7 @@ import pytest
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import osc
+from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc import udp
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
 from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Recognition
@@ -49,13 +50,13 @@ def _params(packet: bytes) -> dict[str, list[object]]:
 @pytest.mark.parametrize("time", [1e300, -1e300])
 def test_a_time_beyond_all_floats_is_the_largest(time: float) -> None:
     """A clock that makes no sense ends no answer."""
-    (params,) = _params(osc.encode_event(Event("p", EventKind.END, "bow", 0, 0.5, time))).values()
+    (params,) = _params(osc_answers.encode_event(Event("p", EventKind.END, "bow", 0, 0.5, time))).values()
     assert params[-1] == pytest.approx(np.copysign(3.4028235e38, time))
 
 
 def test_a_performer_who_left_has_no_class() -> None:
     """Class and guess are -1, the label says why, and listeners read it as an answer."""
-    packet = osc.encode_gone("Ada L")
+    packet = osc_answers.encode_gone("Ada L")
     assert _params(packet) == {
         "/motion/Ada_L/class": [-1, 0.0, 0.0],
         "/motion/Ada_L/guess": [-1],
@@ -71,7 +72,7 @@ def test_an_answer_fits_one_packet(count: int) -> None:
     scores = np.linspace(0.0, 1.0, count, dtype=np.float32)
     answer = dataclasses.replace(NAMED, performer="p" * 64, classes=classes, scores=scores)
     packet = osc.encode_recognition(answer)
-    assert len(packet) <= osc.MAX_ANSWER == 1200
+    assert len(packet) <= osc_answers.MAX_ANSWER == 1200
     params = _params(packet)
     assert params[f"/motion/{'p' * 64}/class"][0] == count - 1
     assert params[f"/motion/{'p' * 64}/label"] == [classes[-1]]
@@ -95,9 +96,9 @@ def test_the_status_is_sent() -> None:
     counts.recognizers.out_of_order = 30
     inputs = InputCounts(received=9999, malformed=1, foreign=500, overrun=2, missing=3)
     status = Status(inputs, counts, 7, {"a": 119.5, "b": 30.0}, 0.1, 0.2)
-    assert _params(osc.encode_status(status)) == {"/motion/status": [1, 149.5, 2, 66]}
+    assert _params(osc_answers.encode_status(status)) == {"/motion/status": [1, 149.5, 2, 66]}
     inputs.missing = 10**15
-    assert _params(osc.encode_status(status))["/motion/status"][-1] == 2**31 - 1
+    assert _params(osc_answers.encode_status(status))["/motion/status"][-1] == 2**31 - 1
 
 
 # --- the sockets -------------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Frame, osc
 from kinespace.stream.inputs import Admission, OscDecoder, Source
+from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
 from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
@@ -51,7 +52,7 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
     for packet in told:
         if packet is not None:
             assert read(packet)
-            assert len(packet) <= osc.MAX_ANSWER
+            assert len(packet) <= osc_answers.MAX_ANSWER
 
 
 def test_every_layout_has_the_usual_port_of_its_programs() -> None:
@@ -76,10 +77,10 @@ def test_the_native_sink_sends_the_osc_answers() -> None:
         sink.publish_notice(told)
     assert sent[:6] == [
         osc.encode_recognition(recognition()),
-        osc.encode_event(START, recognition().time),
-        osc.encode_gone("Ada L"),
-        osc.encode_classes(CLASSES),
-        osc.encode_status(STATUS),
+        osc_answers.encode_event(START, recognition().time),
+        osc_answers.encode_gone("Ada L"),
+        osc_answers.encode_classes(CLASSES),
+        osc_answers.encode_status(STATUS),
         wire.encode(told),
     ]
     assert len(sent) == 8
@@ -227,7 +228,7 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
             assert packet == osc.encode_recognition(answer)
             assert came_from[1] == receiver.address[1]
         sink.publish_status(STATUS)
-        assert {sender.recv(2000) for sender in senders.values()} == {osc.encode_status(STATUS)}
+        assert {sender.recv(2000) for sender in senders.values()} == {osc_answers.encode_status(STATUS)}
         assert sink.failed == 0
         sink.close()
     receiver.close()

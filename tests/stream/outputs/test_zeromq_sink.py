@@ -18,6 +18,7 @@ from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
+from kinespace.stream.zeromq import answers as zeromq_answers
 
 if TYPE_CHECKING:
     from kinespace.library.skeleton import Skeleton
@@ -76,14 +77,14 @@ def test_everything_is_published() -> None:
     sink.publish_notice(State("ann", Step.WAITING))
     assert sender.sent == [
         zeromq.encode_recognition(answer),
-        zeromq.encode_event(event),
-        zeromq.encode_gone("ann"),
-        zeromq.encode_classes(("bow",)),
-        zeromq.encode_status(status),
+        zeromq_answers.encode_event(event),
+        zeromq_answers.encode_gone("ann"),
+        zeromq_answers.encode_classes(("bow",)),
+        zeromq_answers.encode_status(status),
         [b"teach/", b'{"performer": "ann", "state": "waiting", "seconds": 0.0}'],
     ]
     ZmqSink(open_to_all, named=False).publish_status(status)  # type: ignore[arg-type]  # as above
-    assert open_to_all.sent == [zeromq.encode_status(status, named=False)]
+    assert open_to_all.sent == [zeromq_answers.encode_status(status, named=False)]
     sink.close()
     assert (str(sink), sink.failed, sender.closed) == ("ZeroMQ here", 3, True)
 

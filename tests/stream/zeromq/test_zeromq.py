@@ -21,6 +21,7 @@ from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Reco
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
+from kinespace.stream.zeromq import answers as zeromq_answers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -66,14 +67,16 @@ def test_numbers_that_are_not_finite_are_null() -> None:
 
 def test_a_performer_who_left_has_no_class() -> None:
     """The last answer about a performer names no class and gives the reason; listeners read it as any other."""
-    parts = zeromq.encode_gone("Zoë 1")
+    parts = zeromq_answers.encode_gone("Zoë 1")
     assert parts[0] == "class/Zoë 1/".encode()
     assert zeromq.decode_answer(parts) == Answer("Zoë 1", -1, 0.0, 0.0, "gone")
 
 
 def test_an_event_is_json_under_its_performers_topic() -> None:
     """A ZeroMQ event is a topic of its own and JSON that says all of it."""
-    topic, body = zeromq.encode_event(Event("Ada Lovelace/1", EventKind.END, "wäve", 2, 0.125, 1_763_726_400.25))
+    topic, body = zeromq_answers.encode_event(
+        Event("Ada Lovelace/1", EventKind.END, "wäve", 2, 0.125, 1_763_726_400.25)
+    )
     assert topic == b"event/Ada Lovelace/1/"
     told = {"v": 1, "performer": "Ada Lovelace/1", "event": "end", "class": "wäve", "index": 2, "score": 0.125}
     assert json.loads(body) == told | {"t": 1_763_726_400.25}
@@ -81,11 +84,11 @@ def test_an_event_is_json_under_its_performers_topic() -> None:
 
 def test_classes_and_status_are_json() -> None:
     """Class names come in the order of their indices; the status holds every counter by its name, and the sums."""
-    topic, encoded = zeromq.encode_classes(("bow", "jump"))
+    topic, encoded = zeromq_answers.encode_classes(("bow", "jump"))
     assert (topic, json.loads(encoded)) == (b"classes/", {"v": 1, "classes": ["bow", "jump"]})
     inputs = InputCounts(received=90, malformed=1, foreign=2, overrun=3, missing=4)
     status = Status(inputs, PerformerCounts(no_room=5), 6, {"Ada": 120.0}, 0.001, 0.002)
-    topic, encoded = zeromq.encode_status(status)
+    topic, encoded = zeromq_answers.encode_status(status)
     assert topic == b"status/"
     described = json.loads(encoded)
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status) | {
@@ -102,7 +105,7 @@ def test_an_open_status_names_no_performer() -> None:
     said = {"Ada": "who", "Bob": "10.0.0.5"}
     status = Status(InputCounts(), PerformerCounts(), 0, {"Ada": 120.0}, 0.0, 0.0, said, doubted=said, compared=said)
     status = dataclasses.replace(status, notes=("two senders are called Ada: 10.0.0.5",))
-    _, encoded = zeromq.encode_status(status, named=False)
+    _, encoded = zeromq_answers.encode_status(status, named=False)
     assert b"Ada" not in encoded
     assert b"10.0.0.5" not in encoded
     assert json.loads(encoded)["followed"] == 1

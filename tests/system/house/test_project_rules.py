@@ -20,7 +20,7 @@ BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "str
 #: Folders and files that do no input or output, and know no clock and no thread.
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
 CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
-CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py", "stream/zeromq/single_part.py")
+CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py")
 CORE += tuple(f"stream/workers/{name}.py" for name in ("wire", "track", "worker", "router"))
 CORE += (
     "stream/inputs/decoder.py",

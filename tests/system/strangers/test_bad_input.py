@@ -163,7 +163,7 @@ def test_an_impossible_arrival_ends_a_recording(
 ) -> None:
     """A record with an impossible time counts as damage: the replay does not wait for it."""
     path = tmp_path / "far.kinerec"
-    with rawfile.RawWriter(path, ["osc 127.0.0.1:9310"]) as writer:
+    with closing(rawfile.RawWriter(path, ["osc 127.0.0.1:9310"])) as writer:
         for time in (1.0, arrival, 2.0):
             writer.write(rawfile.RawPacket(time, 0, "", (b"/x\0\0,\0\0\0",)))
     with closing(osc.OscReceiver(LOOPBACK, 0)) as somebody:
@@ -182,7 +182,7 @@ def test_control_characters_are_shown_as_marks(tmp_path: Path, capsys: pytest.Ca
         for clip in stick_clips()
     ]
     MotionLibrary.of_clips(stained).save(library)
-    with rawfile.RawWriter(recording, ["osc \x1b[2J"], {"\x1b[2J": ""}) as writer:
+    with closing(rawfile.RawWriter(recording, ["osc \x1b[2J"], {"\x1b[2J": ""})) as writer:
         writer.write(rawfile.RawPacket(1.0, 0, "\x1b[2J", (b"x",)))
     for arguments in (["info", str(library)], ["info", str(recording)]):
         assert main(arguments) == 0

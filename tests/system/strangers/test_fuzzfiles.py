@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 import zipfile
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,7 @@ from written import written
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.reader import ENDINGS
-from kinespace.stream.feeds.preset import builtin_text
+from kinespace.stream.feeds.preset import builtin_preset
 from kinespace.stream.inputs.recording import kinerec
 from kinespace.tools.cli.main import main
 
@@ -72,7 +73,8 @@ def _library(folder: Path) -> Path:
 
 def _raw(folder: Path) -> Path:
     generator, (_, layout) = np.random.default_rng(2), LAYOUTS["native"]
-    with kinerec.RawWriter(folder / "take.kinerec", ["osc 127.0.0.1:9310"], {"vmc": builtin_text("vmc")}) as writer:
+    presets = {"vmc": builtin_preset("vmc").text}
+    with closing(kinerec.RawWriter(folder / "take.kinerec", ["osc 127.0.0.1:9310"], presets)) as writer:
         for number in range(4):
             places = dict(zip(hdm05.SKELETON.joints, generator.normal(size=(31, 3)), strict=True))
             for packet in layout(Moment(places, 1.0 + number / 30, number)):
@@ -106,7 +108,7 @@ KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str]]]] = {
         _text("names.toml", 'title = "Mine"\nsides = ["L", "R"]\n[joints]\nhips = "root"\n"*Knee" = "*tibia"\n'),
         lambda path: ["info", "take.bvh", "--names", str(path), "--json"],
     ),
-    "preset": (_text("preset.toml", builtin_text("vmc")), lambda path: ["feeds", str(path)]),
+    "preset": (_text("preset.toml", builtin_preset("vmc").text), lambda path: ["feeds", str(path)]),
     "table of takes": (
         _text("takes.csv", "file,subject,contains,perhaps\ngone.bvh,ann,squat,\n"),
         lambda path: ["evaluate", "stream", "--takes", str(path)],

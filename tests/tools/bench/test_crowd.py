@@ -14,6 +14,7 @@ import pytest
 from kinespace.stream import zeromq
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Settings
+from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.tools.bench import scale
 from kinespace.tools.bench.crowd import Feed, Played, core_seconds, performers_a_core
 from kinespace.tools.loopback.answers import Received
@@ -42,7 +43,7 @@ def test_answers_are_compared_with_one_process(played: NDArray[np.float32]) -> N
     one = next(each for each in feed.answers if each.events)
     answered_at = [(each, each.time + 0.01) for each in feed.answers]
     packets = [(zeromq.encode_recognition(each), at) for each, at in answered_at]
-    packets += [(zeromq.encode_event(event), at) for each, at in answered_at for event in each.events]
+    packets += [(zeromq_answers.encode_event(event), at) for each, at in answered_at for event in each.events]
     packets_back = [Received(None, packet, at) for packet, at in sorted(packets, key=lambda each: each[1])]  # type: ignore[arg-type]
     run = scale.run_of(feed, Played(0.0, sent, packets_back), 0.0, [20.0, 30.0])
     np.testing.assert_allclose(run.lags, 0.01)
@@ -51,7 +52,7 @@ def test_answers_are_compared_with_one_process(played: NDArray[np.float32]) -> N
     assert run[2:] == (0, 0, 0, 30.0, 20.0)
     silent = [each for each in packets_back if one.time <= each.arrival < one.time + 1 or each.packet[0] == b"status/"]
     fewer = [each for each in packets_back if each not in silent]
-    strange = zeromq.encode_event(Event("p0", EventKind.START, "nobody's", 0, 1.0, 1.0))
+    strange = zeromq_answers.encode_event(Event("p0", EventKind.START, "nobody's", 0, 1.0, 1.0))
     run = scale.run_of(feed, Played(0.0, sent, [*fewer, Received(None, strange, 9.0)]), 0.0, [math.nan])  # type: ignore[arg-type]
     assert run.missing > 25
     assert run.gap == pytest.approx(1, abs=0.1)

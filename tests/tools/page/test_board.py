@@ -18,6 +18,7 @@ from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching.notices import State, Step, Taught
 from kinespace.stream.teaching.wire import as_json
+from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.bodies import encode_body
 from kinespace.tools.page.board import MAX_SHOWN, Board
 from kinespace.tools.terminal.live_table import COUNTERS, counts
@@ -34,7 +35,7 @@ def _answer(performer: str, class_name: str = "bow", score: float = 0.8) -> list
 
 
 def _event(performer: str, kind: EventKind, class_name: str) -> list[bytes]:
-    return zeromq.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, 1.0))
+    return zeromq_answers.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, 1.0))
 
 
 def _notice(notice: State | Taught) -> list[bytes]:
@@ -43,7 +44,7 @@ def _notice(notice: State | Taught) -> list[bytes]:
 
 def _status(**fields: Any) -> list[bytes]:  # noqa: ANN401 - a status has fields of all kinds
     known: dict[str, Any] = {"inputs": InputCounts(), "outcomes": PerformerCounts(), "unsent": 0, "performers": {}}
-    return zeromq.encode_status(Status(**(known | {"hop_p50": 0.001, "hop_p99": 0.002} | fields)))
+    return zeromq_answers.encode_status(Status(**(known | {"hop_p50": 0.001, "hop_p99": 0.002} | fields)))
 
 
 def _told(board: Board, seen: int = 0, now: float = 0.0) -> tuple[dict[str, Any], bytes]:
@@ -122,7 +123,7 @@ def test_performers_come_and_go() -> None:
     told = _told(board)[0]
     assert told["here"] == [f"p{number}" for number in range(MAX_SHOWN)]
     assert told["status"]["further"] == 2
-    board.take(zeromq.encode_gone("p0"), 1.0)
+    board.take(zeromq_answers.encode_gone("p0"), 1.0)
     board.take(_answer("p1"), 12.0)
     board.take(_status(), 12.0)
     assert _told(board)[0]["here"] == ["p1"]
@@ -132,12 +133,12 @@ def test_the_counters_have_the_words_of_the_table() -> None:
     """The page counts with the words that `live` prints, in the same order, and the same numbers."""
     inputs = InputCounts(received=9, malformed=8, foreign=7, overrun=6, missing=5)
     status = Status(inputs, PerformerCounts(no_room=3, other_joints=2), 0, {}, 0.001, 0.002)
-    told = _told(_board(zeromq.encode_status(status)))[0]
+    told = _told(_board(zeromq_answers.encode_status(status)))[0]
     assert counts(status) == ", ".join(f"{words} {count}" for words, count in told["status"]["counters"])
     everything = Status(
         InputCounts(*[4] * 8), PerformerCounts(1, 1), 1, {}, 0.0, 0.0, notes=("a note",), refused={"ann": "3 joints"}
     )
-    told = _told(_board(zeromq.encode_status(everything)))[0]
+    told = _told(_board(zeromq_answers.encode_status(everything)))[0]
     shown = dict(told["status"]["counters"])
     assert shown["incomplete"] == 4
     assert all(words in counts(everything) for words in shown if words != "answers not sent")
@@ -172,5 +173,5 @@ def test_the_last_performer_who_leaves_is_news() -> None:
     """A page must learn that nobody is here any more."""
     board = _board(_answer("ann"))
     before = board.number
-    board.take(zeromq.encode_gone("ann"), 1.0)
+    board.take(zeromq_answers.encode_gone("ann"), 1.0)
     assert _told(board, before)[0]["here"] == []

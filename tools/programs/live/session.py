@@ -6,7 +6,7 @@ import gc
 import sys
 import threading
 import time
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack, closing, nullcontext
 from typing import TYPE_CHECKING
 
 from rich.live import Live
@@ -66,7 +66,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
     with (
-        kept or nullcontext(),
+        closing(kept) if kept else nullcontext(),
         Service(
             performers,
             [*sources, *controls, *page_sources, *from_workers],

@@ -100,8 +100,8 @@ def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
             arrivals[1 if arrivals else 0 :] = [packet.arrival]
             yield packet
 
-    for each in decoded(recording.header, noting(), preset):
-        performers.update(event.performer for event in each.events if isinstance(event, Frame))
+    for _, event in decoded(recording.header, noting(), preset):
+        performers[event.performer] += isinstance(event, Frame)
     return {
         "file": str(file),
         "recorded": recording.header.began,

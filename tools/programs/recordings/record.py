@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack, closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     with Keyring(options.keys) if options.keys else nullcontext() as keyring:
         sources, _, writer = open_ends(options, None, keyring, Admission())
         assert writer  # noqa: S101 - for mypy
-        with writer, ExitStack() as opened, Status("no packets yet", console=progress_console) as shown:
+        with closing(writer), ExitStack() as opened, Status("no packets yet", console=progress_console) as shown:
             for source in sources:
                 opened.callback(source.close)
             stop_on_signals(stopped.set)

@@ -116,12 +116,12 @@ def test_frame_rate_comes_from_caller_name_file_or_habit(
 def test_the_skeleton_is_found_by_name(
     tmp_path: Path, name: str, skeleton: str, endings: tuple[str, str], folder: str
 ) -> None:
-    """An actor's, a subject's or the motion's own skeleton is found beside it or one folder up, in any case."""
+    """An actor's, a subject's or the motion's own skeleton is found in its folder or one folder up, in any case."""
     place = tmp_path / "class"
     place.mkdir()
     amc = place / f"{name}{endings[0]}"
     with pytest.raises(
-        RecordingError, match=rf"{name}\..*: no skeleton .*{skeleton}\.asf.* beside it or one folder up"
+        RecordingError, match=rf"{name}\..*: no skeleton .*{skeleton}\.asf.* in its folder or one folder up"
     ):
         find_asf(amc)
     asf = place / folder / f"{skeleton}{endings[1]}"

@@ -122,7 +122,7 @@ def test_exports_of_other_programs_are_read(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: expected start, end and label with tabs between, got '2.0"),
+        ("0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: could not convert string to float: 'x'"),
         ("0.5\t1.5\twave\n3.0\t2.0\tbow\n", ":2: segment: expected 0 <= start < end, got 3.0 to 2.0"),
         ("100\t200\t300\t4\n", ": expected the columns start_s, end_s, label, no start_s, end_s, label in it"),
     ],

@@ -7,6 +7,7 @@ import json
 import re
 import struct
 import zlib
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -37,7 +38,7 @@ PACKETS = [
 
 def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
     """Write the bytes for which there is room."""
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         for packet in packets:
             writer.write(packet)
     assert (writer.written, writer.failed) == (len(packets), 0)
@@ -47,18 +48,20 @@ def write(path: Path, packets: Sequence[RawPacket] = PACKETS) -> Path:
 def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
     """Presets come back unchanged; a header without them has none, and one of another kind is no header."""
     presets = {"vmc": 'port = 1 # "søren"\n', "mine": ""}
-    with RawWriter(tmp_path / "a.kinerec", SOURCES, presets):
+    with closing(RawWriter(tmp_path / "a.kinerec", SOURCES, presets)):
         pass
     header = RawFile(tmp_path / "a.kinerec").header
     assert (header.sources, header.presets) == (SOURCES, presets)
     assert re.match(r"\d{4}-\d\d-\d\dT.*\+00:00$", header.began)
-    assert RawFile(write(tmp_path / "b.kinerec", [])).header.presets == {}
-    assert b"presets" not in (tmp_path / "b.kinerec").read_bytes()
-    told = {"format": kinerec.FORMAT, "version": kinerec.VERSION, "began": "", "sources": [], "presets": ["vmc"]}
-    body = b"\0" + json.dumps(told).encode()
-    (tmp_path / "c.kinerec").write_bytes(struct.pack("<II", len(body), zlib.crc32(body)) + body)
-    with pytest.raises(RawFileError, match="byte 0: not a raw recording"):
-        RawFile(tmp_path / "c.kinerec")
+    path, older = tmp_path / "b.kinerec", {"format": kinerec.FORMAT, "version": 1, "began": "", "sources": SOURCES}
+    for more, read in (({}, {}), ({"presets": ["vmc"]}, None)):
+        body = b"\0" + json.dumps(older | more).encode()
+        path.write_bytes(struct.pack("<II", len(body), zlib.crc32(body)) + body)
+        if read is None:
+            with pytest.raises(RawFileError, match="byte 0: not a raw recording"):
+                RawFile(path)
+        else:
+            assert (RawFile(path).header.sources, RawFile(path).header.presets) == (SOURCES, read)
     with pytest.raises(ValueError, match="presets: expected at most 2097152 bytes"):
         RawWriter(tmp_path / "d.kinerec", SOURCES, {"mine": "#" * (1 << 21)})
     assert not (tmp_path / "d.kinerec").exists()
@@ -95,7 +98,7 @@ _LATER = kinerec._record(  # noqa: SLF001 - a whole record
         (b"", "byte 0: not a raw recording (no header)"),
         (b"PK\x03\x04" + b"\0" * 500, "byte 0: not a raw recording (no header)"),
         (encode_packet(PACKETS[0]), "byte 0: not a raw recording (no header)"),
-        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording (another format)"),  # noqa: SLF001 - a whole record
+        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording (Invalid value 'x'"),  # noqa: SLF001 - a whole record
         (kinerec._record(b"\0[]"), "byte 0: not a raw recording"),  # noqa: SLF001 - as above
         (encode_header(RawHeader("now", SOURCES))[:-3], "byte 0: not a raw recording"),
         (_LATER, "format version 9, this kinespace reads 1"),
@@ -147,7 +150,7 @@ class _Disk:
 def test_a_disk_that_refuses_for_a_while_costs_nothing(tmp_path: Path, read_only: bool) -> None:  # noqa: FBT001
     """While the disk is full or read-only that is said and packets wait; then all are in the file, and none is torn."""
     path = tmp_path / "a.kinerec"
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         disk = _Disk(writer._file, 20, read_only=read_only)  # noqa: SLF001 - a disk that fills
         writer._file = disk  # type: ignore[assignment]  # noqa: SLF001 - as above
         for packet in PACKETS[:2]:
@@ -172,7 +175,7 @@ def test_a_disk_that_is_nearly_full_keeps_the_packets_that_fit(tmp_path: Path) -
     """Of large packets that wait, the first ones are in the file whole; the others wait, and are lost at the end."""
     large = [RawPacket(float(number), 0, "", (bytes(30_000),)) for number in range(10)]
     path, size = tmp_path / "a.kinerec", len(encode_packet(large[0]))
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         writer._file = disk = _Disk(writer._file, 4 * size - 1)  # type: ignore[assignment]  # noqa: SLF001 - as above
         for packet in large:
             writer.write(packet)
@@ -188,7 +191,7 @@ def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch:
     """On a full disk the writer first loses packets beyond the memory's limit; it counts them and raises no error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)
     path = tmp_path / "a.kinerec"
-    with RawWriter(path, SOURCES) as writer:
+    with closing(RawWriter(path, SOURCES)) as writer:
         writer._file = _Disk(writer._file, 10)  # type: ignore[assignment]  # noqa: SLF001 - as above
         for _ in range(5):
             writer.write(PACKETS[0])

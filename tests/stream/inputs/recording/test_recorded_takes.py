@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from kinespace.stream.inputs.recording import Decoded
+    from kinespace.stream.frame import Input
     from kinespace.stream.recognition import Recognition
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 20.0
 
 
-def recognitions(performers: Performers, stream: Iterable[Decoded]) -> Iterator[Recognition]:
+def recognitions(performers: Performers, stream: Iterable[tuple[float, Input]]) -> Iterator[Recognition]:
     """Push a recording's frames through recognisers, at its own times; give every answer."""
-    for arrival, events in stream:
-        yield from (answer for answer in performers.push_all(events, arrival) if answer)
+    for arrival, event in stream:
+        yield from (answer for answer in performers.push_all([event], arrival) if answer)
 
 
 def assert_same(first: list[Recognition], second: list[Recognition]) -> None:
@@ -128,8 +128,8 @@ def test_a_given_preset_goes_before_the_recorded_one(told: str) -> None:
     """By datagram or ZeroMQ, a given preset goes before the preset in the header; the last frame comes too."""
     packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
     header = RawHeader("", (told,))
-    assert not any(each.events for each in decoded(header, packets))
-    events = [event for each in decoded(header, packets, builtin_preset("osceleton")) for event in each.events]
+    assert not list(decoded(header, packets))
+    events = [event for _, event in decoded(header, packets, builtin_preset("osceleton"))]
     assert len([event for event in events if isinstance(event, Frame)]) == 60
     assert [event for event in events if isinstance(event, Announcement)] == [
         Announcement("1", builtin_preset("osceleton").joints)
@@ -146,13 +146,13 @@ def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> N
     found = dict[str, int]()
     for name, presets in {"older": {}, "same": {"osceleton": builtin.text}, "mine": {"osceleton": mine}}.items():
         path.unlink(missing_ok=True)
-        with RawWriter(path, sources, presets) as writer:
+        with closing(RawWriter(path, sources, presets)) as writer:
             for packet in packets:
                 writer.write(packet)
         recording = RawFile(path)
         assert recording.header.presets == presets
-        events = [event for each in decoded(recording.header, recording.packets()) for event in each.events]
-        found[name] = sum(isinstance(event, Frame) for event in events)
+        events = decoded(recording.header, recording.packets())
+        found[name] = sum(isinstance(event, Frame) for _, event in events)
     assert found == {"older": 60, "same": 60, "mine": 0}
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +34,7 @@ def evening(tmp_path: Path) -> Path:
             for positions in (*still[0], *motion.positions, *still[1]):
                 frames.append((time, performer, positions))
                 time += 1 / 60
-    with RawWriter(tmp_path / "tonight.kinerec", ["osc 127.0.0.1:9310"]) as writer:
+    with closing(RawWriter(tmp_path / "tonight.kinerec", ["osc 127.0.0.1:9310"])) as writer:
         for time, performer, positions in sorted(frames, key=lambda each: each[0]):
             packet = encode_frame(Frame(performer, time, positions))
             writer.write(RawPacket(time - 40 + generator.uniform(0, 0.005), 0, "127.0.0.1:5000", (packet,)))

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from kinespace.stream.inputs import Source
-from kinespace.stream.inputs.turns import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
+from kinespace.stream.inputs.source import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
 from kinespace.stream.status import InputCounts, Refusals
 
 ANN, EVE = ("10.0.0.1", 4000), ("10.0.0.2", 4000)

@@ -8,22 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from performed import NAMED
 
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognition import Outcome
 
-NAMED = Recognition(
-    performer="p",
-    time=4.0,
-    outcome=Outcome.NAMED,
-    classes=("bow", "jump", "wave"),
-    scores=np.array([0.25, 0.75, 0.5], dtype=np.float32),
-    movement=0.2,
-    share=0.8,
-    gap=0.6,
-    lead=0.5,
-    eigenvector_class="jump",
-    eigenvector_score=0.9,
-)
 NAMELESS = [outcome for outcome in Outcome if outcome is not Outcome.NAMED]
 
 

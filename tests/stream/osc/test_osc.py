@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from performed import NAMED
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import osc
 from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc import udp
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
-from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Answer, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 
@@ -27,16 +28,6 @@ if TYPE_CHECKING:
 
 
 LOOPBACK = "127.0.0.1"
-NAMED = Recognition(
-    performer="Ada",
-    time=4.0,
-    outcome=Outcome.NAMED,
-    classes=("bow", "jump", "wave"),
-    scores=np.array([0.25, 0.75, 0.5], dtype=np.float32),
-    movement=0.2,
-    share=0.8,
-    gap=0.6,
-)
 
 
 def _params(packet: bytes) -> dict[str, list[object]]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
+from performed import pushed, shown
 
 from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.joint_sets import joints_of
@@ -30,8 +30,7 @@ def stranger(builtin: MotionLibrary) -> tuple[Clip, ...]:
 
 def _answers(recognizer: Recognizer, clip: Clip) -> list[Recognition]:
     order = [clip.skeleton.joints.index(name) for name in recognizer.library.skeleton.joints]
-    frames = zip(clip.times.tolist(), clip.positions[:, order], strict=True)
-    return [answer for time, positions in frames if (answer := recognizer.push(Frame("p", time, positions)))]
+    return pushed(recognizer, shown(clip.positions[:, order], clip.frame_rate))
 
 
 def _assert_same(first: list[Recognition], second: list[Recognition]) -> None:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from performed import pushed, shown
 from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
-from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 
@@ -25,9 +25,7 @@ BOTH = pytest.mark.parametrize("signature", LiveSignature)
 
 
 def _answers(library: MotionLibrary, clip: Clip, signature: LiveSignature = LiveSignature.WINDOWS) -> list[Recognition]:
-    recognizer = Recognizer(library, Settings(signature=signature))
-    frames = zip(clip.times.tolist(), clip.positions, strict=True)
-    return [answer for time, positions in frames if (answer := recognizer.push(Frame("p", time, positions)))]
+    return pushed(Recognizer(library, Settings(signature=signature)), shown(clip.positions, clip.frame_rate))
 
 
 def _performed(class_name: str, seed: int = 60) -> Clip:

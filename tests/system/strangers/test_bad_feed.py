@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import wrong
+from performed import assert_same, pushed, shown
 
 from kinespace.stream import osc, zeromq
-from kinespace.stream.frame import Frame
 from kinespace.stream.inputs import Admission, OscDecoder, ZmqDecoder
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 
@@ -35,9 +35,8 @@ def test_everything_at_once(
 ) -> None:
     """With all that is wrong between the frames, each in its counter and no other, all answers are as without it."""
     clip = next(clip for clip in some_clips if clip.class_name == "squat1Reps")
-    frames = [Frame("p", 10.0 + place / 120, joints.astype(np.float32)) for place, joints in enumerate(clip.positions)]
-    alone = Recognizer(small_library, SETTINGS)
-    expected = [answer for frame in frames if (answer := alone.push(frame)) is not None]
+    frames = shown(clip.positions.astype(np.float32), begin=10.0)
+    expected = pushed(Recognizer(small_library, SETTINGS), frames)
     is_osc = not isinstance(decoder, ZmqDecoder)
     wrong_ones = [packet for packets in bad.values() for packet in packets.values()]
     shares = np.array_split(np.random.default_rng(18).permutation(len(wrong_ones)), len(frames))
@@ -54,7 +53,5 @@ def test_everything_at_once(
     assert (counts.missing, outcomes.no_room, outcomes.recognizers.restarts) == (0, 0, 0)
     assert outcomes.recognizers.out_of_order == 1
     ours = [answer for answer in answers if answer.performer == "p"]
-    assert [(answer.time, answer.label, answer.scores.tobytes()) for answer in ours] == [
-        (answer.time, answer.label, answer.scores.tobytes()) for answer in expected
-    ]
+    assert_same(ours, expected)
     assert clip.class_name in {answer.label for answer in ours}

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from performed import pushed, shown
 from synthetic import STICK
 
 from kinespace.library.windows.index import opened
-from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints, LongAgo
@@ -40,8 +40,7 @@ def sound(small_library: MotionLibrary, squat: Clip) -> list[Recognition]:
 
 
 def _played(recognizer: Recognizer, positions: NDArray[np.float64]) -> list[Recognition]:
-    frames = (Frame("p", 1 + index / RATE, each) for index, each in enumerate(positions))
-    return [answer for frame in frames if (answer := recognizer.push(frame))]
+    return pushed(recognizer, shown(positions, RATE, begin=1.0))
 
 
 def _places(library: MotionLibrary, *names: str) -> list[int]:

@@ -35,7 +35,7 @@ _PAIRS = (ast.Lt, ast.LtE), (ast.Gt, ast.GtE), (ast.Eq, ast.NotEq), (ast.Is, ast
 _PAIRS_TOO = (ast.And, ast.Or), (ast.Add, ast.Sub), (ast.Mult, ast.Div), (ast.USub, ast.UAdd)
 _SWAPS = {each: other for pair in (*_PAIRS, *_PAIRS_TOO) for each, other in (pair, pair[::-1])}
 #: The tests that are run once, with what they reach in a process of their own left out.
-_TESTS = "tests/library", "tests/stream", "tests/system", "--ignore=tests/system/house"
+_TESTS = "tests/library", "tests/stream", "tests/system", "tests/tools/programs", "--ignore=tests/system/house"
 _PLUGINS = "-p", "no:randomly", "-p", "no:cacheprovider"
 _ROOMS = "library", "stream"
 #: Seconds of the tests of other folders that a change is tried with, as they took when they were noted.

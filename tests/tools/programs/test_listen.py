@@ -16,6 +16,7 @@ from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds.preset import builtin_text, parse_preset
 from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.listen import advice
@@ -115,6 +116,12 @@ def test_missing_joints_are_named() -> None:
         assert (guess.preset.name, bool(guess.frames)) == ("osceleton", without == 2)
         assert {"head", "lowerneck"} <= set(guess.missing)
         assert any(line.startswith(begin) for line in advice(survey, guess, None))
+    # Of two feeds it is the one of which all joints come; of any a quarter must.
+    more = builtin_text("osceleton").replace("[joints]", '[joints]\nthumb = "lthumb"')
+    guess = surveyed("osceleton").guess([parse_preset(more, "larger", "larger.toml"), builtin_preset("osceleton")])
+    assert guess is not None
+    assert guess.preset.name == "osceleton"
+    assert [surveyed("osceleton", without=each).guess(PRESETS) is None for each in (11, 12)] == [False, True]
 
 
 def test_silence_and_foreign_packets_have_messages() -> None:

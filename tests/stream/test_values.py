@@ -14,7 +14,7 @@ from kinespace.stream.frame import MAX_DISTANCE, MAX_PERFORMER_LENGTH, Announcem
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.status import AdmissionCounts, HopTimes, InputCounts, Rates, Status
 
 # --- frame ------------------------------------------------------------------------------------------------------------
 
@@ -178,10 +178,13 @@ def test_inputs_add_up() -> None:
 
 def test_lost_counts_each_kind_of_loss_once() -> None:
     """Each kind of loss counts once; frames that were used, foreign messages and new beginnings are no losses."""
-    inputs = InputCounts(received=10**9, malformed=1, foreign=10**8, overrun=10, missing=100)
-    recognizers = RecognizerCounts(frames=10**9, out_of_order=100_000, restarts=10**8, hops=10**9)
-    outcomes = PerformerCounts(no_room=1_000, other_joints=10_000, dropped=10**8, recognizers=recognizers)
-    assert Status(inputs, outcomes, 10**8, {}, 0.0, 0.0).lost == 111_111
+    used, kinds = 10**12, (10**power for power in range(11))
+    recognizers = RecognizerCounts(frames=used, out_of_order=next(kinds), restarts=used, hops=used)
+    outcomes = PerformerCounts(no_room=next(kinds), other_joints=next(kinds), dropped=used, recognizers=recognizers)
+    admission = AdmissionCounts(other_sender=next(kinds), not_allowed=used, odd_times=next(kinds))
+    lost = {name: next(kinds) for name in ("malformed", "overrun", "missing", "incomplete", "broken", "thrown_away")}
+    inputs = InputCounts(received=used, foreign=used, **lost)
+    assert Status(inputs, outcomes, used, {}, 0.0, 0.0, admission=admission).lost == int("1" * 11)
 
 
 def test_rates_are_counted_from_reading_to_reading() -> None:

@@ -121,14 +121,13 @@ class Reached(NamedTuple):
 
     def by(self, mutant: Mutant) -> tuple[list[str], list[str]]:
         """Give the tests of a change's folder and the other tests that reach it; for a constant, all of its file."""
-        lines = self.lines.get(str(mutant.path), {})
-        tests = lines.get(str(mutant.line)) or {each for of_line in lines.values() for each in of_line}
-        tests = sorted(tests, key=self.seconds.__getitem__)
-        own = f"tests/{mutant.path.parent}/"
-        near = [each for each in tests if each.startswith(own)]
-        spent = np.cumsum([self.seconds[each] for each in tests if not each.startswith(own)])
-        others = [each for each in tests if not each.startswith(own)]
-        return near, others[: int((spent < _SECONDS).sum())]
+        lines, own = self.lines.get(str(mutant.path), {}), f"tests/{mutant.path.parent}/"
+        tests = {*(lines.get(str(mutant.line)) or (each for of_line in lines.values() for each in of_line))}
+        # What a test reaches in a process of its own is not seen.
+        tests |= {each for each in self.seconds if each.startswith(f"{own}test_{mutant.path.stem}.py")}
+        ordered = sorted(tests, key=self.seconds.__getitem__)
+        near, others = ([each for each in ordered if each.startswith(own) is is_near] for is_near in (True, False))
+        return near, others[: int((np.cumsum([self.seconds[each] for each in others]) < _SECONDS).sum())]
 
 
 _seconds: collections.defaultdict[str, float] = collections.defaultdict(float)
@@ -159,7 +158,8 @@ def pytest_sessionfinish() -> None:
         }
         path = Path(file).resolve().relative_to(ROOT)
         lines[str(path)] = {line: tests for line, tests in by_line.items() if tests}
-    Path(os.environ["REACHED"]).write_text(json.dumps((_seconds, lines)))
+    seconds = {test: each for test, each in _seconds.items() if test not in _failed}
+    Path(os.environ["REACHED"]).write_text(json.dumps((seconds, lines)))
 
 
 def _current() -> Any:  # noqa: ANN401 - coverage has its own

@@ -117,7 +117,7 @@ SETS = {
     "camera": ("p[1-4]*_1.npz", True),
 }
 #: Seconds after which the line stands, at most, and seconds between answers.
-WITHIN, HOP = 10.0, 1 / 6
+SOON, HOP = 10.0, 1 / 6
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -148,7 +148,7 @@ def _decided(take: Take, index: WindowIndex) -> bool | None:
     recognizer, clip = Recognizer(view, Settings(hop=HOP)), take.clip.restricted_to(shared).as_of(view.library.skeleton)
     shown = range(clip.frames) if take.delivered is None else take.delivered.tolist()
     step = max(1, round(clip.frame_rate / 60))
-    some = [frame for frame in shown if clip.times[frame] < WITHIN][::step]
+    some = [frame for frame in shown if clip.times[frame] < SOON][::step]
     _pushed(recognizer, clip.times[some], clip.positions[some])
     return recognizer.unlike
 

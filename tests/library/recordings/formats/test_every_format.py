@@ -90,6 +90,11 @@ def test_what_takes_too_much_memory_is_refused_before_it_is_read(tmp_path: Path,
     message = rf"take\.{ending}: memory: expected at most 0 MB once it is read, got 0 MB; kinespace --max-memory .*GB"
     with limited_to(100), pytest.raises(RecordingError, match=message):
         read(path)
+    if ending not in TABLES:
+        # Four times its size, whatever is in it.
+        path.write_bytes(b"no recording" * 40)
+        with limited_to(3 * 480), pytest.raises(RecordingError, match=message):
+            read(path)
 
 
 @pytest.mark.parametrize("ending", ["trc", "csv", "bvh"])

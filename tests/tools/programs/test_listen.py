@@ -19,7 +19,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.feeds.preset import builtin_text, parse_preset
+from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.listen import advice, as_object, command
@@ -124,7 +124,7 @@ def test_missing_joints_are_named() -> None:
         assert {"head", "lowerneck"} <= set(guess.missing)
         assert any(line.startswith(begin) for line in advice(survey, guess, None))
     # Of two feeds it is the one of which all joints come; of any a quarter must.
-    more = builtin_text("osceleton").replace("[joints]", '[joints]\nthumb = "lthumb"')
+    more = builtin_preset("osceleton").text.replace("[joints]", '[joints]\nthumb = "lthumb"')
     guess = surveyed("osceleton").guess([parse_preset(more, "larger", "larger.toml"), builtin_preset("osceleton")])
     assert guess is not None
     assert guess.preset.name == "osceleton"

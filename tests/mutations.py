@@ -1,7 +1,10 @@
-"""Change one line of the product at random, run the tests that mirror it, and see whether they find the change.
+"""Change one line of the product at random, run the tests that reach it, and see whether one fails.
 
 `python tests/mutations.py --room library/windows --count 40` works in copies of the tree, not in the tree itself.
-All tests that will run must pass without a change first. A change that makes tests hang, or takes all memory, is found.
+First it runs the tests once, and notes which lines each test reaches and how long it takes (`pip install coverage`);
+`--reached FILE` keeps these notes for the next run. For a change it runs the tests that reach its line: those of the
+file's own folder first, then the others, the fastest first. A change that makes tests hang, or takes all memory, is
+found.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ import argparse
 import ast
 import collections
 import copy
+import json
 import os
 import queue
 import resource
@@ -22,7 +26,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,17 +34,12 @@ ROOT = Path(__file__).resolve().parents[1]
 _PAIRS = (ast.Lt, ast.LtE), (ast.Gt, ast.GtE), (ast.Eq, ast.NotEq), (ast.Is, ast.IsNot), (ast.In, ast.NotIn)
 _PAIRS_TOO = (ast.And, ast.Or), (ast.Add, ast.Sub), (ast.Mult, ast.Div), (ast.USub, ast.UAdd)
 _SWAPS = {each: other for pair in (*_PAIRS, *_PAIRS_TOO) for each, other in (pair, pair[::-1])}
-#: What is looked at after a file's own tests and its folder's; what is looked at last, though it is slow: the kept
-#: answers, which show a constant that is a little different.
-_WIDER = {"library": ("tests/library", "tests/stream/recognizer"), "stream": ("tests/stream",)}
-_ANSWERS = ("tests/system/recognition",)
-#: Tests that cover a room and do not lie in its mirror.
-_ELSEWHERE = {
-    "stream/osc": "tests/stream/test_codecs.py",
-    "stream/zeromq": "tests/stream/test_codecs.py",
-    "stream/inputs": "tests/tools/programs/test_listen.py",
-    "library/recordings/formats/markers": "tests/library/recordings/formats",
-}
+#: The tests that are run once, with what they reach in a process of their own left out.
+_TESTS = "tests/library", "tests/stream", "tests/system", "tests/tools/programs", "--ignore=tests/system/house"
+_PLUGINS = "-p", "no:randomly", "-p", "no:cacheprovider"
+_ROOMS = "library", "stream"
+#: Seconds of the tests of other folders that a change is tried with, as they took when they were noted.
+_SECONDS = 30.0
 _NOT_COPIED = ".venv", ".git", "*_cache", "build", "__pycache__", "*.egg-info"
 #: Bytes of memory that tests may take.
 _MEMORY = 8 << 30
@@ -114,13 +113,75 @@ def mutants(paths: list[Path], count: int, seed: int) -> list[Mutant]:
     return chosen
 
 
-def stages(path: Path, *, near: bool) -> list[tuple[str, ...]]:
-    """Give the tests that are run for a file, one set after another, until a set finds the change."""
-    folder = Path("tests") / path.parent
-    sets = [(str(folder / f"test_{path.stem}.py"),), (str(folder),)]
-    sets += [(test,) for room, test in _ELSEWHERE.items() if path.is_relative_to(room)]
-    sets += [] if near else [_WIDER.get(path.parts[0], ("tests/tools",)), _ANSWERS]
-    return [tests for tests in dict.fromkeys(sets) if all((ROOT / each).exists() for each in tests)]
+class Reached(NamedTuple):
+    """What tests reach: seconds by test; and by file, relative to the tree, and line, the tests."""
+
+    seconds: dict[str, float]
+    lines: dict[str, dict[str, list[str]]]
+
+    def by(self, mutant: Mutant) -> tuple[list[str], list[str]]:
+        """Give the tests of a change's folder and the other tests that reach it; for a constant, all of its file."""
+        lines, own = self.lines.get(str(mutant.path), {}), f"tests/{mutant.path.parent}/"
+        tests = {*(lines.get(str(mutant.line)) or (each for of_line in lines.values() for each in of_line))}
+        # What a test reaches in a process of its own is not seen.
+        tests |= {each for each in self.seconds if each.startswith(f"{own}test_{mutant.path.stem}.py")}
+        ordered = sorted(tests, key=self.seconds.__getitem__)
+        near, others = ([each for each in ordered if each.startswith(own) is is_near] for is_near in (True, False))
+        return near, others[: int((np.cumsum([self.seconds[each] for each in others]) < _SECONDS).sum())]
+
+
+_seconds: collections.defaultdict[str, float] = collections.defaultdict(float)
+_failed: set[str] = set()
+
+
+def pytest_runtest_logstart(nodeid: str) -> None:
+    """Note, where this file is a plugin of pytest, the lines from here on for another test."""
+    _current().switch_context(nodeid)
+
+
+def pytest_runtest_logreport(report: Any) -> None:  # noqa: ANN401 - pytest's
+    """Add the seconds of a part of a test; a test that fails without a change finds nothing."""
+    _seconds[report.nodeid] += report.duration
+    if report.failed:
+        _failed.add(report.nodeid)
+
+
+def pytest_sessionfinish() -> None:
+    """Write what was reached."""
+    measured = _current()
+    measured.stop()
+    found, lines = measured.get_data(), {}
+    for file in found.measured_files():
+        by_line = {
+            line: [each for each in tests if each and each not in _failed]
+            for line, tests in found.contexts_by_lineno(file).items()
+        }
+        path = Path(file).resolve().relative_to(ROOT)
+        lines[str(path)] = {line: tests for line, tests in by_line.items() if tests}
+    seconds = {test: each for test, each in _seconds.items() if test not in _failed}
+    Path(os.environ["REACHED"]).write_text(json.dumps((seconds, lines)))
+
+
+def _current() -> Any:  # noqa: ANN401 - coverage has its own
+    import coverage  # noqa: PLC0415 - only here
+
+    return coverage.Coverage.current()
+
+
+def _reached(tree: Path, kept: Path, quick: list[str]) -> Reached:
+    """Run the tests in a copy and note what they reach, unless it is kept."""
+    if not kept.exists():
+        included = f"--include={','.join(f'{tree}/packages/kinespace/{room}/*' for room in _ROOMS)}"
+        run = [sys.executable, "-m", "coverage", "run", "--rcfile=/dev/null", f"--data-file={tree}/.coverage", included]
+        command = [*run, "-m", "pytest", "-q", "-p", "mutations", *_PLUGINS, *_TESTS, *quick]
+        subprocess.run(command, cwd=tree, env=_environment(tree) | {"REACHED": str(kept.resolve())}, check=False)
+    return Reached(*json.loads(kept.read_text()))
+
+
+def _environment(tree: Path) -> dict[str, str]:
+    paths = os.pathsep.join(str(tree / each) for each in ("packages", "tests"))
+    data = {"KINESPACE_DATA": str(ROOT.parent / "shared" / "data")} | os.environ
+    return data | {"PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"}
 
 
 def _copied(folder: Path) -> Path:
@@ -136,21 +197,21 @@ def _copied(folder: Path) -> Path:
     return folder
 
 
-def _run(tree: Path, tests: tuple[str, ...], seconds: float) -> bool:
+def _passes(tree: Path, tests: list[str], seconds: float) -> bool:
     """Say whether tests pass in a copy, in time; no process is left."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:randomly", "-p", "no:cacheprovider", *tests]
+    listed = tree / "listed"
+    listed.write_text("\n".join(tests))
     process = subprocess.Popen(
-        command if tests == _ANSWERS else [*command, "-m", "not slow"],
+        [sys.executable, "-m", "pytest", "-x", "-q", *_PLUGINS, f"@{listed}"],
         cwd=tree,
-        env=os.environ | {"PYTHONPATH": str(tree / "packages"), "OPENBLAS_NUM_THREADS": "1"},
+        env=_environment(tree),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY)),  # noqa: PLW1509 - no lock is held
     )
     try:
-        # With no test left after those that are slow, pytest ends with 5.
-        return process.wait(seconds) in (0, 5)
+        return process.wait(seconds) == 0
     except subprocess.TimeoutExpired:
         return False
     finally:
@@ -159,7 +220,7 @@ def _run(tree: Path, tests: tuple[str, ...], seconds: float) -> bool:
         process.wait()
 
 
-def _found(mutant: Mutant, trees: queue.Queue[Path], seconds: dict[tuple[str, ...], float], *, near: bool) -> bool:
+def _found(mutant: Mutant, trees: queue.Queue[Path], reached: Reached) -> bool:
     """Try a change in one of the copies."""
     tree = trees.get()
     file = tree / mutant.path
@@ -168,7 +229,8 @@ def _found(mutant: Mutant, trees: queue.Queue[Path], seconds: dict[tuple[str, ..
         file.write_bytes(mutant.text)
         # Compiled modules are known by their time: another one for each change.
         os.utime(file, ns=(time.time_ns(), time.time_ns()))
-        return not all(_run(tree, each, seconds[each]) for each in stages(mutant.path, near=near))
+        sets = [each for each in reached.by(mutant) if each]
+        return not all(_passes(tree, each, 120 + 10 * sum(map(reached.seconds.__getitem__, each))) for each in sets)
     finally:
         file.write_bytes(before)
         trees.put(tree)
@@ -179,25 +241,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     for name, usual in (("count", 30), ("seed", 1), ("jobs", 1)):
         parser.add_argument(f"--{name}", type=int, default=usual)
-    parser.add_argument(
-        "--near", action="store_true", help="only the tests of a file, its folder and its room, which is quick"
-    )
+    parser.add_argument("--reached", type=Path, help="a file of what the tests reach, made if it is not there")
+    parser.add_argument("--quick", action="store_true", help="without the tests that are slow")
     parser.add_argument("--room", action="append", help="a folder or file of library or stream; by default both")
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))
-    rooms = [ROOT / room for room in options.room or _WIDER]
+    rooms = [ROOT / room for room in options.room or _ROOMS]
     paths = sorted({each for room in rooms for each in ([room] if room.is_file() else room.rglob("*.py"))})
     chosen, trees = mutants(paths, options.count, options.seed), queue.Queue[Path]()
-    seconds, by_room = dict[tuple[str, ...], float](), collections.defaultdict(list)
+    by_room = collections.defaultdict[str, list[bool]](list)
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
         for job in range(options.jobs):
             trees.put(_copied(Path(folder) / str(job)))
-        for tests in dict.fromkeys(each for mutant in chosen for each in stages(mutant.path, near=options.near)):
-            begun = time.monotonic()
-            if not _run(Path(folder) / "0", tests, 3600):
-                sys.exit(f"these tests fail without a change: {' '.join(tests)}")
-            seconds[tests] = 60 + 5 * (time.monotonic() - begun)
-        results = pool.map(lambda each: _found(each, trees, seconds, near=options.near), chosen)
+        kept = options.reached or Path(folder) / "reached.json"
+        reached = _reached(Path(folder) / "0", kept, ["-m", "not slow"] if options.quick else [])
+        results = pool.map(lambda each: _found(each, trees, reached), chosen)
         for mutant, found in zip(chosen, results, strict=True):
             by_room[str(mutant.path.parent)].append(found)
             print(f"{'found    ' if found else 'NOT FOUND'} {mutant.path}:{mutant.line}  {mutant.change}", flush=True)  # noqa: T201

@@ -179,24 +179,6 @@ OTHER_JOINTS_ZMQ: dict[str, list[bytes]] = {
     "a joint too few": zmq_frame(POSE[:-3]),
 }
 
-#: Packets of OSC that break OSC's own rules.
-BROKEN_OSC: list[bytes] = [
-    *(b"", b"\0", b"\0\0\0\0", b"a\0\0\0", b"/", b"/a", b"/a\0", b"/abc", b"/a\0\0i\0\0\0\0\0\0\1", b"/a\0\0,"),
-    *(b"/a\0\0,i\0", b"/a\0\0,i\0\0", b"/a\0\0,i\0\0\0\0\0", b"/a\0\0,ff\0\x3f\x80\0\0", b"/a\0\0,h\0\0\0\0\0\0"),
-    *(b"/a\0\0,s\0\0abcd", b"/a\0\0,s\0\0abc", b"/a\0\0,b\0\0\0\0", b"/a\0\0,b\0\0\0\0\0\x05abcd"),
-    *(b"/a\0\0,b\0\0\xff\xff\xff\xffabcd", b"/a\0\0,b\0\0\x7f\xff\xff\xffabcd", b"/a\0\0,m\0\0\0\0", b"/a\0\0,c\0\0\0"),
-    *(b"/a\0\0,x\0\0\0\0\0\0", b"/a\0\0,[\0\0", b"/a\0\0,]\0\0", b"/a\0\0,][\0", b"/a\0\0,[]]\0\0\0\0"),
-    *(b"/a\0\0,[[]\0\0\0\0", b"/\xff\xfe\0", b"/a\0\0,\xff\0\0", b"/a\0\0,s\0\0\xc3\0\0\0", b"#bundle", b"#bundle\0"),
-    *(b"#bundle" + bytes(8), b"#bundl" + bytes(9) + b"\1"),
-    *(
-        b"#bundle" + bytes(8) + b"\1" + rest
-        for rest in (
-            *(b"\0\0\0", b"\0\0\0\4", b"\0\0\0\0", b"\xff\xff\xff\xfc/a\0\0", b"\x7f\xff\xff\xff/a\0\0"),
-            *(b"\0\0\0\4a\0\0\0", b"\0\0\0\4/a\0\0\0\0\0\5/b\0\0"),
-        )
-    ),
-]
-
 
 def late(time: float) -> tuple[bytes, list[bytes]]:
     """Give a good frame of a time that is past, by either transport."""

@@ -173,6 +173,8 @@ def test_another_time_begins_another_frame() -> None:
     assert target.counts.late == 1
     (second,) = pushed(target, [*[timed(name, 2.0, 1030.0) for name in "cd"], timed("a", 3.0, 1060.0)], 0.06)
     assert (values(second), second.time) == ([2.0] * 4, 1.03)
+    later = [timed("b", 3.0, 1060.0), timed("c", 3.0, 1060.0), timed("d", 4.0, 1090.0)]
+    assert [values(frame) for frame in pushed(target, later, 0.09)] == [[3.0, 3.0, 3.0, 2.0]]
 
 
 def test_a_clock_that_began_again_is_followed() -> None:

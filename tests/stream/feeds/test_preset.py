@@ -99,6 +99,7 @@ MISTAKES = {
         'head = "head"\n[bones]\nhand = {}': "joints: expected names that stand in [bones], got 'hea",
         'head = "head"\n[bones]\nhead = { parent = "hand" }\nhand = {}': "bones, head, parent: expected a bone before ",
         'head = "head"\n[bones]\nhead = {}\nhand = {}': "message: expected one with qx, qy, qz, qw",
+        'head = "head"\n[bones]\nhead = { length = 1 }': "bones, head, length: expected one of offset, parent, got",
         'head = "head"\n[ask]\nport = 1': "ask, message: expected a value, got nothing",
         'head = "head"\n[ask]\nport = 1\n[[ask.message]]\naddress = "x"': "ask, message 1, address: ex",
     },

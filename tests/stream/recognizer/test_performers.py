@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import SkeletonMismatchError
@@ -26,8 +27,7 @@ FIVE = STICK.joints[:5]
 
 
 def _frames(performer: str, class_name: str, *, frames: int = 200, start: float = 0.0) -> list[Frame]:
-    positions = stick_clip(class_name, seed=70, frames=frames).positions
-    return [Frame(performer, start + index / 120, each) for index, each in enumerate(positions)]
+    return shown(stick_clip(class_name, seed=70, frames=frames).positions, begin=start, performer=performer)
 
 
 def _with_joints(frames: Sequence[Frame], order: Sequence[int]) -> list[Frame]:
@@ -39,16 +39,7 @@ def _pushed(performers: Performers, frames: Iterable[Frame], arrival: float = 0.
 
 
 def _alone(library: MotionLibrary | WindowIndex, frames: Sequence[Frame]) -> list[Recognition]:
-    recognizer = Recognizer(library)
-    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
-
-
-def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) -> None:
-    """Demand the same answers, number for number."""
-    assert len(first) == len(second) > 0
-    for one, other in zip(first, second, strict=True):
-        assert np.array_equal(one.scores, other.scores)
-        assert (one.performer, one.time, one.label) == (other.performer, other.time, other.label)
+    return pushed(Recognizer(library), frames)
 
 
 def _named(order: Sequence[int]) -> tuple[str, ...]:
@@ -72,8 +63,8 @@ def test_joints_in_any_order_once_or_repeatedly_named(sticks: MotionLibrary, ord
             performers.announce(Announcement("p", _named(order)), 0.0)
         answers += _pushed(performers, [frame])
         assert performers.ordered(frame).positions.tolist() == frames[index].positions.tolist()  # type: ignore[union-attr]
-    _assert_same(answers, _alone(sticks, frames))
-    _assert_same(_pushed(performers, _frames("q", "jump")), _alone(sticks, _frames("q", "jump")))
+    assert_same(answers, _alone(sticks, frames))
+    assert_same(_pushed(performers, _frames("q", "jump")), _alone(sticks, _frames("q", "jump")))
     assert (performers.names, performers.compared, performers.refused) == (("p", "q"), {}, {})
     assert performers.counts.recognizers.frames == 400
 
@@ -86,7 +77,7 @@ def test_joints_that_are_assumed(sticks: MotionLibrary) -> None:
         if index == 100:
             performers.announce(Announcement("p", _named(order)), 0.0)
         answers += _pushed(performers, [frame])
-    _assert_same(answers, _alone(sticks, frames))
+    assert_same(answers, _alone(sticks, frames))
     with pytest.raises(SkeletonMismatchError):
         Performers(sticks, joints=SentJoints(FIVE))
 
@@ -98,7 +89,7 @@ def test_other_joints_begin_a_new_window(sticks: MotionLibrary) -> None:
     performers.announce(Announcement("p", _named(order)), 0.0)
     after = _frames("p", "wave", start=200 / 120)
     answers = _pushed(performers, _with_joints(after, order))
-    _assert_same(answers, _alone(sticks, after))
+    assert_same(answers, _alone(sticks, after), "events")
     performers.announce(Announcement("p", FIVE), 0.0)
     events = [*started, *(event for answer in answers for event in answer.events), *performers.drop_silent(0.0)]
     assert _told(events)[:1] == [("p", "start", "bow")]
@@ -116,7 +107,7 @@ def test_frames_of_too_few_of_the_joints_are_counted(sticks: MotionLibrary, join
     assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (2, 0)
     assert "of them among the 6 compared, expected 5 at least" in performers.refused["p"]
     performers.announce(Announcement("p", STICK.joints), 0.0)
-    _assert_same(_pushed(performers, _frames("p", "bow")), _alone(sticks, _frames("p", "bow")))
+    assert_same(_pushed(performers, _frames("p", "bow")), _alone(sticks, _frames("p", "bow")))
     assert (performers.refused, performers.counts.other_joints) == ({}, 2)
 
 
@@ -128,12 +119,12 @@ def test_frames_of_some_of_the_joints_are_compared_by_them(sticks: MotionLibrary
     kept = [place for name, place in zip(joints, sent, strict=True) if name in STICK.joints]
     frames = _frames("p", "bow")
     view = opened(sticks).by_joints([STICK.joints[place] for place in kept])
-    _assert_same(_pushed(performers, _with_joints(frames, sent)), _alone(view, _with_joints(frames, kept)))
+    assert_same(_pushed(performers, _with_joints(frames, sent)), _alone(view, _with_joints(frames, kept)))
     assert performers.compared == {"p": "5 of 6 joints"}
     whole = performers.ordered(_with_joints(frames, sent)[0])
     assert whole is not None
     assert whole.positions[kept].tolist() == frames[0].positions[kept].tolist()
-    _assert_same(_pushed(performers, _frames("q", "wave")), _alone(sticks, _frames("q", "wave")))
+    assert_same(_pushed(performers, _frames("q", "wave")), _alone(sticks, _frames("q", "wave")))
     assert performers.refused == {}
 
 
@@ -166,7 +157,7 @@ def test_a_performer_is_answered_once_the_windows_are_open(sticks: MotionLibrary
     assert (performers.compared, performers.refused) == ({"p": told}, {})
     assert performers.counts.other_joints == 1
     ready[0] = True
-    _assert_same(_pushed(performers, frames), _alone(opened(sticks).by_joints(FIVE), frames))
+    assert_same(_pushed(performers, frames), _alone(opened(sticks).by_joints(FIVE), frames))
     assert performers.refused == {}
     ready[0] = False
     performers.exchange(sticks.renamed({}))
@@ -198,7 +189,7 @@ def test_frames_of_another_size_are_counted_and_passed_over(sticks: MotionLibrar
         positions = np.vstack([frame.positions, POSE])[:size]
         wrong = Frame("p", frame.time + 0.001, np.zeros(((0, 5, 31, 13 - size)[index % 4], 3)))
         answers += _pushed(performers, [replace(frame, positions=positions), wrong])
-    _assert_same(answers, _alone(sticks, frames))
+    assert_same(answers, _alone(sticks, frames))
     assert performers.counts.other_joints == len(frames)
     why = f"but {size} names were sent" if named else "whose names were never sent, expected 6"
     assert why in performers.refused["p"]
@@ -235,11 +226,11 @@ def test_a_performer_who_comes_back_starts_anew(sticks: MotionLibrary) -> None:
     _pushed(performers, _with_joints(_frames("p", "bow"), order))
     performers.drop_silent(3.0)
     back = _frames("p", "wave", start=200 / 120)
-    _assert_same(_pushed(performers, _with_joints(back, order), 4.0), _alone(sticks, back))
+    assert_same(_pushed(performers, _with_joints(back, order), 4.0), _alone(sticks, back))
     # A new sender by that name has other joints.
     performers.push_all([NewSender("p")], 5.0)
     assert performers.names == ()
-    _assert_same(_pushed(performers, back, 6.0), _alone(sticks, back))
+    assert_same(_pushed(performers, back, 6.0), _alone(sticks, back))
 
 
 def test_at_the_end_all_that_goes_on_is_ended_once(sticks: MotionLibrary) -> None:
@@ -264,7 +255,7 @@ def test_there_is_room_for_only_so_many(sticks: MotionLibrary) -> None:
         answers += _pushed(performers, [frame])
         assert performers.push(Frame(f"stranger {index}", frame.time, POSE), 0.0) is None
         performers.announce(Announcement(f"stranger {index}", STICK.joints), 0.0)
-    _assert_same(answers, _alone(sticks, frames))
+    assert_same(answers, _alone(sticks, frames))
     assert performers.names == ("b", "a")
     assert performers.counts.no_room == len(frames)
 

@@ -102,6 +102,21 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
         assert (told.speed, told.amplitude) == pytest.approx((pace.speed, pace.amplitude), rel=1e-3)
 
 
+def test_between_two_hops_a_body_moves_in_a_straight_line() -> None:
+    """Seen at every second or third step, the progress is as if the points between had been seen, too."""
+    points = points_of(clip_of(ARMS, "bk").positions[:160:5])
+    for apart in (2, 3):
+        seldom, often = (ProgressFollower(table_without("bk")) for _ in range(2))
+        for place, point in enumerate(points):
+            told, before = seldom.push(apart * place * STEP, point, ARMS), points[max(place - 1, 0)]
+            for part in range(1, apart + 1) if place else [apart]:
+                moment = (apart * max(place - 1, 0) + part * (place > 0)) * STEP
+                seen = often.push(moment, before + part / apart * (point - before), ARMS)
+            assert told
+            assert seen
+            assert (told.phase, told.speed) == pytest.approx((seen.phase, seen.speed), abs=1e-6)
+
+
 def test_speed_and_amplitude_follow_the_motion() -> None:
     """Twice as fast has a higher speed, half as fast a lower one; deviations of 0.6 have about that amplitude."""
     slow, own, fast = (np.median([each.speed for each in followed(clip_of(ARMS, "tr"), speed=s)]) for s in (0.5, 1, 2))

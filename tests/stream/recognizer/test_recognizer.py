@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveFeed
+from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import SkeletonMismatchError
@@ -19,11 +20,11 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
-from kinespace.stream.recognition import EventKind, Outcome, Recognition
+from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from kinespace.library.clip import Clip
     from kinespace.library.windows.index import WindowIndex
@@ -32,20 +33,7 @@ if TYPE_CHECKING:
 def _frames(class_name: str, *, seconds: float = 3.0, rate: float = 120.0, start: float = 0.0) -> list[Frame]:
     """Perform a class once a second or so, at a frame rate, from a moment on."""
     clip = stick_clip(class_name, seed=50, frames=round(seconds * rate), rate=rate)
-    return [Frame("p", start + index / rate, positions) for index, positions in enumerate(clip.positions)]
-
-
-def _pushed(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]:
-    return [recognition for frame in frames if (recognition := recognizer.push(frame)) is not None]
-
-
-def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition]) -> None:
-    """Demand the same answers, number for number."""
-    assert len(first) == len(second)
-    for one, other in zip(first, second, strict=True):
-        assert np.array_equal(one.scores, other.scores)
-        for name in (each.name for each in fields(Recognition) if each.name not in ("scores", "events")):
-            assert getattr(one, name) == getattr(other, name)
+    return shown(clip.positions, rate, begin=start)
 
 
 # --- when it answers ---------------------------------------------------------------------------------------------
@@ -92,8 +80,8 @@ def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(sticks: MotionLibra
     """Answers are those of the frames since, and a motion that went on ends when the gap was long."""
     for start, ended in ((2.992 + 0.51, False), (2.992 + 0.81, True), (-100.0, False)):
         recognizer = Recognizer(sticks)
-        before = _pushed(recognizer, _frames("bow"))
-        after = _pushed(recognizer, _frames("jump", start=start))
+        before = pushed(recognizer, _frames("bow"))
+        after = pushed(recognizer, _frames("jump", start=start))
         assert ({each.label for each in before}, {each.label for each in after}) == ({"bow"}, {"jump"})
         assert after[0].time == pytest.approx(start + 0.15)
         assert recognizer.counts == RecognizerCounts(720, 0, 1, len(before) + len(after))
@@ -110,17 +98,17 @@ def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(sticks: MotionLibra
 def test_it_follows_one_performer(sticks: MotionLibrary) -> None:
     """Frames of another performer, or of another body, are refused until a reset, and change nothing."""
     recognizer, frames = Recognizer(sticks), _frames("bow")
-    answers = _pushed(recognizer, frames[:150])
+    answers = pushed(recognizer, frames[:150])
     with pytest.raises(ValueError, match="performer: expected 'p' until `reset`, got 'q'"):
         recognizer.push(replace(frames[150], performer="q"))
     for joints in (0, 1, 5, 7, 31):
         with pytest.raises(ValueError, match=rf"positions: expected \({len(STICK.joints)}, 3\)"):
             recognizer.push(Frame("p", frames[150].time, np.zeros((joints, 3))))
-    answers += _pushed(recognizer, frames[150:])
-    _assert_same(answers, _pushed(Recognizer(sticks), frames))
+    answers += pushed(recognizer, frames[150:])
+    assert_same(answers, pushed(Recognizer(sticks), frames), "events")
     assert recognizer.counts.frames == len(frames)
     recognizer.reset()
-    others = _pushed(recognizer, [replace(frame, performer="q") for frame in frames])
+    others = pushed(recognizer, [replace(frame, performer="q") for frame in frames])
     assert {answer.performer for answer in others} == {"q"}
 
 
@@ -145,8 +133,8 @@ def test_every_change_is_for_one_thread_at_a_time(sticks: MotionLibrary) -> None
             return float(self) - other
 
     meanwhile = replace(frames[100], time=Meanwhile(frames[100].time))
-    answers = _pushed(recognizer, [*frames[:100], meanwhile, *frames[101:]])
-    _assert_same(answers, _pushed(Recognizer(sticks), frames))
+    answers = pushed(recognizer, [*frames[:100], meanwhile, *frames[101:]])
+    assert_same(answers, pushed(Recognizer(sticks), frames), "events")
 
 
 # --- its library -------------------------------------------------------------------------------------------------
@@ -180,20 +168,20 @@ def test_in_another_library_no_window_and_no_answer_is_lost(
     frames, settings_ = _frames("bow"), Settings(progress=True)
     index = opened(sticks)
     fewer = index.of_some([place for place, each in enumerate(sticks.motions) if each.class_name != "bow"])
-    expected, never = (_pushed(Recognizer(each, settings_), frames) for each in (index, fewer))
+    expected, never = (pushed(Recognizer(each, settings_), frames) for each in (index, fewer))
     recognizer = Recognizer(index, settings_)
     with pytest.raises(SkeletonMismatchError):
         recognizer.exchange(small_library)
-    answers = _pushed(recognizer, frames[:200])
+    answers = pushed(recognizer, frames[:200])
     assert recognizer.exchange(index) is None
-    answers += _pushed(recognizer, frames[200:280])
+    answers += pushed(recognizer, frames[200:280])
     ended = recognizer.exchange(fewer)
     assert ended is not None
     assert (ended.kind, ended.label, ended.time) == (EventKind.END, "bow", frames[279].time)
     for answer, other in zip(answers, expected, strict=False):
         np.testing.assert_allclose(answer.scores, other.scores, atol=1e-4)
         assert (answer.label, answer.progress is None) == (other.label, other.progress is None)
-    for answer, other in zip(reversed(_pushed(recognizer, frames[280:])), reversed(never), strict=False):
+    for answer, other in zip(reversed(pushed(recognizer, frames[280:])), reversed(never), strict=False):
         np.testing.assert_allclose(answer.scores, other.scores, atol=1e-4)
         assert (answer.time, answer.classes) == (other.time, ("jump", "wave"))
 
@@ -210,7 +198,7 @@ def test_more_sensitivity_names_more(
         for clip in some_clips[::3]:
             recognizer.reset()
             frames = (Frame("p", time, each) for time, each in zip(clip.times[::4], clip.positions[::4], strict=True))
-            named[-1] += sum(answer.outcome is Outcome.NAMED for answer in _pushed(recognizer, frames))
+            named[-1] += sum(answer.outcome is Outcome.NAMED for answer in pushed(recognizer, frames))
         assert recognizer.settings.sensitivity == share
     assert named == sorted(named)
     assert named[0] < named[-1]
@@ -266,7 +254,7 @@ def test_the_noise_of_a_feed_is_evidence(sticks: MotionLibrary) -> None:
     """The noise of the distances is estimated, and is part of the evidence; a clean feed has hardly any."""
     clean, generator = _frames("bow"), np.random.default_rng(3)
     noisy = [replace(each, positions=each.positions + 0.02 * generator.normal(size=(6, 3))) for each in clean]
-    expected, answers = (_pushed(Recognizer(sticks), frames) for frames in (clean, noisy))
+    expected, answers = (pushed(Recognizer(sticks), frames) for frames in (clean, noisy))
     noise = [answer.evidence.noise for answer in answers if answer.evidence]
     assert noise[-1] == pytest.approx(0.02 * 2**0.5, rel=0.3)
     assert max(answer.evidence.noise for answer in expected if answer.evidence) < 0.005

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import zmq
 from fakes import Bench, FakeSink, FakeSource
+from performed import pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.stream import osc, zeromq
@@ -45,12 +46,11 @@ def library(sticks: MotionLibrary) -> MotionLibrary:
 
 def _frames(class_name: str, performer: str = "p", *, frames: int = 200, start: float = 1.0) -> list[Frame]:
     positions = stick_clip(class_name, seed=80, frames=frames).positions.astype(np.float32)
-    return [Frame(performer, start + index / 120, each) for index, each in enumerate(positions)]
+    return shown(positions, begin=start, performer=performer)
 
 
 def _expected(library: MotionLibrary, frames: Sequence[Frame]) -> list[Recognition]:
-    recognizer = Recognizer(library)
-    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
+    return pushed(Recognizer(library), frames)
 
 
 @pytest.fixture

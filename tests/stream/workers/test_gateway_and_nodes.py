@@ -93,7 +93,7 @@ class Bus:
             node.step(0.0)
         now = time.monotonic()
         for gateway in self.gateways:
-            gateway.source.tend(now)
+            assert not [*gateway.source.tend(now)]
             while (taken := gateway.source.take(now)) is not None:
                 heard = self.heard.setdefault(gateway.name, [])
                 heard += [each for each in gateway.push_all(taken, now) if each]

@@ -99,3 +99,13 @@ def test_a_takeover_changes_no_answer(
     assert [each[:-1] for each in known] == [each[:-1] for each in usual]
     # Spans of a third of a second are judged, and the new worker's may begin elsewhere.
     assert [each.tremble for each in known] == pytest.approx([each.tremble for each in usual], rel=0.05)
+
+
+def test_what_is_asked_once_is_told_once(builtin: MotionLibrary) -> None:
+    """The answer after a question says which joints carry it; no other answer does."""
+    worker, track = Worker(Performers(opened(builtin))), Track(0.0, 0.0, 0, Decision(0.1))
+    frames = [track.send(Frame("ann", k / RATE, each), k + 1, k / RATE, None) for k, each in enumerate(feed(builtin))]
+    frames[90].asks = True
+    assert [each.seq > 90 for each in pushed(worker, frames[:120]) if each.carried] == [True]
+    # Who is silent is forgotten with the next report.
+    assert [worker.report(now).counts.dropped for now in (2.0, 100.0)] == [0, 1]

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from performed import NAMED
 
 from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Answer, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
@@ -32,18 +33,6 @@ ANY_PORT = "tcp://127.0.0.1:*"
 PATIENCE_MS = 20_000
 #: How Linux's table of connections writes one that is open, and the timer that asks whether the other end is there.
 ESTABLISHED, KEEPALIVE = "01", 2
-NAMED = Recognition(
-    performer="Ada",
-    time=4.0,
-    outcome=Outcome.NAMED,
-    classes=("bow", "jump", "wave"),
-    scores=np.array([0.25, 0.75, 0.1], dtype=np.float32),
-    movement=0.2,
-    share=0.8,
-    gap=0.6,
-    eigenvector_class="wave",
-    eigenvector_score=0.9,
-)
 POSITIONS = np.random.default_rng(5).normal(size=(3, 3))
 TOPIC, HEADER, BUFFER = zeromq.encode_frame(Frame("p", 1.5, POSITIONS), 7)
 

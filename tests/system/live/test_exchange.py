@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from performed import pushed, shown
 
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from kinespace.library.clip import Clip
     from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.frame import Frame
 
 
 #: Everything holds of the compiled loops and of numpy.
@@ -48,12 +46,8 @@ def other(small_library: MotionLibrary, builtin: MotionLibrary) -> WindowIndex:
 def frames(some_clips: tuple[Clip, ...]) -> list[Frame]:
     """Give a feed of a kick, a throw and a squat."""
     named = {clip.class_name: clip for clip in some_clips}
-    shown = [named[name].positions for name in ("kickLFront1Reps", "throwBasketball", "squat1Reps")]
-    return [Frame("p", 5.0 + place / 120, each) for place, each in enumerate(np.concatenate(shown))]
-
-
-def _pushed(recognizer: Recognizer, frames: Sequence[Frame]) -> list[Recognition]:
-    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
+    names = ("kickLFront1Reps", "throwBasketball", "squat1Reps")
+    return shown(np.concatenate([named[name].positions for name in names]), begin=5.0)
 
 
 @pytest.mark.parametrize("signature", LiveSignature)
@@ -65,11 +59,11 @@ def test_answers_are_as_if_the_library_had_been_there_all_along(
     index: WindowIndex = request.getfixturevalue(name)
     settings = Settings(signature=signature, plausibility=False)
     recognizer = Recognizer(small_index, settings)
-    before = _pushed(recognizer, frames[:300])
+    before = pushed(recognizer, frames[:300])
     recognizer.exchange(index)
     assert recognizer.library is index.library
-    after = _pushed(recognizer, frames[300:])
-    along = _pushed(Recognizer(index, settings), frames)
+    after = pushed(recognizer, frames[300:])
+    along = pushed(Recognizer(index, settings), frames)
     assert [each.time for each in before + after] == [each.time for each in along]
     for one, expected in zip(after, along[len(before) :], strict=True):
         assert np.abs(one.scores - expected.scores).max() <= SAME_SCORE

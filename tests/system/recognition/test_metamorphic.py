@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from performed import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
 from kinespace.library.windows.index import opened
@@ -54,20 +55,6 @@ def _settings(signature: LiveSignature, **others: float) -> Settings:
     return Settings(signature=signature, progress=signature is LiveSignature.WINDOWS, **others)  # type: ignore[arg-type]
 
 
-def _answers(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]:
-    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
-
-
-def _assert_same(first: Sequence[Recognition], second: Sequence[Recognition], *others: str) -> None:
-    """Demand the same answers, bit for bit, but for some fields."""
-    assert len(first) == len(second) > 0
-    for one, other in zip(first, second, strict=True):
-        assert one.scores.tobytes() == other.scores.tobytes()
-        for each in fields(Recognition):
-            if each.name not in {"scores", *others}:
-                assert getattr(one, each.name) == getattr(other, each.name), each.name
-
-
 def _assert_alike(first: Sequence[Recognition], second: Sequence[Recognition], within: float) -> None:
     """Demand the same words, and numbers that differ by rounding."""
     assert len(first) == len(second) > 0
@@ -103,17 +90,15 @@ def test_changes_that_do_not_matter(
 ) -> None:
     """A body's place, heading and size, the clock's zero and rounding change no word."""
     changed, within = CHANGES[change]
-    first, second = (_answers(Recognizer(small_library, _settings(signature)), each) for each in (feed, changed(feed)))
+    first, second = (pushed(Recognizer(small_library, _settings(signature)), each) for each in (feed, changed(feed)))
     _assert_alike(first, second, within)
 
 
 @SIGNATURES
-def test_a_mirror_image_has_the_same_answers(
-    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
-) -> None:
+def test_a_mirror_image_has_the_samepushed(small_library: MotionLibrary, feed: Feed, signature: LiveSignature) -> None:
     """To the last bit: distances know no left and right."""
     mirrored = _moved(lambda positions: positions * [-1.0, 1.0, 1.0])(feed)
-    _assert_same(*(_answers(Recognizer(small_library, _settings(signature)), each) for each in (feed, mirrored)))
+    assert_same(*(pushed(Recognizer(small_library, _settings(signature)), each) for each in (feed, mirrored)))
 
 
 @SIGNATURES
@@ -125,7 +110,7 @@ def test_any_frame_rate_is_answered_alike(
     apart, same = list[float](), list[bool]()
     for clip in clips:
         first, second = (
-            _answers(Recognizer(small_library, _settings(signature)), _shown([clip], each)) for each in (60.0, rate)
+            pushed(Recognizer(small_library, _settings(signature)), _shown([clip], each)) for each in (60.0, rate)
         )
         assert len(second) == pytest.approx(len(first), abs=1)
         for one in first:
@@ -143,7 +128,7 @@ def test_the_hop_does_not_change_what_is_seen(
 ) -> None:
     """Answered at every frame or twelve times a second, distances at a time are the same."""
     every, some = (
-        {each.time: each for each in _answers(Recognizer(small_library, _settings(signature, hop=hop)), feed)}
+        {each.time: each for each in pushed(Recognizer(small_library, _settings(signature, hop=hop)), feed)}
         for hop in (0.0, 1 / 12)
     )
     assert some.keys() < every.keys()
@@ -158,48 +143,48 @@ def test_what_is_asked_twice_is_answered_twice(
 ) -> None:
     """After a reset, to the last bit; without one after a restart; and frames that come late change nothing."""
     recognizer = Recognizer(small_library, _settings(signature))
-    first = _answers(recognizer, feed)
+    first = pushed(recognizer, feed)
     recognizer.end()
     recognizer.reset()
-    _assert_same(_answers(recognizer, feed), first)
+    assert_same(pushed(recognizer, feed), first)
     assert (recognizer.counts.restarts, recognizer.counts.hops) == (0, 2 * len(first))
     recognizer.end()
-    _assert_same(_answers(recognizer, feed), first)
+    assert_same(pushed(recognizer, feed), first)
     assert recognizer.counts.restarts == 1
     generator, again, answers = np.random.default_rng(2), Recognizer(small_library, _settings(signature)), []
     for frame in feed:
-        answers += _answers(again, [frame])
+        answers += pushed(again, [frame])
         for _ in range(int(generator.integers(0, 4))):
             late = frame.time - generator.uniform(0.0, 0.4)
             assert again.push(Frame("ann", late, generator.normal(size=(31, 3)))) is None
-    _assert_same(answers, first)
+    assert_same(answers, first)
     assert again.counts.out_of_order > len(feed)
 
 
 def test_frames_are_neither_changed_nor_kept(small_library: MotionLibrary, feed: Feed) -> None:
     """Positions may be overwritten once they are pushed, as in a receiver's one buffer; answers stay."""
-    expected = _answers(Recognizer(small_library), feed)
+    expected = pushed(Recognizer(small_library), feed)
     recognizer, buffer, answers, scores = Recognizer(small_library), np.empty((31, 3)), [], []
     for frame in feed:
         buffer[:] = frame.positions
-        answers += _answers(recognizer, [replace(frame, positions=buffer)])
+        answers += pushed(recognizer, [replace(frame, positions=buffer)])
         assert np.array_equal(buffer, frame.positions)
         scores = [answer.scores.copy() for answer in answers]
         buffer[:] = 1e6
-    _assert_same(answers, expected)
+    assert_same(answers, expected)
     assert all(np.array_equal(answer.scores, before) for answer, before in zip(answers, scores, strict=True))
 
 
 def test_another_recogniser_answers_the_same_frames(small_library: MotionLibrary, feed: Feed) -> None:
     """One that takes over keeps the time of the one before it, and sees the same in the same windows."""
-    expected = _answers(Recognizer(small_library), feed)
+    expected = pushed(Recognizer(small_library), feed)
     recognizer, place = Recognizer(small_library), len(expected) // 2
     answered = expected[place].time
     recognizer.only_follow(answered + 0.001)
     before = [frame for frame in feed if frame.time <= answered + 0.05]
-    assert not [each for each in _answers(recognizer, before) if each.time <= answered]
+    assert not [each for each in pushed(recognizer, before) if each.time <= answered]
     recognizer.keep_time_with(answered)
-    found = _answers(recognizer, feed[len(before) :])
+    found = pushed(recognizer, feed[len(before) :])
     times = [each.time for each in expected if each.time > before[-1].time]
     assert [each.time for each in found] == times
     np.testing.assert_allclose(found[-1].scores, expected[-1].scores, atol=1e-3)
@@ -208,7 +193,7 @@ def test_another_recogniser_answers_the_same_frames(small_library: MotionLibrary
 def test_interleaved_performers_get_the_answers_they_get_alone(small_library: MotionLibrary, clips: list[Clip]) -> None:
     """Frames mixed by chance, joints in other orders, other names, one by one or several at once: bit for bit."""
     feeds = {f"person {place}": _shown([clip], 60.0) for place, clip in enumerate(clips)}
-    alone = {name: _answers(Recognizer(small_library), feed) for name, feed in feeds.items()}
+    alone = {name: pushed(Recognizer(small_library), feed) for name, feed in feeds.items()}
     joints, generator = small_library.skeleton.joints, np.random.default_rng(14)
     orders = {name: generator.permutation(len(joints)) for name in feeds}
     turns = generator.permutation(np.repeat(list(feeds), [len(feed) for feed in feeds.values()])).tolist()
@@ -227,16 +212,16 @@ def test_interleaved_performers_get_the_answers_they_get_alone(small_library: Mo
                 if answer is not None:
                     mixed[answer.performer].append(answer)
         for name, answers in mixed.items():
-            _assert_same(answers, alone[name], "performer", "events")
+            assert_same(answers, alone[name], "performer", "events")
             events = [[replace(event, performer="ann") for event in answer.events] for answer in answers]
             assert events == [list(answer.events) for answer in alone[name]]
 
 
 def test_the_order_of_classes_and_motions_changes_no_word(small_library: MotionLibrary, feed: Feed) -> None:
     """Answers in another order of classes, one of them unknown; and a class taken out of the library is never named."""
-    first = _answers(Recognizer(small_library), feed)
+    first = pushed(Recognizer(small_library), feed)
     order = ("nope", *small_library.classes[::-1])
-    for answer, other in zip(first, _answers(Recognizer(small_library, classes=order), feed), strict=True):
+    for answer, other in zip(first, pushed(Recognizer(small_library, classes=order), feed), strict=True):
         assert other.classes == order
         assert (other.label, other.scores[0], other.eigenvector_class) == (answer.label, 0.0, answer.eigenvector_class)
         assert np.array_equal(other.scores[1:], answer.scores[::-1])
@@ -245,6 +230,6 @@ def test_the_order_of_classes_and_motions_changes_no_word(small_library: MotionL
         ]
     index = opened(small_library)
     gone = [place for place, motion in enumerate(index.library.motions) if motion.class_name != "squat1Reps"]
-    labels = {answer.class_name for answer in _answers(Recognizer(index.of_some(gone)), feed)}
+    labels = {answer.class_name for answer in pushed(Recognizer(index.of_some(gone)), feed)}
     assert "squat1Reps" not in labels
     assert "kickLFront1Reps" in labels

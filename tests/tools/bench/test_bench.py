@@ -5,21 +5,14 @@ from __future__ import annotations
 import json
 import math
 from itertools import islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary, kernels
-from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.tools.bench import recorded, run, sockets, stages
-from kinespace.tools.bench.report import Measured, rounded, shown
+from kinespace.tools.bench import recorded, sockets, stages
+from kinespace.tools.bench.report import rounded, shown
 from kinespace.tools.bench.timing import in_turns
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 #: What receivers of `--json` rely on.
 KEYS = {
@@ -67,43 +60,10 @@ def test_the_tables_fit_a_narrow_terminal(capsys: pytest.CaptureFixture[str], mo
     assert " cores" in lines[-1]
 
 
-def test_parts_run_in_their_order(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a part all run, each once, by the plan that the options make; NaN is null."""
-    plans = []
-    for name, part in run.PARTS.items():
-        figures = {part.FIGURES[0]: math.nan, part.FIGURES[1]: 1.23456}
-        monkeypatch.setattr(
-            part,
-            "measure",
-            lambda plan, name=name, figures=figures: plans.append((name, plan)) or Measured(figures, []),
-        )
-    assert main(["bench", "--seconds", "3", "--crowd", "4", "--json"]) == 0
-    assert [name for name, _ in plans] == list(run.PARTS)
-    assert {plan for _, plan in plans} == {(3.0, 4)}
-    printed = json.loads(capsys.readouterr().out)
-    assert {name: value for name, value in printed.items() if value} == {
-        part.FIGURES[1]: 1.235 for part in run.PARTS.values()
-    }
-
-
 def test_figures_have_four_digits() -> None:
     """More would be noise; a whole number stays whole, and a figure that was not measured is null or a dash."""
     assert [rounded(value) for value in (1234.567, 0.00123456, 7, math.inf)] == [1235.0, 0.001235, 7, None]
     assert [shown(value, 1) for value in (1234.56, math.nan)] == ["1,234.6", "-"]
-
-
-@pytest.mark.parametrize("by_numpy", [False, True])
-@pytest.mark.usefixtures("_short_rounds")
-def test_the_loops_are_left_aside_when_asked(
-    by_numpy: bool,  # noqa: FBT001 - a parameter of the test
-    played: NDArray[np.float32],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A round pushes every frame with the arithmetic that was asked for."""
-    seen: list[bool] = []
-    monkeypatch.setattr(Recognizer, "push", lambda *_: seen.append(kernels.compiled is None))
-    assert stages.pushing(MotionLibrary.builtin(), played, Settings(), by_numpy=by_numpy)() > 0
-    assert seen == [by_numpy or kernels.compiled is None] * (stages.WARM_UP + stages.ROUND)
 
 
 def test_jobs_take_turns_and_the_first_turn_does_not_count() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from written import METRES, Written, csv_table, trc_text, write_c3d, written
+from written import METRES, TURNS, Node, Written, bvh_text, csv_table, trc_text, write_c3d, written
 
 from kinespace.library.memory import limited_to
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader
@@ -89,6 +89,23 @@ def test_what_takes_too_much_memory_is_refused_before_it_is_read(tmp_path: Path,
     path = written(ending, tmp_path, np.random.default_rng(6)).path
     message = rf"take\.{ending}: memory: expected at most 0 MB once it is read, got 0 MB; kinespace --max-memory .*GB"
     with limited_to(100), pytest.raises(RecordingError, match=message):
+        read(path)
+    if ending not in TABLES:
+        # Four times its size, whatever is in it.
+        path.write_bytes(b"no recording" * 40)
+        with limited_to(3 * 480), pytest.raises(RecordingError, match=message):
+            read(path)
+
+
+@pytest.mark.parametrize("ending", ["trc", "csv", "bvh"])
+def test_short_numbers_take_memory_too(tmp_path: Path, ending: str) -> None:
+    """A text of many short numbers is refused by their count, because its length does not show it."""
+    path, none = tmp_path / f"take.{ending}", np.zeros((300, 5, 3))
+    tip = Node("tip", (0.0, 1.0, 0.0), TURNS, [Node("end", (0.0, 1.0, 0.0))])
+    made = {"trc": trc_text, "csv": csv_table}.get(ending)
+    text = made("abcde", none) if made else bvh_text(Node("hip", (0.0,) * 3, TURNS, [tip]), none[:, :2].reshape(300, 6))
+    path.write_text(text.replace("0.0", "0"))
+    with limited_to(5 * len(text)), pytest.raises(RecordingError, match="memory: expected at most"):
         read(path)
 
 

@@ -112,15 +112,6 @@ def test_another_kind_of_file_is_refused(tmp_path: Path, content: bytes, message
         RawFile(path)
 
 
-def test_a_performance_is_never_overwritten(tmp_path: Path) -> None:
-    """An existing file is refused and does not change."""
-    path = write(tmp_path / "a.kinerec")
-    before = path.read_bytes()
-    with pytest.raises(FileExistsError):
-        RawWriter(path, SOURCES)
-    assert path.read_bytes() == before
-
-
 class _Disk:
     """A file on a disk that has room for so many bytes more, then takes a part and refuses the rest, or any change."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections import Counter
 from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.recording import Recorder, decoded, source_name
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
+from kinespace.stream.inputs.recording.takes import Seen
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 
@@ -167,3 +169,11 @@ def test_a_preset_that_cannot_be_read_is_named(presets: dict[str, str], told: st
     """A kept preset of a later version, and one that is neither kept nor built in, are refused in words."""
     with pytest.raises(ValueError, match=told):
         list(decoded(RawHeader("", ("osc here feed mine",), presets), []))
+
+
+def test_joints_are_named_as_announced_else_by_their_number() -> None:
+    """As many as HDM05's are HDM05's; others are numbered, as many as most frames have."""
+    most, joints = Counter({31: 1, 5: 2}), STICK.joints
+    named = [Seen(joints=joints, sizes=most), Seen(sizes=most), Seen(sizes=Counter({31: 2, 5: 1}))]
+    numbered = tuple(f"joint{number}" for number in range(1, 6))
+    assert [each.skeleton().joints for each in named] == [joints, numbered, SKELETON.joints]

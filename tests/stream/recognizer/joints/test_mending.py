@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from performed import pushed, shown
 from synthetic import STICK
 
 from kinespace.library.windows.index import opened
-from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints, LongAgo
+from kinespace.stream.recognizer.limits import threshold_for
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
@@ -40,8 +41,7 @@ def sound(small_library: MotionLibrary, squat: Clip) -> list[Recognition]:
 
 
 def _played(recognizer: Recognizer, positions: NDArray[np.float64]) -> list[Recognition]:
-    frames = (Frame("p", 1 + index / RATE, each) for index, each in enumerate(positions))
-    return [answer for frame in frames if (answer := recognizer.push(frame))]
+    return pushed(recognizer, shown(positions, RATE, begin=1.0))
 
 
 def _places(library: MotionLibrary, *names: str) -> list[int]:
@@ -55,15 +55,19 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     positions, lost = squat.positions.copy(), _places(small_library, "lthumb")
     positions[:, lost] = np.nan
     joints = tuple(np.delete(small_library.skeleton.joints, lost).tolist())
-    whole = _played(Recognizer(opened(small_library).by_joints(joints)), np.delete(squat.positions, lost, axis=1))
+    view = opened(small_library).by_joints(joints)
+    whole = _played(Recognizer(view), np.delete(squat.positions, lost, axis=1))
     asked = list[tuple[str, ...]]()
 
     def views(index: WindowIndex, joints: tuple[str, ...]) -> WindowIndex | None:
         asked.append(joints)
         return index.by_joints(joints) if len(asked) > 10 else None
 
-    answers = _played(Recognizer(small_library, views=views), positions)
+    recognizer = Recognizer(small_library, views=views)
+    answers = _played(recognizer, positions)
     assert {*asked} == {joints}
+    # Less is named where a joint is missing than where there never was one.
+    assert recognizer._fewer_threshold > threshold_for(view, Settings())  # noqa: SLF001 - the limit itself
     assert len(answers) == len(whole) == len(sound)
     assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)
     assert answers[-1].scores == pytest.approx(whole[-1].scores, abs=1e-6)

@@ -1,29 +1,216 @@
-"""The signature of a live window: every part equals its definition, with any rows between two readings."""
+"""The last seconds: rows in a sliding window, averaged where a feed trembles, and the parts read off them."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import naive_windows
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive_stream import NaiveWindow
 from twins import Twin
 
+from kinespace.library import MotionLibrary
 from kinespace.library.distances import distance_rows
+from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.comparison import by_paper
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows
-from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING
+from kinespace.stream.recognizer.windows.sliding_window import MAX_FEED_RATE, MAX_PENDING, SlidingWindow
+from kinespace.stream.recognizer.windows.smoothing import NOISY, RowSmoother
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.recognizer.windows.live_windows import Leading
 
+
+# --- smoothing --------------------------------------------------------------------------------------------------------
+
+
+@cache
+def _trembling_rows(noise: float, rate: float = 30.0) -> tuple[list[float], np.ndarray, np.ndarray]:
+    """Give times, clean rows and noisy rows of a real motion; noise in metres on every coordinate."""
+    clip = max(MotionLibrary.builtin().motions, key=lambda each: each.frames)
+    step = max(1, round(clip.frame_rate / rate))
+    positions = clip.positions[::step]
+    shaken = positions + np.random.default_rng(3).normal(0, noise, positions.shape)
+    times = (np.arange(len(positions)) * step / clip.frame_rate).tolist()
+    return times, distance_rows(positions, clip.skeleton), distance_rows(shaken, clip.skeleton)
+
+
+def _smoother() -> RowSmoother:
+    skeleton = MotionLibrary.builtin().skeleton
+    return RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
+
+
+def _smoothed(smoother: RowSmoother, times: list[float], rows: np.ndarray, together: int = 1) -> np.ndarray:
+    smooth = rows.copy()
+    for begin in range(0, len(times), together):
+        smoother.smooth(times[begin : begin + together], smooth[begin : begin + together])
+    return smooth
+
+
+def test_a_clean_feed_is_unchanged() -> None:
+    """A recording's own rows pass through, number for number."""
+    times, clean, _ = _trembling_rows(0.0)
+    smoother = _smoother()
+    assert np.array_equal(_smoothed(smoother, times, clean), clean)
+    assert smoother.noise < NOISY / 4
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.02, 0.03])
+@pytest.mark.parametrize("segments", [True, False])
+def test_the_noise_is_estimated(noise: float, *, segments: bool) -> None:
+    """A distance between two shaken joints has √2 times the noise of a coordinate; without segments all pairs tell."""
+    times, _, shaken = _trembling_rows(noise)
+    smoother = _smoother() if segments else RowSmoother(np.empty(0, dtype=np.intp), shaken.shape[1])
+    _smoothed(smoother, times[:60], shaken[:60], 60)
+    assert smoother.noise == pytest.approx(noise * np.sqrt(2), rel=0.2)
+
+
+@pytest.mark.parametrize("together", [1, 4])
+def test_a_noisy_feed_comes_nearer_to_the_clean_one(together: int) -> None:
+    """Each row is the mean of the last tenth of a second, however many come at once; after a clear a feed is clean."""
+    times, clean, shaken = _trembling_rows(0.03)
+    smoother = _smoother()
+    smooth = _smoothed(smoother, times[:160], shaken[:160], together)
+    before, after = (np.abs(each[:160] - clean[:160])[10:].mean() for each in (shaken, smooth))
+    assert after < 0.8 * before
+    # Long after its memory has moved back.
+    for end in range(40, 160):
+        assert np.allclose(smooth[end], shaken[end - 2 : end + 1].mean(axis=0))
+    smoother.clear()
+    assert smoother.noise == 0
+    assert np.array_equal(_smoothed(smoother, times[:1], shaken[:1]), shaken[:1])
+
+
+# --- sliding window ---------------------------------------------------------------------------------------------------
+
+
+#: Times are counted in these, so that the twin's are whole numbers.
+TICKS = 960
+
+
+def _rows(*marks: float) -> np.ndarray:
+    return np.array([[mark, -mark] for mark in marks]).reshape(len(marks), 2)
+
+
+def _assert_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
+    """Hold contents, points and times against the plain list."""
+    marks = [mark for _, mark in twin.rows]
+    assert len(window) == len(marks)
+    assert window.rows.tolist() == _rows(*marks).tolist()
+    assert window.points[:, 0].tolist() == [2 * mark for mark in marks]
+    assert window.times.tolist() == [time / TICKS for time, _ in twin.rows]
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    ticks=st.integers(1, 2 * TICKS),
+    largest_step=st.sampled_from([1, 8, 40, 3 * TICKS]),
+    fastest=st.sampled_from([1.0, 20.0, 960.0]),
+    largest_batch=st.sampled_from([1, 2, 5, MAX_PENDING]),
+)
+@settings(max_examples=30)
+def test_the_window_equals_a_plain_list(
+    seed: int, ticks: int, largest_step: int, fastest: float, largest_batch: int
+) -> None:
+    """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
+    generator = np.random.default_rng(seed)
+    window = SlidingWindow(ticks / TICKS, 2, fastest, point_width=1)
+    twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
+    time, mark, pending, memory = int(generator.integers(-1000, 1000)), 0, 0, window.rows_kept
+    while mark < 700:
+        count = int(generator.integers(0, largest_batch + 1))
+        steps = generator.integers(1, largest_step + 1, size=count)
+        steps[generator.random(count) < 0.03] += 5 * TICKS
+        times, marks = (time + steps.cumsum()).tolist(), range(mark, mark + count)
+        if pending + count > MAX_PENDING or generator.random() < 0.1:
+            window.pass_over()
+            pending = 0
+        moved, newest = window.moved, window.end
+        window.push([each / TICKS for each in times], _rows(*marks), 2.0 * np.array(marks).reshape(count, 1))
+        for each, index in zip(times, marks, strict=True):
+            twin.push(each, index)
+        time, mark, pending = [time, *times][-1], mark + count, pending + count
+        assert window.pending == pending
+        assert window.end + window.moved == newest + moved + count
+        assert window.rows_kept is memory
+        _assert_alike(window, twin)
+        if generator.random() < 0.01:
+            window.clear()
+            twin.rows.clear()
+            pending, time = 0, time - int(generator.integers(0, 2000))
+            _assert_alike(window, twin)
+
+
+def test_a_feed_too_fast_shortens_the_window() -> None:
+    """Above the fastest feed foreseen it keeps the newest rows that there is room for, each beginning a cache line."""
+    window = SlidingWindow(1.0, 2)
+    for time in np.arange(1500) / (4 * MAX_FEED_RATE):
+        window.push([time], _rows(time))
+        window.pass_over()
+    assert len(window) == window.most_in(1.0) == MAX_FEED_RATE
+    assert window.times[-1] - window.times[0] == pytest.approx(0.25, rel=0.01)
+    assert window.rows.strides[1] == window.rows.itemsize
+    assert window.rows.ctypes.data % 64 == window.rows.strides[0] % 64 == 0
+
+
+def test_changes_must_be_taken_in_time() -> None:
+    """One pending row too many raises; the pending rows stay, and passing over them makes room again."""
+    window = SlidingWindow(10.0, 2)
+    window.push((np.arange(MAX_PENDING) / 100).tolist(), np.zeros((MAX_PENDING, 2)))
+    for times in ([1.0], [1.0, 1.1]):
+        with pytest.raises(RuntimeError, match=f"at least once in {MAX_PENDING} rows"):
+            window.push(times, _rows(*times))
+    assert len(window) == window.pending == MAX_PENDING
+    window.pass_over()
+    window.push([1.0], _rows(99))
+    assert window.rows[-1, 0] == 99
+
+
+@pytest.mark.parametrize("start", [1.7e18, -1.7e18, 1e300])
+def test_the_newest_row_always_stays(start: float) -> None:
+    """With times so large that a window is lost in their rounding (a sender's nanoseconds) the newest row is held."""
+    window = SlidingWindow(1.0, 2)
+    for index in range(300):
+        time = start + index * abs(start) * 1e-6
+        window.push([time], _rows(index))
+        window.pass_over()
+        assert window.times.tolist() == [time]
+        assert window.rows[:, 0].tolist() == [index]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")
+def test_a_child_process_has_windows_of_its_own() -> None:
+    """Rows that a forked child pushes do not appear in its parent's window."""
+    code = (
+        "import os, numpy as np\n"
+        "from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow\n"
+        "window = SlidingWindow(1.0, 2)\n"
+        "window.push([0.0], np.zeros((1, 2)))\n"
+        "if child := os.fork():\n"
+        "    print(os.waitpid(child, 0)[1], window.rows.tolist())\n"
+        "else:\n"
+        "    window.rows[:] = 7.0\n"
+        "    os._exit(0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "0 [[0.0, 0.0]]\n"
+
+
+# --- live windows -----------------------------------------------------------------------------------------------------
+
+
 #: Everything holds of the compiled kernels and of numpy.
-pytestmark = pytest.mark.usefixtures("arithmetic")
 
 #: Largest error of a part of the distances, and of the matrix of scaled eigenvectors. A rigid distance's deviation is
 #: the root of a variance that is right to nine digits of the largest, so its spread is not.
@@ -81,6 +268,7 @@ def _assert_by_definition(
     assert np.array_equal(live.recent()[1], rows[inside])
 
 
+@pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("start", [0.0, 1.7e9])
 @pytest.mark.parametrize("evenly", [True, False])
 def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: float, *, evenly: bool) -> None:
@@ -98,6 +286,7 @@ def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: f
     assert read > 3
 
 
+@pytest.mark.usefixtures("arithmetic")
 def test_many_frames_without_a_reading_and_a_clear(index: WindowIndex, rows: np.ndarray) -> None:
     """More frames than may be pending are followed without being asked for; after a clear they have no influence."""
     live, times = LiveWindows(index), np.arange(len(rows)) / 120
@@ -109,6 +298,7 @@ def test_many_frames_without_a_reading_and_a_clear(index: WindowIndex, rows: np.
     _assert_by_definition(live, live.read(), index, times[:40], rows[80:120])
 
 
+@pytest.mark.usefixtures("arithmetic")
 def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: WindowIndex, rows: np.ndarray) -> None:
     """In the same basis at once, in another one by following all rows anew."""
     live, times = LiveWindows(small_index), np.arange(len(rows)) / 120
@@ -120,6 +310,7 @@ def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: Windo
     _assert_by_definition(live, live.read(), index, times, rows)
 
 
+@pytest.mark.usefixtures("arithmetic")
 def test_nothing_is_read_before_the_first_window(index: WindowIndex, rows: np.ndarray) -> None:
     """0.15 seconds of at least three frames must have come, also after a clear."""
     live = LiveWindows(index)
@@ -139,6 +330,7 @@ def test_nothing_is_read_before_the_first_window(index: WindowIndex, rows: np.nd
         live.clear()
 
 
+@pytest.mark.usefixtures("arithmetic")
 def test_a_body_in_one_point_has_no_part(index: WindowIndex) -> None:
     """Without any length there are no movement, share or gap, and every number is finite."""
     live = LiveWindows(index)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,18 +16,14 @@ from programs import (
     small_library_file,
     started,
 )
-from recorded import write_takes
 
-from kinespace.library import MotionLibrary, read_recordings
 from kinespace.stream import Announcement, LiveSignature, Settings, osc
 from kinespace.tools.cli.main import main
-from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.answers import expected_answers
 from kinespace.tools.programs.live.program import OSC_OUT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.tools.feeding.feed import Cue
 
@@ -118,20 +113,6 @@ def test_the_table_shows_the_recognised_motion() -> None:
     assert counts["frames"] == 180
 
 
-def test_a_library_of_ones_own(tmp_path: Path) -> None:
-    """With --library its body is followed and its classes are answered; frames of another body are counted."""
-    clips = list(read_recordings(write_takes(tmp_path, takes=1)))
-    MotionLibrary.of_clips(clips).save(tmp_path / "mine.npz")
-    with live("--plain", "--library", tmp_path / "mine.npz") as stage:
-        stage.play(list(clip_cues(clips[:1], "me")))
-        labels = {answer.label for answer in stage.answers(10)}
-        stage.play(ghost_cues("squat1Reps", 0.1))
-        counts = stage.stopped()
-    assert labels <= {clip.class_name for clip in clips}
-    assert counts["frames"] == 180
-    assert counts["other joints"] == 12
-
-
 def test_window_and_hop_follow_the_options() -> None:
     """With the paper's signature, --window and --hop, answers are that window's and that far apart."""
     settings = Settings(signature=LiveSignature.PAPER, window=0.7, hop=0.0)
@@ -164,10 +145,3 @@ def test_answers_to_our_own_port_are_refused(listening: str, target: str, capsys
     options = target.format(LOOPBACK, port).split()
     assert main(["live", "--osc-in", f"{listening}:{port}", "--signature", "paper", *options]) == 2
     assert f"expected another place than {listening}:{port}, where frames come in" in capsys.readouterr().err
-
-
-def test_our_own_addresses_are_known() -> None:
-    """The loopback's addresses belong to this machine, an address for documents does not."""
-    assert osc.is_ours("127.0.0.1")
-    assert osc.is_ours("127.0.0.7") == (sys.platform == "linux")
-    assert not osc.is_ours("192.0.2.1")

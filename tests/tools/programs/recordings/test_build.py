@@ -308,19 +308,3 @@ def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path, capsys
     assert build(tmp_path / "cut", "-o", output, "--overwrite") == 0
     assert len(MotionLibrary.load(output)) == 6
     assert list(output.parent.iterdir()) == [output]
-
-
-def test_a_failed_build_leaves_the_old_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """When a recording cannot be used, the old file is unchanged, and no other file is left beside it."""
-    (tmp_path / "cut").mkdir()
-    (tmp_path / "made").mkdir()
-    output = tmp_path / "made" / "mine.npz"
-    paths = write_takes(tmp_path / "cut", takes=1)
-    build(tmp_path / "cut", "-o", output)
-    before = output.read_bytes()
-    paths[-1].write_text(paths[-1].read_text().replace("rlower", "tail"))
-    capsys.readouterr()
-    assert build(tmp_path / "cut", "-o", output, "--overwrite") == 2
-    assert output.read_bytes() == before
-    assert list(output.parent.iterdir()) == [output]
-    assert capsys.readouterr().err.startswith(f"kinespace: {paths[-1]}:")

@@ -1,13 +1,23 @@
-"""Frames and announcements: invalid ones are refused at the border, without a warning."""
+"""The values passed on: invalid ones are refused at the border; sums, rates and percentiles."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from performed import NAMED
 
 from kinespace.stream.frame import MAX_DISTANCE, MAX_PERFORMER_LENGTH, Announcement, Frame
+from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognizer import RecognizerCounts
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.status import AdmissionCounts, HopTimes, InputCounts, Rates, Status
+
+# --- frame ------------------------------------------------------------------------------------------------------------
+
 
 TYPES = st.sampled_from([np.float32, np.float64])
 #: No feed's numbers, quiet and signalling, as bytes of both types.
@@ -120,3 +130,93 @@ def test_an_unchecked_frame_is_the_same_value() -> None:
     made, checked = Frame.unchecked("p", 2.0, _positions()), Frame("p", 2.0, _positions())
     assert (made.performer, made.time) == (checked.performer, checked.time)
     assert np.array_equal(made.positions, checked.positions)
+
+
+# --- recognition ------------------------------------------------------------------------------------------------------
+
+
+NAMELESS = [outcome for outcome in Outcome if outcome is not Outcome.NAMED]
+
+
+def test_a_named_class_is_the_one_that_scores_highest() -> None:
+    """Index, name and label are the best class's, followed by the second's index and the distance between the two."""
+    assert (NAMED.best, NAMED.class_index, NAMED.class_name, NAMED.label) == (1, 1, "jump", "jump")
+    assert (NAMED.score, NAMED.second_index, NAMED.margin) == (0.75, 2, 0.25)
+
+
+@pytest.mark.parametrize("outcome", NAMELESS)
+def test_without_a_name_the_label_says_why(outcome: Outcome) -> None:
+    """Still and ambiguous windows name no class, index -1, and say their outcome; the scores are there all the same."""
+    nameless = dataclasses.replace(NAMED, outcome=outcome)
+    assert (nameless.class_index, nameless.class_name) == (-1, None)
+    assert nameless.label == outcome.value
+    assert type(nameless.label) is str
+    assert (nameless.best, nameless.score, nameless.second_index, nameless.margin) == (1, 0.75, 2, 0.25)
+
+
+@given(scores=st.lists(st.floats(0.0, 1.0, width=32), min_size=2, max_size=20))
+def test_the_margin_is_that_of_the_two_best(scores: list[float]) -> None:
+    """For any scores the best is a highest one, the second another class, and the margin their difference."""
+    classes = tuple(f"class{index}" for index in range(len(scores)))
+    answer = dataclasses.replace(NAMED, classes=classes, scores=np.array(scores))
+    second, best = sorted(scores)[-2:]
+    assert answer.score == best
+    assert answer.margin == best - second
+    assert scores[answer.second_index] == second
+
+
+# --- status -----------------------------------------------------------------------------------------------------------
+
+
+def test_inputs_add_up() -> None:
+    """The counts of several sources are added field by field, and neither is changed."""
+    first, second = InputCounts(1, 2, 3, 4, 5), InputCounts(10, 20, 30, 40, 50)
+    assert first + second == InputCounts(11, 22, 33, 44, 55)
+    assert (first, second) == (InputCounts(1, 2, 3, 4, 5), InputCounts(10, 20, 30, 40, 50))
+    assert sum([first, second], start=InputCounts()) == first + second
+
+
+def test_lost_counts_each_kind_of_loss_once() -> None:
+    """Each kind of loss counts once; frames that were used, foreign messages and new beginnings are no losses."""
+    used, kinds = 10**12, (10**power for power in range(11))
+    recognizers = RecognizerCounts(frames=used, out_of_order=next(kinds), restarts=used, hops=used)
+    outcomes = PerformerCounts(no_room=next(kinds), other_joints=next(kinds), dropped=used, recognizers=recognizers)
+    admission = AdmissionCounts(other_sender=next(kinds), not_allowed=used, odd_times=next(kinds))
+    lost = {name: next(kinds) for name in ("malformed", "overrun", "missing", "incomplete", "broken", "thrown_away")}
+    inputs = InputCounts(received=used, foreign=used, **lost)
+    assert Status(inputs, outcomes, used, {}, 0.0, 0.0, admission=admission).lost == int("1" * 11)
+
+
+def test_rates_are_counted_from_reading_to_reading() -> None:
+    """A rate is the frames since the last reading by the seconds since then, for each performer, and finite."""
+    rates = Rates(100.0)
+    for performer in "aababa":
+        rates[performer] += 1
+    assert rates.read(102.0, "abc") == {"a": 2.0, "b": 1.0}
+    rates["b"] += 1
+    assert rates.read(102.5, "b") == {"b": 2.0}
+    assert rates.read(103.0, "b") == {}
+    rates["a"] += 1
+    assert np.isfinite(rates.read(103.0, "a")["a"])
+
+
+@given(seconds=st.lists(st.floats(0.0, 1.0), max_size=50), percent=st.sampled_from([0, 50, 99, 100]))
+def test_percentiles_are_numpys(seconds: list[float], percent: float) -> None:
+    """While few hops are remembered, percentiles equal numpy's over all hops, as plain numbers; 0 before the first."""
+    times = HopTimes()
+    for each in seconds:
+        times.append(each)
+    assert times.percentile(percent) == pytest.approx(float(np.percentile(seconds or [0.0], percent)))
+    assert type(times.percentile(percent)) is float
+
+
+def test_old_hops_are_forgotten() -> None:
+    """A slow beginning does not stay in the percentiles for ever, and a minute of hops does."""
+    times = HopTimes()
+    times.append(9.0)
+    for _ in range(30 * 60):
+        times.append(0.001)
+    assert times.percentile(100) == 9.0
+    for _ in range(30 * 60):
+        times.append(0.001)
+    assert times.percentile(100) == 0.001

@@ -1,15 +1,212 @@
+"""The names of joints in other programs: their tables, the conventions, HDM05's own names."""
+
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
+import naive
+import numpy as np
 import pytest
 import skeletons
 
-from kinespace.library.naming import Naming, convention_named, hdm05, summary
+from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
+from kinespace.library.naming.checked_toml import Text, read_toml
+from kinespace.library.naming.convention import parse_convention
+from kinespace.library.recordings.formats.acclaim import read_clip
 from kinespace.stream.feeds import builtin_names, builtin_preset
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from kinespace.library.clip import Clip
+
+
+# --- checked toml -----------------------------------------------------------------------------------------------------
+
+
+class Colour(StrEnum):
+    """Two words."""
+
+    RED = "red"
+    BLUE = "blue"
+
+
+class Part(msgspec.Struct, forbid_unknown_fields=True):
+    """A table in a list, or by name."""
+
+    size: Annotated[float, msgspec.Meta(gt=0)] = 1.0
+    colour: Colour = Colour.RED
+    kind: Literal["here", "there"] = "here"
+
+
+class File(msgspec.Struct, forbid_unknown_fields=True):
+    """A file with tables in every place."""
+
+    name: Text
+    parts: tuple[Part, ...] = ()
+    named: dict[str, Part] = {}
+    perhaps: Part | None = None
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "name: expected a value, got nothing"),
+        ("name =", "expected TOML, got a mistake: Invalid value (at end of document)"),
+        ("name = 1", "name: expected text, got 1"),
+        ('name = " "', "name: expected text, got ' '"),
+        (f"name = [{'1, ' * 50}]", f"name: expected text, got [{'1, ' * 26}1"),
+        ("nam = 1", "nam: expected one of name, named, parts, perhaps, got 'nam', perhaps 'name' is meant"),
+        ('name = "a"\nxyz = 1', "xyz: expected one of name, named, parts, perhaps, got 'xyz'"),
+        ('name = "a"\nparts = [{}, {size = 0}]', "parts 2, size: expected a number > 0.0, got 0"),
+        ('name = "a"\nparts = [{}, {sise = 1}]', "parts 2, sise: expected one of colour, kind, size, got 'sise', per"),
+        ('name = "a"\n[named.b]\n[named.c]\nsize = "x"', "named, c, size: expected a number, got 'x'"),
+        ('name = "a"\n[named.b]\n[named.c]\nfar = 1', "named, c, far: expected one of colour, kind, size, got 'far'"),
+        ('name = "a"\n[named.b]\ncolour = "green"', "named, b, colour: expected one of red, blue, got 'green'"),
+        ('name = "a"\n[perhaps]\nkind = "where"', "perhaps, kind: expected one of here, there, got 'where'"),
+        ('name = "a"\nperhaps = true', "perhaps: expected a table, got True"),
+        (f"name = {'[' * 20_000}", "expected TOML, got tables or lists nested too deep"),
+        ("#" * 32_001, "expected at most 32000 characters, got 32001"),
+    ],
+)
+def test_a_mistake_is_one_line(text: str, line: str) -> None:
+    """The line begins with the file, and has the place, the expectation and at most 80 characters of the value."""
+    with pytest.raises(ValueError, match=r"^a\.toml: ") as caught:
+        read_toml(text, "a.toml", File, ValueError)
+    told = str(caught.value).removeprefix("a.toml: ")
+    assert told.startswith(line) if line.endswith("per") else told == line
+
+
+# --- convention -------------------------------------------------------------------------------------------------------
+
+
+GOOD = """
+title = "Mine"
+sides = [["left", "right"], ["L", "R"]]
+prefixes = ["rig"]
+
+[joints]
+Pelvis = "root"
+"*Knee" = "*femur"
+"""
+
+
+def test_sides_and_spelling() -> None:
+    """A star stands for every way to say a side, in our name for its letter."""
+    convention = parse_convention(GOOD, "folder/mine.toml")
+    assert (convention.name, convention.title) == ("mine", "Mine")
+    assert convention.targets == {
+        "pelvis": "root",
+        "leftknee": "lfemur",
+        "rightknee": "rfemur",
+        "lknee": "lfemur",
+        "rknee": "rfemur",
+    }
+    assert convention.joints == ("root", "lfemur", "rfemur")
+    assert convention.spelled(["rig12_Left Knee", "Rig:Pelvis"]) == ["leftknee", "pelvis"]
+
+
+def test_users_file(tmp_path: Path) -> None:
+    """A user's own table is asked for by its file."""
+    file = tmp_path / "mine.toml"
+    file.write_text(GOOD, encoding="utf-8")
+    assert convention_named(str(file)) == parse_convention(GOOD, str(file))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('title = ""\n[joints]\na = "root"\nb = "head"', "title: expected text, got ''"),
+        ('[joints]\na = "root"', "at least two"),
+        ('[joints]\na = "hip"\nb = "head"', "expected one of HDM05's joints or nothing, got 'hip'"),
+        ('[joints]\na_b = "root"\n"a b" = "head"', "expected each name once, got 'a b' twice"),
+        ('sides = ["l"]\n[joints]\na = "root"\nb = "head"', "sides 1: expected a list of length 2"),
+        ('prefixes = "rig"\n[joints]\na = "root"\nb = "head"', "prefixes: expected a list, got 'rig'"),
+    ],
+)
+def test_mistakes_are_reported(text: str, message: str) -> None:
+    """A mistake is reported in one line that names the file and the mistake."""
+    with pytest.raises(ConventionError, match="mine.toml: .*" + message.replace("[", r"\[")):
+        parse_convention(text, "mine.toml")
+
+
+def test_no_text(tmp_path: Path) -> None:
+    """A file that is no text is reported; a missing file is the system's error."""
+    file = tmp_path / "mine.toml"
+    file.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConventionError, match="expected UTF-8 text, got byte 0"):
+        convention_named(str(file))
+    with pytest.raises(FileNotFoundError):
+        convention_named(str(tmp_path / "other.toml"))
+
+
+# --- hdm05 ------------------------------------------------------------------------------------------------------------
+
+
+ACTORS = ("bd", "bk", "dg", "mm", "tr")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("HDM_bd_squat1Reps_001_120.amc", ("bd", "squat1Reps", "001", 120.0)),
+        ("hdm_DG_grabHighR_003_120.AMC", ("DG", "grabHighR", "003", 120.0)),
+        ("HDM_mm_jog_on_place_002_60.amc", ("mm", "jog_on_place", "002", 60.0)),
+        ("HDM_bd_03-03_01_120.amc", ("bd", "", "03-03_01", 120.0)),
+    ],
+)
+def test_a_file_name_holds_actor_class_and_take(name: str, expected: tuple[str, str, str, float]) -> None:
+    """Actor, class, take and frame rate are read off a cut clip's name; the name of an uncut take holds no class."""
+    assert hdm05.read_clip_name(Path(name)) == expected
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "13_29.amc",
+        "HDM_bd.asf",
+        "HDM_bd_01-01_01.amc",
+        "HDM_bd_1-1_01_120.amc",
+        "HDM_bd_squat1Reps_001_000.amc",
+        "HDM_bd_squat1Reps_001_120_cut.amc",
+        "my_HDM_bd_squat1Reps_001_120.amc",
+        "HDM_bastian_squat1Reps_001_120.amc",
+    ],
+)
+def test_other_names_say_nothing(name: str) -> None:
+    """A name of another form, and one of no frames per second, is not taken for HDM05's."""
+    assert hdm05.read_clip_name(Path(name)) is None
+
+
+def test_all_288_clips_are_read(hdm05_clips: tuple[Clip, ...]) -> None:
+    """There are 288 clips of 11 classes by 5 actors, each of 31 joints at 120 frames per second, and none twice."""
+    assert len(hdm05_clips) == 288
+    assert len({clip.class_name for clip in hdm05_clips}) == 11
+    assert {clip.actor for clip in hdm05_clips} == set(ACTORS)
+    assert len({(clip.class_name, clip.actor, clip.take) for clip in hdm05_clips}) == 288
+    for clip in hdm05_clips:
+        assert clip.skeleton == hdm05.SKELETON
+        assert clip.frame_rate == 120.0
+        assert clip.rotations.shape == (clip.frames, 59)
+
+
+@pytest.mark.slow
+def test_cmus_takes_are_read_with_the_same_body(cmu_folder: Path) -> None:
+    """A CMU take has HDM05's 31 joints, an upright body of human height, and no labels of HDM05's."""
+    clip = read_clip(cmu_folder / "13_30.amc")
+    assert clip.skeleton == hdm05.SKELETON
+    assert (clip.class_name, clip.actor, clip.take) == ("", "", "")
+    assert clip.frame_rate == 120.0
+    assert clip.frames == len(naive.read_amc(cmu_folder / "13_30.amc", naive.read_asf(cmu_folder / "13.asf")).frames)
+    height = clip.positions[..., 1].max(axis=1) - clip.positions[..., 1].min(axis=1)
+    assert 1.3 < np.median(height) < 2.1
+
+
+# --- naming -----------------------------------------------------------------------------------------------------------
+
 
 OURS = hdm05.SKELETON.joints
 #: A skeleton, whose names they are, how many of our joints it has, and what some joints are called here.

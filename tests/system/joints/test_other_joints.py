@@ -1,4 +1,4 @@
-"""Recordings and feeds in other programs' names: recognised by our library, and our motions by a library of theirs."""
+"""Fewer joints, joints without names, and joints in other programs' names."""
 
 from __future__ import annotations
 
@@ -9,19 +9,137 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import skeletons
+from performed import pushed, shown
+from programs import ghost_cues, live
 from written import MOVES, Node, bvh_text, trc_text
 
-from kinespace.library import MotionLibrary
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming, hdm05
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
-from kinespace.stream.recognizer import LiveSignature, Performers, SentJoints, Settings
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.tools.cli.main import main
+from kinespace.tools.feeding.feed import Cue
+from kinespace.tools.feeding.joint_sets import joints_in_order, joints_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from kinespace.library import Clip
+    from kinespace.library.clip import Clip
+    from kinespace.stream.recognition import Recognition
+
+
+# --- restricted -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stranger(builtin: MotionLibrary) -> tuple[Clip, ...]:
+    """Give a motion of each class of the small library by a person that the library lacks."""
+    names = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
+    return tuple(next(m for m in builtin.motions if (m.class_name, m.actor) == (name, "bk")) for name in names)
+
+
+def _answers(recognizer: Recognizer, clip: Clip) -> list[Recognition]:
+    order = [clip.skeleton.joints.index(name) for name in recognizer.library.skeleton.joints]
+    return pushed(recognizer, shown(clip.positions[:, order], clip.frame_rate))
+
+
+def _assert_same(first: list[Recognition], second: list[Recognition]) -> None:
+    assert len(first) == len(second) > 20
+    for one, other in zip(first, second, strict=True):
+        assert one.scores == pytest.approx(other.scores, abs=1e-3)
+        assert (one.label, one.best) == (other.label, other.best)
+        assert one.eigenvector_class == other.eigenvector_class
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joints", ["kinect20", "vrchat"])
+@pytest.mark.parametrize("signature", LiveSignature)
+def test_fewer_joints_are_as_if_there_had_never_been_more(
+    small_library: MotionLibrary, stranger: tuple[Clip, ...], signature: LiveSignature, joints: str
+) -> None:
+    """A library restricted to 20 or 9 joints answers as one built from clips of those joints."""
+    restricted = small_library.restricted_to(joints_of(joints))
+    kept = restricted.skeleton.joints
+    built = MotionLibrary.of_clips(clip.restricted_to(kept) for clip in small_library.motions)
+    assert built.skeleton.joints == kept
+    for clip in stranger:
+        expected = _answers(Recognizer(built, Settings(signature=signature)), clip)
+        _assert_same(_answers(Recognizer(restricted, Settings(signature=signature)), clip), expected)
+
+
+@pytest.mark.slow
+def test_no_shared_joints_are_one_line(
+    sticks: MotionLibrary, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A feed that shares fewer than five joints with the library is refused in one line, by both counts."""
+    sticks.save(tmp_path / "sticks.npz")
+    feed = ("--feed", "kinectv2", "--osc-in", "127.0.0.1:0")
+    assert main(["live", "--library", str(tmp_path / "sticks.npz"), *feed]) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith("kinespace: joints: expected at least 5 of the library's 6")
+    assert errors.count("\n") == 1
+
+
+# --- unnamed joints ---------------------------------------------------------------------------------------------------
+
+
+#: Joints as Kinect 2 numbers them, by the library's names.
+KINECT = joints_in_order("kinectv2")
+
+
+def kinect_cues(seconds: float) -> list[Cue]:
+    """Cue a ghost as a body of Kinect 2's joints, in Kinect's order."""
+    order = [SKELETON.joints.index(name) for name in KINECT]
+    return [
+        Cue(cue.due, Frame("p", cue.frame.time, cue.frame.positions[order]), cue.seq)
+        for cue in ghost_cues("kickLFront1Reps", seconds)
+    ]
+
+
+@pytest.mark.slow
+def test_joints_given_by_hand_are_recognised() -> None:
+    """With --joints frames without names are answered."""
+    with live("--plain", "--joints", "kinectv2", transport="zmq") as stage:
+        stage.play(kinect_cues(2.0)[1:])
+        answers = stage.answers(20)
+        assert "kickLFront1Reps" in [answer.label for answer in answers]
+        assert stage.stopped()["other joints"] == 0
+        assert "--joints: 25 of the library's 31 joints" in stage.program.output
+
+
+@pytest.mark.slow
+def test_joints_are_given_by_name_or_by_preset(tmp_path: Path) -> None:
+    """A list, a built-in preset and a copy of it mean the same; joints that the library lacks keep their names."""
+    assert len(KINECT) == 25
+    assert set(KINECT) == set(joints_of("kinectv2"))
+    assert joints_in_order(",".join(KINECT)) == KINECT
+    mine = tmp_path / "mine.toml"
+    mine.write_text(builtin_preset("kinectv2").text.replace('Head = "head"', 'Head = ""'), encoding="utf-8")
+    assert joints_in_order(str(mine)) == tuple("Head" if name == "head" else name for name in KINECT)
+    assert joints_in_order("a, b ,c") == ("a", "b", "c")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a,,b", "--joints: expected distinct names"),
+        ("a,b,a", "--joints: expected distinct names"),
+        ("vmc", "got vmc, whose messages name them"),
+        ("head", "--joints: expected one of kinectv2, "),
+    ],
+)
+def test_joints_that_make_no_sense_are_refused(text: str, message: str) -> None:
+    """Missing or repeated names, presets without an order, and other text are refused."""
+    with pytest.raises(ValueError, match=message.replace(".", r"\.")):
+        joints_in_order(text)
+
+
+# --- names ------------------------------------------------------------------------------------------------------------
+
 
 OURS = hdm05.SKELETON.joints
 CLASSES = ("squat1Reps", "rotateArmsBothBackward1Reps")

@@ -1,0 +1,275 @@
+"""What a window's signature is made of: basis, body, leading eigenvector, parts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import naive
+import naive_windows
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from naive_windows import body_of, rank_k_product
+
+from kinespace.library import MotionLibrary, distance_rows
+from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
+from kinespace.library.signature.body import Body
+from kinespace.library.signature.leading import leading_eigenvectors, signature_of, similarity
+from kinespace.library.signature.parts import (
+    EIGEN_LONG,
+    PARTS,
+    SHORT_PARTS,
+    Eigenpairs,
+    Kind,
+    Moments,
+    eigen,
+    flattened,
+    lengths_of,
+    movement,
+    posture,
+    spread,
+    trend,
+)
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.cutting import eigenpairs_of
+from kinespace.library.windows.index import learned_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.windows.index import WindowIndex
+
+
+# --- basis ------------------------------------------------------------------------------------------------------------
+
+
+#: The rounding of single precision, in which a basis is kept, in sums of some hundred numbers.
+SINGLE = 1e-6
+
+
+@pytest.fixture(scope="module")
+def rows(builtin: MotionLibrary) -> list[NDArray[np.float64]]:
+    """Give distance rows of three motions."""
+    return [distance_rows(motion.positions, builtin.skeleton) for motion in builtin.motions[:200:70]]
+
+
+@pytest.fixture(scope="module")
+def body(builtin: MotionLibrary) -> Body:
+    """Give the built-in library's body."""
+    return Body.of(builtin.skeleton)
+
+
+def test_the_builtin_basis_holds_nearly_all_movement(builtin_index: WindowIndex) -> None:
+    """32 directions, orthonormal but for the weights, hold 98 %; segments are rigid."""
+    basis, segments = builtin_index.basis, builtin_index.body.segments
+    assert basis.directions.shape == (465, MAX_DIRECTIONS)
+    assert 0.98 <= basis.share < 1.0
+    moving = basis.weights > 0
+    plain = basis.directions[moving] / basis.weights[moving, None]
+    assert np.allclose(plain.T @ plain, np.eye(MAX_DIRECTIONS), atol=SINGLE)
+    assert not basis.weights[segments].any()
+    assert not basis.directions[segments].any()
+    assert moving.sum() <= len(basis.weights) - len(segments)
+
+
+def test_all_pairs_and_classes_count_alike(rows: list[NDArray[np.float64]], body: Body) -> None:
+    """The variance of each moving distance, relative to the body, times its weight is 1, mean over classes."""
+    basis = Basis.learned([rows[:1], rows[1:]], body)
+    relative = [np.var(each / body.size(each.mean(axis=0)), axis=0) for each in rows]
+    by_class = [relative[0], (relative[1] + relative[2]) / 2]
+    moving = basis.weights > 0
+    assert np.allclose((np.mean(by_class, axis=0) * basis.weights**2)[moving], 1.0, rtol=1e-3)
+    assert np.array_equal(moving, np.mean(by_class, axis=0) > 1e-3 * np.mean(by_class))
+    once, often = (Basis.learned([[rows[0]] * times, rows[1:2]], body) for times in (1, 4))
+    assert np.allclose(once.weights, often.weights, rtol=1e-4)
+
+
+def test_without_weights_the_basis_is_orthonormal(builtin: MotionLibrary, rows: list[NDArray[np.float64]]) -> None:
+    """Then it holds even more, because a few distances swing furthest, and rows go there and back nearly unharmed."""
+    basis = learned_basis(builtin, weighted=False)
+    assert np.allclose(basis.directions.T @ basis.directions, np.eye(MAX_DIRECTIONS), atol=SINGLE)
+    assert basis.share > 0.98
+    centred = rows[0] - rows[0].mean(axis=0)
+    back = centred @ basis.directions @ basis.directions.T
+    assert np.square(back - centred).sum() < 0.02 * np.square(centred).sum()
+
+
+def test_few_moving_pairs_make_few_directions(body: Body) -> None:
+    """Two distances that vary give two directions, which hold all movement; none that vary give none."""
+    still = np.ones((50, len(body.sizing)))
+    assert Basis.learned([[still]], body).share == 0.0
+    still[:, 7] += np.sin(np.arange(50))
+    still[:, 9] += np.cos(np.arange(50))
+    basis = Basis.learned([[still]], body)
+    assert (np.count_nonzero(basis.weights), basis.directions.shape[1]) == (2, 2)
+    assert basis.share == pytest.approx(1.0)
+
+
+# --- body -------------------------------------------------------------------------------------------------------------
+
+
+#: A root with two chains: 0-1-2 and 0-3.
+FORK = Skeleton(("root", "knee", "foot", "hand"), (-1, 0, 1, 0))
+
+
+def test_size_and_lengths_follow_the_segments() -> None:
+    """Segments of 1, 2 and 6 metres make a body of 3 metres; from foot to hand the way leads through knee and root."""
+    row = distance_rows(np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 0, 6]]), FORK)
+    body = Body.of(FORK)
+    assert body.size(row) == pytest.approx(3.0)
+    by_pair = {(int(a), int(b)): length for (a, b), length in zip(FORK.pairs, body.lengths(row), strict=True)}
+    assert by_pair == pytest.approx({(0, 1): 1, (0, 2): 3, (0, 3): 6, (1, 2): 2, (1, 3): 7, (2, 3): 9})
+
+
+def test_size_and_lengths_of_a_real_body(builtin: MotionLibrary) -> None:
+    """They equal the twin's, which walks from joint to joint; no distance is longer than the segments between."""
+    body, twin = Body.of(builtin.skeleton), body_of(builtin.skeleton)
+    rows = distance_rows(builtin.motions[0].positions[:20], builtin.skeleton)
+    assert np.allclose(body.size(rows), [twin.size(row) for row in rows])
+    assert np.allclose(body.lengths(rows), [twin.lengths(row) for row in rows])
+    assert (rows <= body.lengths(rows) + 1e-9).all()
+
+
+def test_without_parents_all_distances_stand_in_for_segments() -> None:
+    """The size is then the mean distance, and that is also the length between any two joints."""
+    body, row = Body.of(Skeleton(FORK.joints)), np.arange(1.0, 7.0)
+    assert body.size(row) == pytest.approx(3.5)
+    assert body.lengths(row) == pytest.approx(np.full(6, 3.5))
+    assert not len(body.segments)
+
+
+@pytest.mark.parametrize("parents", [(-1, 0, -1, 2), (-1, -1, 0, 1)])
+def test_two_trees_are_no_body(parents: tuple[int, ...]) -> None:
+    """Between joints of two trees there is no way."""
+    with pytest.raises(ValueError, match="one tree"):
+        Body.of(Skeleton(FORK.joints, parents))
+
+
+# --- leading ----------------------------------------------------------------------------------------------------------
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@given(st.integers(2, 40), st.integers(1, 12), SEEDS)
+def test_the_signature_is_the_leading_eigenvector(frames: int, numbers: int, seed: int) -> None:
+    """Of any rows, more or fewer than numbers, the axis is numpy's, of length 1, whatever its sign."""
+    generator = np.random.default_rng(seed)
+    rows = 5.0 + generator.normal(size=(frames, numbers)) * 2.0 ** -np.arange(numbers)
+    axis = signature_of(rows)
+    value, _ = naive.leading_eigenvector(naive.covariance(rows))
+    assert axis.shape == (numbers,)
+    assert np.linalg.norm(axis) == pytest.approx(1.0)
+    assert axis @ naive.covariance(rows) @ axis == pytest.approx(value)
+
+
+@pytest.mark.parametrize("frames", [2, 10])
+def test_a_statue_has_some_unit_vector(frames: int) -> None:
+    """Where nothing moves, the signature is still finite and of length 1."""
+    axis = signature_of(np.tile([0.5, 1.25, 3.0], (frames, 1)))
+    assert np.linalg.norm(axis) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("shape", [(0, 8), (1, 8), (8,), (2, 3, 4)])
+def test_rows_without_a_motion_are_refused(shape: tuple[int, ...]) -> None:
+    """Without two frames, or in another shape, there is no signature."""
+    with pytest.raises(ValueError, match=r"rows: expected \(frames, pairs\) with at least two frames, got \("):
+        signature_of(np.zeros(shape))
+
+
+@given(SEEDS)
+def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
+    """Scores equal products added up in a loop, for one window and for several, whatever the signs."""
+    generator = np.random.default_rng(seed)
+    axes, windows = generator.normal(size=(5, 9)), generator.normal(size=(9, 3))
+    together = similarity(axes, windows)
+    for column, window in zip(together.T, windows.T, strict=True):
+        assert column.tolist() == pytest.approx([naive.score(row, window) for row in axes])
+        assert np.array_equal(
+            similarity(generator.choice([-1.0, 1.0], size=(5, 1)) * axes, -window), similarity(axes, window)
+        )
+
+
+@pytest.mark.parametrize(("size", "most"), [(5, 3), (2, 4), (3, 0)])
+def test_leading_eigenvectors_are_the_largest(size: int, most: int) -> None:
+    """As many as there are, the largest first, in the matrix's own precision."""
+    points = np.random.default_rng(size).normal(size=(9, size)).astype(np.float32)
+    matrix = points.T @ points
+    values, vectors = leading_eigenvectors(matrix, most)
+    assert values.dtype == vectors.dtype == np.float32
+    assert values == pytest.approx(np.linalg.eigvalsh(matrix)[::-1][:most], rel=1e-5)
+    np.testing.assert_allclose(matrix @ vectors, values * vectors, atol=1e-4)
+
+
+# --- parts ------------------------------------------------------------------------------------------------------------
+
+
+OF_DISTANCES = {"spread": spread, "posture": posture, "trend": trend}
+
+
+def _moments(last_rows: NDArray[np.float64]) -> Moments:
+    twin = naive_windows.moments(np.arange(len(last_rows)) / 60.0, last_rows)
+    return Moments(twin.mean[None], twin.deviation[None], twin.trend[None])
+
+
+@pytest.fixture(scope="module")
+def last_rows(builtin: MotionLibrary) -> NDArray[np.float64]:
+    """Give the distance rows of the end of a real motion."""
+    return distance_rows(builtin.motions[100].positions[20:], builtin.skeleton)
+
+
+@pytest.fixture(scope="module")
+def covariances() -> NDArray[np.float64]:
+    """Give the covariances of three windows of five directions, the last one without movement."""
+    points = np.random.default_rng(5).normal(size=(2, 20, 5)) * [3.0, 2.0, 1.0, 0.5, 0.1]
+    return np.array([*(naive_windows.covariance(each) for each in points), np.zeros((5, 5))])
+
+
+@pytest.mark.parametrize("kind", OF_DISTANCES)
+def test_parts_of_distances(kind: str, builtin: MotionLibrary, body: Body, last_rows: NDArray[np.float64]) -> None:
+    """Each equals its twin's; a body twice as large has the same, and a body in one point has finite numbers."""
+    measure = OF_DISTANCES[kind]
+    times = np.arange(len(last_rows)) / 60.0
+    twin = getattr(naive_windows, kind)(naive_windows.moments(times, last_rows), body_of(builtin.skeleton))
+    assert np.allclose(measure(_moments(last_rows), body)[0], twin)
+    assert np.allclose(measure(_moments(2 * last_rows), body)[0], twin)
+    numbers = measure(_moments(np.zeros_like(last_rows)), body)
+    assert np.ptp(numbers) == 0
+    assert np.isfinite(numbers).all()
+
+
+def test_products_of_scaled_eigenvectors(covariances: NDArray[np.float64]) -> None:
+    """Their squares, and products of the flattened matrices, are the rank-k matrices' products, whatever the signs."""
+    pairs = eigenpairs_of(covariances)
+    scaled, flat = eigen(pairs), flattened(eigen(pairs))
+    expected = rank_k_product(covariances[0], covariances[1])
+    assert 0.0 < expected < 1.0
+    assert flat.shape == (3, 15)
+    assert np.square(scaled[0] @ scaled[1].T).sum() == pytest.approx(expected)
+    assert flat[0] @ flat[1] == pytest.approx(expected)
+    assert np.square(scaled[0] @ scaled[0].T).sum() == pytest.approx(1.0)
+    assert not scaled[2].any()
+    turned = Eigenpairs(pairs.values, pairs.vectors * np.array([1, -1, -1, 1])[:, None])
+    assert np.allclose(flattened(eigen(turned)), flat)
+    # Rounding makes the values of a window that hardly moves negative.
+    below = eigen(Eigenpairs(np.array([[2.0, -1e-17]]), np.eye(2)[None]))
+    assert below.tolist() == [[[1.0, 0.0], [0.0, 0.0]]]
+
+
+def test_movement(last_rows: NDArray[np.float64]) -> None:
+    """It equals the twin's, and is 0 for a body in one point."""
+    twin = naive_windows.moments(np.arange(len(last_rows)) / 60.0, last_rows)
+    assert movement(_moments(last_rows))[0] == pytest.approx(naive_windows.moved(twin))
+    assert movement(_moments(np.zeros_like(last_rows))) == 0
+
+
+def test_names_and_lengths() -> None:
+    """Parts are named for tables; their windows' lengths are listed once, ascending."""
+    assert EIGEN_LONG.name == "eigen 2 s"
+    assert lengths_of(PARTS) == ((0.25, 1.0), (0.5, 2.0))
+    assert lengths_of(PARTS[1:2]) == ((), (0.5,))
+    # Without an eigen part the leading eigenvector is still found.
+    assert lengths_of(PARTS[-1:]) == ((0.25,), (2.0,))
+    assert {part.kind for part in SHORT_PARTS} == set(Kind)
+    assert max(part.seconds for part in SHORT_PARTS) <= 0.5

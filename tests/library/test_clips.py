@@ -1,0 +1,240 @@
+"""Skeletons, clips, and the distances between all joints."""
+
+from __future__ import annotations
+
+import naive
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from synthetic import STICK
+
+from kinespace.library.clip import Clip
+from kinespace.library.distances import distance_rows, measure_into
+from kinespace.library.naming import hdm05
+from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
+
+# --- skeleton ---------------------------------------------------------------------------------------------------------
+
+
+JOINTS = ("root", "chest", "head", "left", "right")
+PARENTS = (-1, 0, 1, 1, 1)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 31])
+def test_every_pair_is_measured_once_in_order(count: int) -> None:
+    """Pairs are all n(n-1)/2, the lower joint first, in lexicographic order, as counting them out gives."""
+    skeleton = Skeleton(tuple(f"joint{index}" for index in range(count)))
+    assert [tuple(pair) for pair in skeleton.pairs.tolist()] == naive.pairs(count)
+
+
+def test_pairs_cannot_be_written() -> None:
+    """The measured pairs are read-only: a library's columns cannot change their meaning."""
+    with pytest.raises(ValueError, match="read-only"):
+        Skeleton(JOINTS).pairs[0, 0] = 3
+
+
+def test_order_from_finds_every_joint_again() -> None:
+    """Positions taken in the order found are in the skeleton's own order, further joints being passed over."""
+    skeleton = Skeleton(JOINTS)
+    sent = [*JOINTS, "prop", "camera"]
+    np.random.default_rng(5).shuffle(sent)
+    assert tuple(sent[index] for index in skeleton.order_from(sent)) == JOINTS
+
+
+@pytest.mark.parametrize(
+    ("sent", "message"),
+    [
+        pytest.param(("root",), r"expected all 5 .*got 1 without chest, head, left, right$", id="four missing"),
+        pytest.param(("Root", *JOINTS[1:]), r"without root$", id="another case is another joint"),
+        pytest.param((), r"got 0 without root, chest, head, left, right$", id="nothing sent"),
+    ],
+)
+def test_missing_joints_are_named(sent: tuple[str, ...], message: str) -> None:
+    """A joint that is not in the list is refused by name."""
+    with pytest.raises(SkeletonMismatchError, match=message):
+        Skeleton(JOINTS).order_from(sent)
+
+
+def test_a_missing_joint_is_where_the_nearest_is() -> None:
+    """Along the bones, towards the root where two are as near; without bones the first joint stands for all."""
+    chain = Skeleton(("root", "hip", "knee", "foot", "toe"), (-1, 0, 1, 2, 3))
+    assert chain.nearest_from(["foot", "hip", "hat"]).tolist() == [1, 1, 1, 0, 0]
+    assert chain.nearest_from(["toe"]).tolist() == [0] * 5
+    assert Skeleton(JOINTS).nearest_from(["hat", *JOINTS[1:3]]).tolist() == [1, 1, 2, 1, 1]
+    with pytest.raises(SkeletonMismatchError, match="expected some of the skeleton's, got hat"):
+        chain.nearest_from(["hat"])
+
+
+def test_the_same_joints_with_other_parents_are_accepted() -> None:
+    """A feed that announces joint names alone is the same body: parents do not enter a distance."""
+    Skeleton(JOINTS, PARENTS).require_same(Skeleton(JOINTS))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        pytest.param(Skeleton((*JOINTS[:-1], "tail")), id="another name"),
+        pytest.param(Skeleton(JOINTS[::-1]), id="another order"),
+        pytest.param(Skeleton((*JOINTS, "tail")), id="one joint more"),
+    ],
+)
+def test_another_skeleton_is_refused(other: Skeleton) -> None:
+    """Other joints or another order are refused, in either direction; the message describes both skeletons."""
+    skeleton = Skeleton(JOINTS, PARENTS)
+    with pytest.raises(SkeletonMismatchError, match=r"expected 5 joints and 10 pairs \(root \.\.\. right\), got"):
+        skeleton.require_same(other)
+    with pytest.raises(SkeletonMismatchError, match=r"got 5 joints and 10 pairs \(root \.\.\. right\)"):
+        other.require_same(skeleton)
+
+
+@pytest.mark.parametrize(
+    ("joints", "parents", "message"),
+    [
+        pytest.param(("root",), (-1,), "joints: expected at least 2 names, got 1", id="one joint"),
+        pytest.param(("root", ""), (), "joints: expected distinct, non-empty names", id="empty name"),
+        pytest.param(("root", "root"), (), "joints: expected distinct, non-empty names", id="name twice"),
+        pytest.param(JOINTS, (-1, 0), r"parents: expected one per joint \(5\), got 2", id="too few parents"),
+        pytest.param(JOINTS, (-1, 0, 1, 1, 5), "parents: expected joint indices or -1", id="parent too high"),
+        pytest.param(JOINTS, (-2, 0, 1, 1, 1), "parents: expected joint indices or -1", id="parent too low"),
+        pytest.param(JOINTS, (-1, 1, 1, 1, 1), "parents: expected joint indices or -1", id="own parent"),
+        pytest.param(JOINTS, (-1, 4, 1, 2, 3), "parents: expected no joint above itself", id="a ring beside the root"),
+        pytest.param("abc", (), "joints: expected several names, got the text 'abc'", id="a text"),
+    ],
+)
+def test_bad_skeletons_are_refused(joints: tuple[str, ...], parents: tuple[int, ...], message: str) -> None:
+    """Joints and parents that cannot describe a body are refused, saying which and why."""
+    with pytest.raises(ValueError, match=message):
+        Skeleton(joints, parents)
+
+
+def test_a_skeleton_of_lists_is_that_of_tuples() -> None:
+    """Lists of joints and parents make the same skeleton, of any depth, which can be a key."""
+    chain = Skeleton([*JOINTS], [-1, 0, 1, 2, 3])  # type: ignore[arg-type]
+    assert {chain, Skeleton(JOINTS, (-1, 0, 1, 2, 3))} == {chain}
+
+
+def test_a_part_of_a_skeleton_hangs_together() -> None:
+    """A kept joint's parent is the nearest kept joint above it; the first kept joint is the root."""
+    whole = Skeleton(("hip", "chest", "head", "arm", "hand"), (-1, 0, 1, 1, 3))
+    assert whole.restricted_to([0, 2, 4]) == Skeleton(("hip", "head", "hand"), (-1, 0, 0))
+    assert whole.restricted_to([4, 3, 1]) == Skeleton(("hand", "arm", "chest"), (1, 2, -1))
+    assert whole.restricted_to([2, 4, 3]) == Skeleton(("head", "hand", "arm"), (-1, 2, 0))
+    assert Skeleton(("a", "b", "c")).restricted_to([2, 0]) == Skeleton(("c", "a"))
+
+
+# --- clip -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("frames", "rate"), [(1, 120.0), (60, 30.0), (301, 240.0)])
+def test_a_clip_measures_its_time_from_its_first_frame(frames: int, rate: float) -> None:
+    """Frame i is at i / rate seconds, and the duration reaches to the end of the last frame."""
+    clip = Clip(STICK, np.zeros((frames, 6, 3)), rate)
+    assert clip.frames == frames
+    assert clip.duration == pytest.approx(frames / rate)
+    assert clip.times.tolist() == pytest.approx([index / rate for index in range(frames)])
+
+
+@pytest.mark.parametrize("shape", [(0, 6, 3), (5, 5, 3), (5, 6, 2), (6, 3), (1, 5, 6, 3)])
+def test_positions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    """Positions are (frames, joints, 3) with at least one frame; the message gives the shape got."""
+    with pytest.raises(ValueError, match=r"positions: expected \(frames, 6, 3\), got \(" + str(shape[0])):
+        Clip(STICK, np.zeros(shape), 120.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_positions_that_are_not_finite_are_refused(value: float) -> None:
+    """One coordinate that is not a number of metres spoils the clip, which is named."""
+    positions = np.zeros((9, 6, 3))
+    positions[8, 5, 2] = value
+    with pytest.raises(ValueError, match="positions: expected finite metres, got NaN or infinity in clip 'kick'"):
+        Clip(STICK, positions, 120.0, name="kick")
+
+
+@pytest.mark.parametrize("rate", [0.0, -120.0, np.nan, np.inf])
+def test_a_frame_rate_is_positive(rate: float) -> None:
+    """A clip without a positive, finite frame rate has no time."""
+    with pytest.raises(ValueError, match="frame_rate: expected a positive number of frames per second, got"):
+        Clip(STICK, np.zeros((2, 6, 3)), rate)
+
+
+def test_lists_of_numbers_are_positions() -> None:
+    """Lists and whole numbers become doubles; texts and ragged lists are refused."""
+    clip = Clip(STICK, [[[1, 2, 3]] * 6] * 2, 120)  # type: ignore[arg-type]
+    assert clip.positions.dtype == np.float64
+    assert clip.positions.tolist() == [[[1.0, 2.0, 3.0]] * 6] * 2
+    for wrong in ([["a"]], [[[1, 2, 3]], [[1]]], None):
+        with pytest.raises(ValueError, match="positions: expected numbers, got"):
+            Clip(STICK, wrong, 120)  # type: ignore[arg-type]
+
+
+def test_parameters_of_another_type_are_refused() -> None:
+    """A text is no frame rate, and a list of joints is no skeleton."""
+    with pytest.raises(ValueError, match="frame_rate: expected a positive number of frames per second, got '60'"):
+        Clip(STICK, np.zeros((2, 6, 3)), "60")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="skeleton: expected a Skeleton, got tuple"):
+        Clip(STICK.joints, np.zeros((2, 6, 3)), 60.0)  # type: ignore[arg-type]
+
+
+# --- distances --------------------------------------------------------------------------------------------------------
+
+
+#: Everything holds of the compiled kernels and of numpy.
+
+BODY = hdm05.SKELETON
+
+
+def _positions(seed: int, *shape: int) -> np.ndarray:
+    return np.random.default_rng(seed).normal(scale=0.5, size=(*(shape or (20,)), 31, 3))
+
+
+@pytest.mark.usefixtures("arithmetic")
+@given(st.integers(2, 12), st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e3]))
+def test_each_frame_may_turn_and_shift_and_be_mirrored(joints: int, seed: int, scale: float) -> None:
+    """Distances of any skeleton equal the loops', and a body's place, heading and side change nothing in them."""
+    skeleton = Skeleton(tuple(f"joint{index}" for index in range(joints)))
+    generator = np.random.default_rng(seed)
+    positions = generator.normal(scale=scale, size=(3, joints, 3))
+    rows = distance_rows(positions, skeleton)
+    np.testing.assert_allclose(rows, naive.distance_rows(positions, naive.pairs(joints)), rtol=1e-13)
+    turns = Rotation.from_rotvec(generator.normal(size=(3, 3))).as_matrix()
+    moved = positions @ turns.transpose(0, 2, 1) + generator.normal(scale=10 * scale, size=(3, 1, 3))
+    np.testing.assert_allclose(distance_rows(moved, skeleton), rows, rtol=1e-9, atol=1e-13 * scale)
+    assert np.array_equal(distance_rows(positions * [1.0, -1.0, 1.0], skeleton), rows)
+    assert np.array_equal(distance_rows(-4.0 * positions, skeleton), 4.0 * rows)
+
+
+@pytest.mark.usefixtures("arithmetic")
+def test_a_frame_has_the_same_bits_alone_and_among_many() -> None:
+    """Whatever number of frames is measured at once, in the same memory, and no other rows are written."""
+    positions = _positions(7, 200)
+    expected, begin = distance_rows(positions, BODY), 0
+    memory, rows = np.empty((16, 31, 3)), np.full((16, 465), np.nan)
+    measure = measure_into(memory, BODY, rows)
+    for frames in (1, 4, 16, 3, 4, 2, 8, 16, 12, 5, 1):
+        memory[:frames], rows[:] = positions[begin : begin + frames], np.nan
+        measure(frames)
+        assert np.array_equal(rows[:frames], expected[begin : begin + frames])
+        assert np.isnan(rows[frames:]).all()
+        begin += frames
+    assert np.array_equal(distance_rows(positions[11], BODY), expected[11])
+
+
+@pytest.mark.usefixtures("arithmetic")
+@pytest.mark.parametrize("leading", [(), (1,), (4,), (2, 3), (0,)])
+def test_any_leading_axes_are_kept(leading: tuple[int, ...]) -> None:
+    """Positions (..., joints, 3), of single precision too, give distances (..., pairs) of double precision."""
+    positions = _positions(6, *leading).astype(np.float32) if leading else _positions(6)[0].astype(np.float32)
+    rows = distance_rows(positions, BODY)
+    assert (rows.shape, rows.dtype) == ((*positions.shape[:-2], 465), np.float64)
+    single = distance_rows(positions.reshape(-1, 31, 3).astype(np.float64), BODY)
+    assert np.array_equal(rows.reshape(-1, 465), single)
+
+
+@pytest.mark.usefixtures("arithmetic")
+@pytest.mark.parametrize("shape", [(31,), (30, 3), (31, 2), (5, 3, 31), (5, 93)])
+def test_no_rows_of_another_shape(shape: tuple[int, ...]) -> None:
+    """The last two axes are (joints, 3); the message gives the shape got."""
+    with pytest.raises(ValueError, match=r"positions: expected \(\.\.\., 31, 3\), got \(" + str(shape[0])):
+        distance_rows(np.zeros(shape), BODY)

@@ -1,0 +1,131 @@
+"""Bad feeds: all that a sender does wrong is counted, nothing raises, and valid frames are recognised."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import wrong
+import zmq
+from fuzzfeeds import broken, golden_packets, run, run_messages
+from performed import assert_same, pushed, shown
+from programs import LOOPBACK, PATIENCE
+
+from kinespace.stream import Frame, osc, zeromq
+from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs.detection import Survey
+from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.zeromq import Endpoint, ZmqReceiver
+
+if TYPE_CHECKING:
+    from kinespace.library.clip import Clip
+    from kinespace.library.motion_library import MotionLibrary
+
+
+# --- bad feed ---------------------------------------------------------------------------------------------------------
+
+
+SETTINGS = Settings(hop=0.04)
+#: What is counted, with packets that show there and nowhere else.
+OSC_PACKETS = {"malformed": wrong.MALFORMED_OSC, "foreign": wrong.FOREIGN_OSC, "other_joints": wrong.OTHER_JOINTS_OSC}
+ZMQ_PACKETS = {"malformed": wrong.MALFORMED_ZMQ, "foreign": wrong.FOREIGN_ZMQ, "other_joints": wrong.OTHER_JOINTS_ZMQ}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("decoder", "bad"), [(OscDecoder(), OSC_PACKETS), (ZmqDecoder(), ZMQ_PACKETS)], ids=type)
+def test_everything_at_once(
+    small_library: MotionLibrary,
+    some_clips: tuple[Clip, ...],
+    decoder: OscDecoder,
+    bad: dict[str, dict[str, bytes | list[bytes]]],
+) -> None:
+    """With all that is wrong between the frames, each in its counter and no other, all answers are as without it."""
+    clip = next(clip for clip in some_clips if clip.class_name == "squat1Reps")
+    frames = shown(clip.positions.astype(np.float32), begin=10.0)
+    expected = pushed(Recognizer(small_library, SETTINGS), frames)
+    is_osc = not isinstance(decoder, ZmqDecoder)
+    wrong_ones = [packet for packets in bad.values() for packet in packets.values()]
+    shares = np.array_split(np.random.default_rng(18).permutation(len(wrong_ones)), len(frames))
+    admission, performers, answers = Admission(), Performers(small_library, SETTINGS), []
+    for seq, (frame, share) in enumerate(zip(frames, shares, strict=True)):
+        good = osc.encode_frame(frame) if is_osc else zeromq.encode_frame(frame, seq)
+        late = [wrong.late(frame.time - 0.1)[not is_osc]] if seq == len(frames) - 1 else []
+        for packet in [good, *(wrong_ones[place] for place in share), *late]:
+            events = admission.admit(decoder.decode(packet, frame.time, None), frame.time, None)
+            answers += [answer for answer in performers.push_all(events, frame.time) if answer]
+    counts, outcomes = decoder.counts, performers.counts
+    found = {"malformed": counts.malformed, "foreign": counts.foreign, "other_joints": outcomes.other_joints}
+    assert found == Counter({name: len(packets) for name, packets in bad.items()})
+    assert (counts.missing, outcomes.no_room, outcomes.recognizers.restarts) == (0, 0, 0)
+    assert outcomes.recognizers.out_of_order == 1
+    ours = [answer for answer in answers if answer.performer == "p"]
+    assert_same(ours, expected)
+    assert clip.class_name in {answer.label for answer in ours}
+
+
+# --- hostile packets --------------------------------------------------------------------------------------------------
+
+
+def test_a_message_of_a_hundred_thousand_parts_is_passed_over() -> None:
+    """It is thrown away a little at a time, and frames before and after it are read."""
+    receiver, publisher = (
+        ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True)),
+        zmq.Context.instance().socket(zmq.XPUB),
+    )
+    publisher.linger, events, until = 0, [], time.monotonic() + PATIENCE
+    publisher.set_hwm(0)
+    with closing(publisher), closing(Source(receiver, ZmqDecoder())) as source:
+        publisher.connect(receiver.address)
+        while not publisher.poll(10):
+            source.take(0.0)
+        publisher.send_multipart(zeromq.encode_frame(Frame("ann", 1.0, np.ones((5, 3))), 0))
+        publisher.send_multipart([b"x"] * 100_000)
+        publisher.send_multipart(zeromq.encode_frame(Frame("ann", 1.01, np.ones((5, 3))), 1))
+        while source.counts.received < 3 and time.monotonic() < until:
+            events += source.take(1.0) or ()
+        assert ([event.time for event in events], source.counts.foreign) == ([1.0, 1.01], 1)
+
+
+# --- fuzzfeeds --------------------------------------------------------------------------------------------------------
+
+
+#: Of each of the 15 presets, and of ZeroMQ.
+PACKETS = 700
+PRESETS = [builtin_preset(name) for name in builtin_names()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", builtin_names())
+def test_no_packet_raises_and_all_are_counted(name: str) -> None:
+    """Golden packets cut, changed, joined and nested, in any order: nothing raises, every one is counted."""
+    source = run(builtin_preset(name), PACKETS, seed=builtin_names().index(name))
+    counts, made = source.counts, source.decoder.assembler.counts
+    assert counts.received == PACKETS
+    assert counts.malformed > 0
+    assert made.frames + made.incomplete + made.late > 0
+
+
+@pytest.mark.slow
+def test_no_message_raises_and_all_are_counted() -> None:
+    """ZeroMQ messages with broken parts, parts missing, repeated and swapped: nothing raises, every one is counted."""
+    counts = run_messages(PACKETS, seed=len(builtin_names())).counts
+    assert counts.received == PACKETS
+    assert min(counts.malformed, counts.foreign) > 0
+    assert counts.malformed + counts.foreign < PACKETS
+
+
+@pytest.mark.slow
+def test_a_survey_takes_any_packet() -> None:
+    """The survey can look at any packet as any preset."""
+    survey = Survey()
+    golden = [packet for preset in PRESETS for packet in golden_packets(preset.name)]
+    for number, packet in zip(range(PACKETS), broken(golden, np.random.default_rng(0)), strict=False):
+        survey.keep(packet, number / 30, ("10.0.0.7", 1))
+    assert survey.packets == PACKETS
+    guess = survey.guess(PRESETS[:6])
+    assert guess is None or guess.joints

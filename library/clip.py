@@ -121,15 +121,26 @@ class Clip:
         SkeletonMismatchError
             One of the two has a joint that the other lacks.
         """
-        if self.skeleton.joints == skeleton.joints:
-            return replace(self, skeleton=skeleton)
         further = [name for name in self.skeleton.joints if name not in skeleton.joints]
         if further:
             raise SkeletonMismatchError(
                 f"clip {self.name!r}: expected the other recordings' {len(skeleton.joints)} joints, "
                 f"got {', '.join(further[:5])}{' ...' if len(further) > 5 else ''} as well"
             )
-        return replace(self, skeleton=skeleton, positions=self.positions[:, skeleton.order_from(self.skeleton.joints)])
+        return self.over(skeleton)
+
+    def over(self, skeleton: Skeleton) -> Clip:
+        """Give the same clip on a skeleton of some of its joints, in any order.
+
+        Raises
+        ------
+        SkeletonMismatchError
+            The skeleton has a joint that this one lacks.
+        """
+        joints = self.skeleton.joints
+        if joints == skeleton.joints:
+            return self if self.skeleton == skeleton else replace(self, skeleton=skeleton)
+        return replace(self, skeleton=skeleton, positions=self.positions[:, skeleton.order_from(joints)])
 
     def restricted_to(self, joints: Collection[str]) -> Clip:
         """Give the clip with some of its joints, in this skeleton's order, without rotations.
@@ -142,10 +153,4 @@ class Clip:
         kept = [index for index, name in enumerate(self.skeleton.joints) if name in joints]
         if len(kept) < 2:
             raise SkeletonMismatchError(f"clip {self.name!r}: expected at least 2 of the joints, got {len(kept)}")
-        skeleton = self.skeleton.restricted_to(kept)
-        return replace(
-            self,
-            skeleton=skeleton,
-            positions=self.positions[:, kept],
-            rotations=np.zeros((self.frames, 0)),
-        )
+        return replace(self.over(self.skeleton.restricted_to(kept)), rotations=np.zeros((self.frames, 0)))

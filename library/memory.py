@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: Bytes that one file may take unless another limit is set.
 MAX_MEMORY = 1_000_000_000
 #: Bytes of a file that holds no motion, at most: labels, a skeleton, a preset.
-MAX_BESIDE = 1_000_000
+MAX_WITHOUT_MOTION = 1_000_000
 #: Characters of a line, at most: twenty times a frame of 512 joints.
 MAX_LINE = 1_000_000
 #: Bytes of a zip file's directory, at most.
@@ -121,8 +121,8 @@ def _regular(path: str, flags: int) -> int:
     return file
 
 
-def content(path: Path, most: int = MAX_BESIDE) -> bytes:
-    """Read a whole file; ValueError for one of more bytes than `most`, whatever size the system tells."""
+def content(path: Path, most: int = MAX_WITHOUT_MOTION) -> bytes:
+    """Read a whole file; ValueError for one of more bytes than `most`, whatever size the system gives."""
     with opened(path) as file:
         found = file.read(most + 1)
     if len(found) > most:

@@ -155,9 +155,8 @@ HELPER void KIND(add_products)(const double *restrict reference, double *restric
 /* The sums of one span of a window: of moments, which have a clock, or of a covariance, which has products. */
 typedef struct {
     const double *rows, *times;
-    Py_ssize_t stride, width, *places; /* the span's begin and end, counted as if no row had moved back */
+    Py_ssize_t width, stride, *places; /* the span's begin and end, counted as if no row had moved back */
     double *drift, *reference, *sum, *clock, *products;
-    double seconds, most, tolerance, no_movement, end, moved;
 } KIND(Sums);
 
 HELPER void KIND(add)(const KIND(Sums) *sums, Py_ssize_t begin, Py_ssize_t end, double weight) {
@@ -191,7 +190,7 @@ HELPER double KIND(scatter)(const KIND(Sums) *sums, double count, double *larges
 }
 
 /* Forget all sums; the mean of the rows becomes the reference. */
-HELPER void KIND(begin)(const KIND(Sums) *sums, Py_ssize_t begin, Py_ssize_t end) {
+HELPER void KIND(begin)(const KIND(Sums) *sums, Py_ssize_t begin, Py_ssize_t end, double no_movement) {
     const Py_ssize_t width = sums->width;
     double mean = 0.0, square = 0.0;
     memset(sums->reference, 0, sizeof(double) * (size_t)width);
@@ -209,16 +208,23 @@ HELPER void KIND(begin)(const KIND(Sums) *sums, Py_ssize_t begin, Py_ssize_t end
     if (sums->clock != NULL) {
         sums->clock[0] = sums->times[end - 1];
         sums->clock[1] = sums->clock[2] = 0.0;
-    } else if (sums->products != NULL) {
+    } else {
         memset(sums->products, 0, sizeof(double) * (size_t)(width * width));
     }
     sums->drift[0] = 0.0;
-    sums->drift[1] = sums->no_movement * sums->no_movement * (sums->clock != NULL ? mean * mean : square);
+    sums->drift[1] = no_movement * no_movement * (sums->clock != NULL ? mean * mean : square);
 }
 
 /* Add the rows that entered the span since the last call and subtract those that left it; 1 if all are added afresh. */
-HELPER double KIND(follow_rows)(const KIND(Sums) *sums) {
-    const Py_ssize_t end = (Py_ssize_t)sums->end, moved = (Py_ssize_t)sums->moved, last = end - 1;
+HELPER double KIND(follow_rows)(void *const *restrict array, const Py_ssize_t *restrict n, const double *restrict x,
+                                int has_clock) {
+    double *reference = array[4], *more = array[5];
+    const KIND(Sums) all = {.rows = array[0], .times = array[1], .width = n[1], .stride = n[2], .places = array[2], .drift = array[3],
+                            .reference = reference, .sum = reference + n[1], .clock = has_clock ? more : NULL,
+                            .products = has_clock ? NULL : more};
+    const KIND(Sums) *sums = &all;
+    const double seconds = x[0], most = x[1], tolerance = x[2], no_movement = x[3];
+    const Py_ssize_t end = (Py_ssize_t)x[4], moved = (Py_ssize_t)x[5], last = end - 1;
     if (end == 0) {
         return 0.0;
     }
@@ -227,8 +233,8 @@ HELPER double KIND(follow_rows)(const KIND(Sums) *sums) {
     left = left < last ? left : last;
     entered = entered < end ? entered : end;
     Py_ssize_t start = left;
-    const double too_old = sums->times[last] - sums->seconds;
-    while (start < last && (sums->times[start] <= too_old || (double)(last - start) >= sums->most)) {
+    const double too_old = sums->times[last] - seconds;
+    while (start < last && (sums->times[start] <= too_old || (double)(last - start) >= most)) {
         start++;
     }
     places[0] = start + moved;
@@ -244,10 +250,10 @@ HELPER double KIND(follow_rows)(const KIND(Sums) *sums) {
         KIND(add)(sums, left, gone, -1.0);
         const double scatter = KIND(scatter)(sums, (double)count, &largest);
         sums->drift[0] += DBL_EPSILON * (double)(new + gone - left) * largest;
-        afresh = sums->drift[0] > sums->tolerance * scatter;
+        afresh = sums->drift[0] > tolerance * scatter;
     }
     if (afresh) {
-        KIND(begin)(sums, start, end);
+        KIND(begin)(sums, start, end, no_movement);
         KIND(add)(sums, start, end, 1.0);
         KIND(scatter)(sums, (double)count, &largest);
         sums->drift[0] = DBL_EPSILON * (double)count * largest;
@@ -258,21 +264,10 @@ HELPER double KIND(follow_rows)(const KIND(Sums) *sums) {
 /* The moments of rows (rows, width) at times (rows). places (2), drift (2), sums (4, width): the reference, and of rows
  * relative to it the sum, the products with time, the squares; clock (3); n: rows, width, from one row to the next; x:
  * seconds and rows of the span at most, tolerance, no movement, end of the newest row, rows moved back. */
-KERNEL(follow) {
-    double *sums = array[4];
-    const KIND(Sums) all = {.rows = array[0], .times = array[1], .stride = n[2], .width = n[1], .places = array[2],
-                            .drift = array[3], .reference = sums, .sum = sums + n[1], .clock = array[5], .seconds = x[0],
-                            .most = x[1], .tolerance = x[2], .no_movement = x[3], .end = x[4], .moved = x[5]};
-    return KIND(follow_rows)(&all);
-}
+KERNEL(follow) { return KIND(follow_rows)(array, n, x, 1); }
 
-/* The covariance of points: as `follow`, with reference (width), sum (width) and products (width, width). */
-KERNEL(follow_products) {
-    const KIND(Sums) all = {.rows = array[0], .times = array[1], .stride = n[2], .width = n[1], .places = array[2],
-                            .drift = array[3], .reference = array[4], .sum = array[5], .products = array[6],
-                            .seconds = x[0], .most = x[1], .tolerance = x[2], .no_movement = x[3], .end = x[4], .moved = x[5]};
-    return KIND(follow_rows)(&all);
-}
+/* The covariance of points: as `follow`, with sums (2, width), the reference and the sum, and products (width, width). */
+KERNEL(follow_products) { return KIND(follow_rows)(array, n, x, 0); }
 
 /* ---- parts of a signature (library.signature.parts) -------------------------------------------------------------- */
 
@@ -671,12 +666,12 @@ HELPER int KIND(iterate)(const double *restrict covariance, int size, double tra
 }
 
 /* The eigenpairs of a window and its part `eigen`, scaled; gives the covariance's trace, NaN where a number is not finite.
- * sum (size), products (size, size), places (2) and drift (2) as in `follow_products`; values (k), vectors and scaled (k,
+ * sums (2, size), products (size, size), places (2) and drift (2) as in `follow_products`; values (k), vectors and scaled (k,
  * size); block (size, BLOCK), at first 0; n: size, k. */
 KERNEL(read_eigen) {
     const int size = (int)n[0], most = (int)n[1];
     const Py_ssize_t *places = array[2];
-    const double *sum = array[0], *products = array[1], *drift = array[3], each = 1.0 / (double)(places[1] - places[0]);
+    const double *sum = (const double *)array[0] + size, *products = array[1], *drift = array[3], each = 1.0 / (double)(places[1] - places[0]);
     double covariance[MAX_DIRECTIONS * MAX_DIRECTIONS], trace = 0.0, total = 0.0;
     double *restrict values = array[4], *restrict vectors = array[5], *restrict scaled = array[6];
     double(*block)[BLOCK] = array[7];

@@ -55,28 +55,20 @@ def distances(positions: Numbers, pairs: Indices, rows: Numbers) -> Call:
 
 
 def follow(  # noqa: PLR0913, PLR0917 - a kernel's arguments
-    rows: Numbers,
-    times: Numbers,
-    places: Indices,
-    drift: Numbers,
-    sums: Numbers,
-    clock: Numbers,
-    seconds: float,
-    most: float,
-    tolerance: float,
-    no_movement: float,
+    rows: Numbers, times: Numbers, places: Indices, drift: Numbers, sums: Numbers, clock: Numbers, *limits: float
 ) -> Call:
     """Let sums follow a window's rows; give whether they were computed afresh.
 
     `sums` are the reference row, and of the rows relative to it the sum, the products with time, and the squares;
-    `clock` is the reference time, and of the times relative to it the sum and the squares.
+    `clock` is the reference time, and of the times relative to it the sum and the squares. `limits` are the seconds and
+    the rows that are followed, the tolerance, and the movement that does not matter.
     """
 
     def begin(some: slice) -> None:
         sums[1:] = clock[:] = 0.0
         np.mean(rows[some], axis=0, out=sums[0])
         clock[0] = times[some.stop - 1]
-        drift[1] = (no_movement * float(sums[0].mean())) ** 2
+        drift[1] = (limits[3] * float(sums[0].mean())) ** 2
 
     def add(entered: slice, left: slice) -> None:
         relative, weights = _weighed(rows, entered, left)
@@ -94,27 +86,18 @@ def follow(  # noqa: PLR0913, PLR0917 - a kernel's arguments
         squares, total = sums.item(3, place), sums.item(1, place)
         return squares, max(squares - total * total / count, count * drift.item(1))
 
-    return _following(times, places, drift, (seconds, most, tolerance), begin, add, bounds)
+    return _following(times, places, drift, limits, begin, add, bounds)
 
 
 def follow_products(  # noqa: PLR0913, PLR0917 - a kernel's arguments
-    points: Numbers,
-    times: Numbers,
-    places: Indices,
-    drift: Numbers,
-    reference: Numbers,
-    total: Numbers,
-    products: Numbers,
-    seconds: float,
-    most: float,
-    tolerance: float,
-    no_movement: float,
+    points: Numbers, times: Numbers, places: Indices, drift: Numbers, sums: Numbers, products: Numbers, *limits: float
 ) -> Call:
     """Let the sum and the products of points relative to a reference follow a window; else as `follow`."""
+    reference, total = sums
 
     def begin(some: slice) -> None:
         np.mean(points[some], axis=0, out=reference)
-        drift[1] = no_movement**2 * float(reference @ reference)
+        drift[1] = limits[3] ** 2 * float(reference @ reference)
         total[:] = 0.0
         products[:] = 0.0
 
@@ -128,20 +111,20 @@ def follow_products(  # noqa: PLR0913, PLR0917 - a kernel's arguments
         trace = float(products.trace())
         return trace, max(trace - float(total @ total) / count, count * drift.item(1))
 
-    return _following(times, places, drift, (seconds, most, tolerance), begin, add, bounds)
+    return _following(times, places, drift, limits, begin, add, bounds)
 
 
 def _following(  # noqa: PLR0913, PLR0917 - the pieces of one call
     times: Numbers,
     places: Indices,
     drift: Numbers,
-    limits: tuple[float, float, float],
+    limits: tuple[float, ...],
     begin: Callable[[slice], None],
     add: Callable[[slice, slice], None],
     bounds: Callable[[int], tuple[float, float]],
 ) -> Call:
     """Follow the last seconds of a window: `places` say where they begin and end, as if no row had moved back."""
-    seconds, most, tolerance = limits
+    seconds, most, tolerance, _ = limits
 
     def afresh(rows: slice) -> float:
         begin(rows)
@@ -227,7 +210,7 @@ def _moments(sums: Numbers, clock: Numbers, count: int) -> Moments:
 
 
 def read_eigen(  # noqa: PLR0913, PLR0917 - a kernel's arguments
-    total: Numbers,
+    sums: Numbers,
     products: Numbers,
     places: Indices,
     drift: Numbers,
@@ -242,7 +225,7 @@ def read_eigen(  # noqa: PLR0913, PLR0917 - a kernel's arguments
 
     def call() -> float:
         count = int(places[1] - places[0])
-        mean = total / count
+        mean = sums[1] / count
         np.divide(products, count, out=covariance[0])
         covariance[0] -= mean[:, None] * mean
         if covariance[0].trace() <= drift[1]:

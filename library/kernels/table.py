@@ -29,14 +29,15 @@ REGISTER = 16
 #: A number without a limit of its own.
 _UNLIMITED = 1e15
 _ARRAY = re.compile(r"(\w+):([a-z0-9]+)(?:\.([iHef]))?(?:<(\w))?(_?)(!?)$")
-_DTYPES: dict[str | None, type] = {None: np.float64, "i": np.intp, "H": np.uint16, "e": np.float16, "f": np.float32}
+_DTYPES: dict[str | None, np.dtype[np.generic]] = {each: np.dtype(each or "d") for each in (None, *"Hef")}
+_DTYPES["i"] = np.dtype(np.intp)
 
 
 @dataclass(frozen=True, slots=True)
 class _Array:
     name: str
     shape: str
-    dtype: type
+    dtype: np.dtype[np.generic]
     below: str
     room: bool
     written: bool
@@ -49,7 +50,7 @@ class _Array:
     def check(self, array: NDArray[np.generic], lengths: dict[str, int]) -> None:
         """Check one array against the lengths of the arrays before it, and add its own."""
         if array.dtype != self.dtype or array.ndim != len(self.shape):
-            expected = f"{len(self.shape)} dimensions of {np.dtype(self.dtype)}"
+            expected = f"{len(self.shape)} dimensions of {self.dtype}"
             raise ValueError(f"{self.name}: expected {expected}, got {array.ndim} of {array.dtype}")
         for letter, length in zip(self.shape, array.shape, strict=True):
             expected_length = int(letter) if letter.isdigit() else lengths.setdefault(letter, length)
@@ -102,8 +103,7 @@ class Kernel:
         for described, array in zip(self.arrays, arrays, strict=True):
             described.check(array, lengths)
         for described, array in zip(self.arrays, arrays, strict=True):
-            others = (other for other in arrays if other is not array)
-            if described.written and any(np.may_share_memory(array, other) for other in others):
+            if described.written and any(np.may_share_memory(array, each) for each in arrays if each is not array):
                 raise ValueError(f"{described.name}: expected memory that is in no other array")
             if described.room:
                 lengths[described.name] = array.strides[0] // array.itemsize
@@ -119,12 +119,12 @@ _SUMS = "seconds most tolerance no_movement", "end<n moved"
 KERNELS = {
     "distances": Kernel.of("positions:fj3 pairs:p2.i<j rows:fp_!", numbers="frames<f"),
     "follow": Kernel.of("rows:nw_ times:n places:2.i! drift:2! sums:4w! clock:3!", *_SUMS),
-    "follow_products": Kernel.of("points:nd_ times:n places:2.i! drift:2! reference:d! sum:d! products:dd!", *_SUMS),
+    "follow_products": Kernel.of("points:nd_ times:n places:2.i! drift:2! sums:2d! products:dd!", *_SUMS),
     "read_parts": Kernel.of(
         "sums:4w clock:3 places:2.i sizing:w segments:s.i<w above:sj ends:3w.H<j spread:w! posture:p! trend:t!",
         "floor level",
     ),
-    "read_eigen": Kernel.of("sum:d products:dd places:2.i drift:2 values:k! vectors:kd! scaled:kd! block:d8!"),
+    "read_eigen": Kernel.of("sums:2d products:dd places:2.i drift:2 values:k! vectors:kd! scaled:kd! block:d8!"),
     "eigenpairs": Kernel.of("covariances:mdd values:mk! vectors:mkd!"),
     "place": Kernel.of("numbers:n origin:n.f axes:na.e vector:k!"),
     "compare": Kernel.of(

@@ -49,7 +49,9 @@ _MAX_PREFIX_BYTES = 10_000
 _BYTES_READ = 16
 
 _MILLIMETRES = 1000.0
-_SMALL, _LARGE = np.dtype("<i2"), np.dtype("<i4")
+#: The integers of second differences, of which a file holds the smaller kind that is large enough.
+_SMALL = np.dtype("<i2")
+_LARGE = np.dtype("<i4")
 _LEARNED = "learned_"
 
 

@@ -27,11 +27,16 @@ if TYPE_CHECKING:
 NOTHING = "nothing"
 #: With fewer joints postures can hardly be distinguished.
 MIN_JOINTS = 5
-MIN_FRAME_RATE, MAX_FRAME_RATE = 1.0, 75.0
+#: Frames per second of a motion, at least.
+MIN_FRAME_RATE = 1.0
+#: Frames per second of a motion, at most.
+MAX_FRAME_RATE = 75.0
 #: Metres by which rounding positions to whole millimetres changes a distance, at most: this is no movement.
 _ROUNDING = 0.0035
-#: Frames from one to the next that teach how missing joints are computed, and the ridge of that regression, metres².
-_TAUGHT_EVERY, _SHRINKING = 12, 1e-3
+#: One in so many frames teaches how missing joints are computed.
+_TAUGHT_EVERY = 12
+#: The ridge of that regression, metres².
+_SHRINKING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -354,16 +359,7 @@ def _completed(clip: Clip, library: MotionLibrary) -> Clip:
 
 def _over(skeleton: Skeleton, motions: Iterable[Clip]) -> tuple[Clip, ...]:
     """Give motions over a skeleton of some of their joints, in the skeleton's order."""
-    return tuple(
-        motion
-        if motion.skeleton == skeleton
-        else replace(
-            motion,
-            skeleton=skeleton,
-            positions=motion.positions[:, skeleton.order_from(motion.skeleton.joints)],
-        )
-        for motion in motions
-    )
+    return tuple(motion.over(skeleton) for motion in motions)
 
 
 def _in_canonical_order(skeleton: Skeleton) -> Skeleton:

@@ -35,9 +35,9 @@ def signature_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     centred = rows - rows.mean(axis=0)
     frames, pairs = centred.shape
     if pairs <= frames:
-        return _leading(centred.T @ centred)
+        return leading_eigenvectors(centred.T @ centred, 1)[1][:, 0]
     # X = UΣVᵀ: the leading row of Vᵀ is uᵀX up to its length. u is the leading eigenvector of X Xᵀ, the smaller matrix.
-    axis: NDArray[np.float64] = _leading(centred @ centred.T) @ centred
+    axis: NDArray[np.float64] = leading_eigenvectors(centred @ centred.T, 1)[1][:, 0] @ centred
     length = float(np.linalg.norm(axis))
     return axis / length if length > 0 else np.full(pairs, pairs**-0.5)
 
@@ -60,16 +60,6 @@ def similarity(axes: NDArray[np.floating], axis: NDArray[np.floating]) -> NDArra
     """
     product: NDArray[np.floating] = np.abs(axes @ axis)
     return product
-
-
-def _leading(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Find the eigenvector of a symmetric matrix's largest eigenvalue."""
-    from scipy.linalg import eigh  # noqa: PLC0415 - slow to load, and a live feed does not need it
-
-    last = len(matrix) - 1
-    _, vectors = eigh(matrix, subset_by_index=[last, last])
-    vector: NDArray[np.float64] = vectors[:, 0]
-    return vector
 
 
 def leading_eigenvectors(matrix: NDArray[_Number], most: int) -> tuple[NDArray[_Number], NDArray[_Number]]:

@@ -59,10 +59,13 @@ class Part(NamedTuple):
         return f"{self.kind} {self.seconds:g} s"
 
 
-EIGEN_LONG, EIGEN_SHORT = Part(Kind.EIGEN, 2.0), Part(Kind.EIGEN, 0.5)
-SPREAD_LONG, SPREAD_SHORT = Part(Kind.SPREAD, 1.0), Part(Kind.SPREAD, 0.25)
+EIGEN_LONG = Part(Kind.EIGEN, 2.0)
+EIGEN_SHORT = Part(Kind.EIGEN, 0.5)
+SPREAD_LONG = Part(Kind.SPREAD, 1.0)
+SPREAD_SHORT = Part(Kind.SPREAD, 0.25)
 POSTURE = Part(Kind.POSTURE, 0.25)
-TREND_LONG, TREND_SHORT = Part(Kind.TREND, 1.0), Part(Kind.TREND, 0.25)
+TREND_LONG = Part(Kind.TREND, 1.0)
+TREND_SHORT = Part(Kind.TREND, 0.25)
 PARTS = (EIGEN_LONG, EIGEN_SHORT, SPREAD_LONG, SPREAD_SHORT, POSTURE, TREND_LONG, TREND_SHORT)
 #: The parts that no longer see the motion before after half a second.
 SHORT_PARTS = (EIGEN_SHORT, SPREAD_SHORT, POSTURE, TREND_SHORT)

@@ -40,8 +40,10 @@ Group = tuple[Part, ...]
 NEAREST = 0.01
 #: Added to 1 − |inner product|² before the logarithm.
 _SAME_PRODUCT = 1e-3
-#: Axes that are kept of each part, and of a group of several parts.
-_PART_AXES, MAX_AXES = 64, 128
+#: Axes that are kept of each part.
+_PART_AXES = 64
+#: Axes that are kept of a group of several parts.
+MAX_AXES = 128
 #: Axes of such a group that distinguish the very classes that taught them: the other axes differ between people.
 #: Classes that taught nothing may differ in any axis.
 _TAUGHT_AXES = 32
@@ -67,10 +69,9 @@ class Weighing:
         Eigenvectors of an eigen part.
     nearest
         Added to squared distances before the logarithm: windows at a smaller distance count as the same.
-    is_weighted
-        Whether every moving pair weighs alike in the basis; if not, each weighs as much as it varies.
     by_products
-        Whether persons agree by their |inner products|, as in the paper, and not by their log distances.
+        Whether persons agree by their |inner products|, as in the paper, and not by their log distances. Then each pair
+        weighs as much in the basis as it varies; else every moving pair weighs alike.
     judges
         Whether unknown motion is recognised as such; if not, a guess is named unless its eigenvector is arbitrary.
 
@@ -85,7 +86,6 @@ class Weighing:
     first: float
     eigenvectors: int = EIGENVECTORS
     nearest: float = NEAREST
-    is_weighted: bool = True
     by_products: bool = False
     judges: bool = True
 
@@ -162,7 +162,6 @@ def by_paper(seconds: float) -> Weighing:
         first=FIRST_WINDOW,
         eigenvectors=1,
         nearest=0.0,
-        is_weighted=False,
         by_products=True,
         judges=False,
     )

@@ -74,8 +74,10 @@ class CutWindows:
 
     Attributes
     ----------
-    moments, eigenpairs
-        Of all windows, by the seconds of a window.
+    numbers
+        The numbers of each part, (windows, numbers).
+    leading
+        The leading eigenvector of each of the longest windows in the basis, shape (windows, directions).
     """
 
     def __init__(  # noqa: PLR0913, PLR0917 - motions, and how windows are read
@@ -87,7 +89,6 @@ class CutWindows:
         parts: Sequence[Part] = PARTS,
         eigenvectors: int = EIGENVECTORS,
     ) -> None:
-        self._parts, self._body = tuple(parts), body
         of_distances, in_basis = lengths_of(parts)
         moments: dict[float, list[Moments]] = {seconds: [] for seconds in of_distances}
         pairs: dict[float, list[Eigenpairs]] = {seconds: [] for seconds in in_basis}
@@ -98,21 +99,15 @@ class CutWindows:
             points = rows @ basis.directions
             for seconds, each in pairs.items():
                 each.append(eigenpairs_of(window_covariances(points, clip, end, seconds), eigenvectors))
-        self.moments = {
-            seconds: Moments(*map(np.concatenate, zip(*each, strict=True))) for seconds, each in moments.items()
-        }
-        self.eigenpairs = {
-            seconds: Eigenpairs(*map(np.concatenate, zip(*each, strict=True))) for seconds, each in pairs.items()
-        }
-
-    def numbers(self) -> dict[Part, NDArray[np.float64]]:
-        """Give the numbers of the parts, each (windows, numbers)."""
-        return {
-            part: eigen(self.eigenpairs[part.seconds])
+        joined = {each: Moments(*map(np.concatenate, zip(*found, strict=True))) for each, found in moments.items()}
+        eigenpairs = {each: Eigenpairs(*map(np.concatenate, zip(*found, strict=True))) for each, found in pairs.items()}
+        self.numbers = {
+            part: eigen(eigenpairs[part.seconds])
             if part.kind is Kind.EIGEN
-            else _OF_DISTANCES[part.kind](self.moments[part.seconds], self._body)
-            for part in self._parts
+            else _OF_DISTANCES[part.kind](joined[part.seconds], body)
+            for part in parts
         }
+        self.leading = eigenpairs[in_basis[-1]].vectors[:, 0]
 
 
 #: The function that computes each kind of part from moments.

@@ -16,31 +16,33 @@ from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import PhaseTable
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.parts import lengths_of
 from kinespace.library.windows.comparer import Comparer, Laid
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
-from kinespace.library.windows.kept import WEIGHINGS, kept_of, with_kept
+from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
 from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.segments import Segments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
-    from kinespace.library.signature.parts import Part
 
-#: Seconds between two windows that are kept of a motion: in a library of one person, and of several persons.
-_EVERY_ONE, _EVERY_SEVERAL = 0.1, 0.4
+#: Seconds between two windows that are kept of a motion in a library of one person.
+_EVERY_ONE = 0.1
+#: The same in a library of several persons.
+_EVERY_SEVERAL = 0.4
 #: Frames per second of the motions when their windows are computed.
 _MEASURED_AT = 30.0
 #: Frames per second at which the basis is learned.
 _BASIS_AT = 10.0
-#: Windows from which metrics are learned, at most, and windows whose numbers are in memory at once, about.
-_MAX_LESSONS, _PIECE = 10_000, 4_000
+#: Windows from which metrics are learned, at most.
+_MAX_LESSONS = 10_000
+#: Windows whose numbers are in memory at once, about.
+_PIECE = 4_000
 #: Views by fewer joints that an index keeps.
 MAX_VIEWS = 8
 #: Persons needed to learn metrics: with fewer, metrics are learned from the built-in library's persons.
@@ -102,28 +104,20 @@ class WindowIndex:
         """
         weighing = weighing or usual_weighing(library)
         teacher = teacher or teacher_of(library)
-        body, kept = Body.of(teacher.skeleton), kept_of(teacher, weighing)
-        if kept:
-            comparison = kept.comparison.of_taught_classes() if library is teacher else kept.comparison
-            measured = Measured.of(library, _every(library), weighing.first)
-            placed = measured.placed(comparison, body, kept.basis)
-            found = placed.vectors, placed.eigenvectors, measured.motions
-            return cls(library, body, kept.basis, comparison, *found).with_guests()
-        basis = learned_basis(teacher, weighted=weighing.is_weighted)
-        taught = Measured.of(teacher, _EVERY_SEVERAL, weighing.first)
-        lessons = taught.thinned(_MAX_LESSONS)
-        cut = CutWindows(lessons.clips, lessons.ends, body, basis, weighing.parts, weighing.eigenvectors)
-        numbers = cut.numbers()
-        comparison = Comparison.learned(weighing, numbers, _lessons(teacher, lessons.motions))
-        comparison = comparison.of_taught_classes() if library is teacher else comparison
-        again = library is teacher and _every(library) == _EVERY_SEVERAL
-        if again and lessons is taught:
-            placed = Placed.of(comparison, cut, numbers)
+        body, kept, cut = Body.of(teacher.skeleton), kept_of(teacher, weighing), None
+        measured = Measured.of(library, _every(library), weighing.first)
+        if kept is None:
+            lessons = Measured.of(teacher, _EVERY_SEVERAL, weighing.first).thinned(_MAX_LESSONS)
+            basis = learned_basis(teacher, weighted=not weighing.by_products)
+            cut = CutWindows(lessons.clips, lessons.ends, body, basis, weighing.parts, weighing.eigenvectors)
+            kept = Kept(basis, Comparison.learned(weighing, cut.numbers, _lessons(teacher, lessons.motions)))
+        comparison = kept.comparison.of_taught_classes() if library is teacher else kept.comparison
+        # Windows that taught are not cut again where all of the library's own did.
+        if cut and library is teacher and len(lessons.motions) == len(measured.motions):
+            placed = Placed.of(comparison, cut)
         else:
-            taught = taught if again else Measured.of(library, _every(library), weighing.first)
-            placed = taught.placed(comparison, body, basis)
-        found = placed.vectors, placed.eigenvectors, taught.motions
-        return cls(library, body, basis, comparison, *found).with_guests()
+            placed = measured.placed(comparison, body, kept.basis)
+        return cls(library, body, kept.basis, comparison, *placed, measured.motions).with_guests()
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -453,11 +447,10 @@ class Placed(NamedTuple):
     eigenvectors: NDArray[np.float32]
 
     @classmethod
-    def of(cls, comparison: Comparison, cut: CutWindows, numbers: Mapping[Part, NDArray[np.float64]]) -> Placed:
-        """Map windows with these numbers to vectors."""
-        vectors = tuple(each.astype(np.float16) for each in comparison.place(numbers))
-        longest = max(lengths_of(comparison.weighing.parts)[1])
-        return cls(vectors, cut.eigenpairs[longest].vectors[:, 0].astype(np.float32))
+    def of(cls, comparison: Comparison, cut: CutWindows) -> Placed:
+        """Map windows to vectors."""
+        vectors = tuple(each.astype(np.float16) for each in comparison.place(cut.numbers))
+        return cls(vectors, cut.leading.astype(np.float32))
 
 
 class Measured(NamedTuple):
@@ -519,12 +512,10 @@ class Measured(NamedTuple):
             weighing = comparison.weighing
             some = self.clips[begin:end], self.ends[begin:end]
             cut = CutWindows(*some, body, basis, weighing.parts, weighing.eigenvectors)
-            pieces.append(Placed.of(comparison, cut, cut.numbers()))
+            pieces.append(Placed.of(comparison, cut))
             begin = end
-        vectors = zip(*(piece.vectors for piece in pieces), strict=True)
-        return Placed(
-            tuple(np.concatenate(each) for each in vectors), np.concatenate([piece.eigenvectors for piece in pieces])
-        )
+        vectors, eigenvectors = zip(*pieces, strict=True)
+        return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
 
 
 def _thinned(clip: Clip, frame_rate: float) -> Clip:

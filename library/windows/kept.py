@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 _VERSION = 1
 #: The weighings whose metrics are kept, by the beginning of their arrays' names.
 WEIGHINGS = {"across": ACROSS_LABORATORIES, "within": WITHIN_LABORATORY}
-_BY, _BASIS = f"{TAUGHT}by", f"{TAUGHT}basis "
+#: The name of the array that identifies the motions that taught.
+_BY = f"{TAUGHT}by"
+#: The beginning of the names of the basis's arrays.
+_BASIS = f"{TAUGHT}basis "
 
 
 class Kept(NamedTuple):
@@ -49,12 +52,9 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Kept | None:
     if name is None or _BY not in learned or not np.array_equal(learned[_BY], _taught_by(teacher)):
         return None
     pairs = len(teacher.skeleton.pairs)
-    directions, weights, share = (_array(learned, f"{_BASIS}{each}") for each in ("directions", "weights", "share"))
-    count = directions.shape[1] if directions.ndim == 2 else 0
-    if len(directions) != pairs or not 1 <= count <= MAX_DIRECTIONS:
-        raise ValueError(f"basis: expected ({pairs}, at most {MAX_DIRECTIONS}) directions, got {directions.shape}")
-    if weights.shape != (pairs,) or share.shape != (1,) or weights.min() < 0:
-        raise ValueError(f"basis: expected ({pairs},) weights of at least 0 and one share, got {weights.shape}")
+    directions = _array(learned, f"{_BASIS}directions", pairs, MAX_DIRECTIONS)
+    weights, share = _array(learned, f"{_BASIS}weights", pairs), _array(learned, f"{_BASIS}share", 1)
+    count = directions.shape[1]
     parts = {
         part: _metric(learned, f"{name} {part.name}", count * (count + 1) // 2 if part.kind is Kind.EIGEN else pairs)
         for part in weighing.measured
@@ -82,18 +82,21 @@ def with_kept(library: MotionLibrary, basis: Basis, comparisons: Mapping[str, Co
 
 
 def _metric(learned: Mapping[str, NDArray[np.float32]], name: str, numbers: int) -> Metric:
-    origin, axes = (_array(learned, f"{TAUGHT}{name} {each}") for each in ("origin", "axes"))
-    fits = axes.ndim == 2 and len(axes) == numbers and 1 <= axes.shape[1] <= MAX_AXES
-    if origin.shape != (numbers,) or not fits:
-        expected = f"an origin ({numbers},) and ({numbers}, at most {MAX_AXES}) axes"
-        raise ValueError(f"{name}: expected {expected}, got {origin.shape} and {axes.shape}")
-    return Metric(origin, axes)
+    begin = f"{TAUGHT}{name}"
+    return Metric(_array(learned, f"{begin} origin", numbers), _array(learned, f"{begin} axes", numbers, MAX_AXES))
 
 
-def _array(learned: Mapping[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
-    if name not in learned:
-        raise ValueError(f"{name}: expected an array, got none")
-    return learned[name]
+def _array(
+    learned: Mapping[str, NDArray[np.float32]], name: str, rows: int, most: int | None = None
+) -> NDArray[np.float32]:
+    """Give an array of shape (rows,), or with up to so many columns."""
+    array = learned.get(name)
+    shape = () if array is None else array.shape
+    fits = shape == (rows,) if most is None else len(shape) == 2 and shape[0] == rows and 1 <= shape[1] <= most
+    if array is None or not fits:
+        expected = f"({rows},)" if most is None else f"({rows}, at most {most})"
+        raise ValueError(f"{name}: expected {expected} numbers, got {shape or 'none'}")
+    return array
 
 
 def _taught_by(library: MotionLibrary) -> NDArray[np.float32]:

@@ -32,7 +32,10 @@ MAX_LEAD = 2.0
 _ASKING = 600
 #: Windows of each kind without which nothing is learned.
 _MIN_WINDOWS = 10
-_BIAS, _SLOPE = "bias ", "slope "
+#: The beginning of the name of a class's bias.
+_BIAS = "bias "
+#: The beginning of the name of a class's slope.
+_SLOPE = "slope "
 #: The beginning of the names of the numbers for bodies of few joints.
 _FEW = "few "
 #: Added to a variance, so that evidence that hardly varies does not get an unlimited weight.

@@ -116,14 +116,11 @@ class Judgement:
 
     Attributes
     ----------
-    threshold
-        Evidence, as a logit (`library.windows.rejection`), from which a guess is known.
     average
-        The averaged evidence; NaN before the first.
+        The averaged evidence, as a logit (`library.windows.rejection`); NaN before the first.
     """
 
-    def __init__(self, threshold: float = -math.inf) -> None:
-        self.threshold = threshold
+    def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
@@ -131,12 +128,12 @@ class Judgement:
         self.average = math.nan
         self._known = False
 
-    def push(self, logit: float, elapsed: float) -> bool:
+    def push(self, logit: float, threshold: float, elapsed: float) -> bool:
         """Take in the evidence of the newest window, so many seconds after the last; say whether the guess is known."""
         if math.isnan(self.average):
             self.average = logit
         self.average -= math.expm1(-elapsed / _KNOWN_OVER) * (logit - self.average)
-        self._known = self.average >= self.threshold - (_HELD if self._known else 0.0)
+        self._known = self.average >= threshold - (_HELD if self._known else 0.0)
         return self._known
 
 
@@ -214,15 +211,13 @@ class Decision:
             self._active = replace(self._active, index=list(classes).index(self._active.label))
         return None
 
-    def push(self, windows: LiveWindows, seen: Leading, threshold: float, noise: float, time: float) -> Decided:
+    def push(self, windows: LiveWindows, seen: Leading, noise: float, time: float) -> Decided:
         """Decide for the windows that end now.
 
         Parameters
         ----------
         windows, seen
             The windows, and what they gave when they were read.
-        threshold
-            Evidence, as a logit, from which the guess is known.
         noise
             Standard deviation of a distance's noise, metres.
         time
@@ -236,8 +231,7 @@ class Decision:
         known, evidence = True, None
         if weighing.judges:
             evidence = Evidence.of(comparer.alone, classes.index(guess), noise)
-            self._judgement.threshold = threshold
-            known = self._judgement.push(index.rejection.logit(evidence, guess), elapsed)
+            known = self._judgement.push(index.rejection.logit(evidence, guess), windows.threshold, elapsed)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and seen.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Admitted, Frame
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
-    from kinespace.stream.recognizer.joints.mending import LongAgo
     from kinespace.stream.recognizer.recognizer import Views
 
 
@@ -259,25 +258,10 @@ class Performers(Following[_Performer]):
             return None
         return carried_by(given, performer.index.library.skeleton.pairs, performer.order, len(performer.joints))
 
-    def long_ago(self, name: str) -> LongAgo | None:
-        """Give the facts for another recogniser that goes on with the last seconds of a performer's feed."""
-        performer = self._performers.get(name)
-        return performer.recognizer.long_ago if performer else None
-
-    def go_on(self, name: str, known: LongAgo, arrival: float) -> None:
-        """Go on with a performer where another recogniser was (`Recognizer.go_on`), if there is room."""
-        if performer := self._performer(name, arrival):
-            performer.recognizer.go_on(known)
-
-    def only_follow(self, name: str, until: float, arrival: float) -> None:
-        """Compare nothing of a performer before a time (`Recognizer.only_follow`), if there is room."""
-        if performer := self._performer(name, arrival):
-            performer.recognizer.only_follow(until)
-
-    def keep_time_with(self, name: str, answered: float) -> None:
-        """Answer the same frames of a performer as another recogniser (`Recognizer.keep_time_with`)."""
-        if performer := self._performers.get(name):
-            performer.recognizer.keep_time_with(answered)
+    def recognizer_of(self, name: str, arrival: float | None = None) -> Recognizer | None:
+        """Give a performer's recogniser; with a time of arrival also a newcomer's, if there is room."""
+        performer = self._performers.get(name) if arrival is None else self._performer(name, arrival)
+        return performer.recognizer if performer else None
 
     def _described(self, performer: _Performer) -> str:
         used, wanted = len(performer.index.library.skeleton.joints), len(self.library.skeleton.joints)

@@ -129,8 +129,7 @@ class Recognizer:
         if not isinstance(self.settings, Settings):
             raise ValueError(f"settings: expected Settings, got {type(settings).__name__}")  # noqa: TRY004
         index = index_for(library, self.settings)
-        self._views, self._windows = views, LiveWindows(index)
-        self._threshold = threshold_for(index, self.settings)
+        self._views, self._windows = views, LiveWindows(index, threshold_for(index, self.settings))
         require_order(classes, index.library)
         self.counts = RecognizerCounts()
         self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
@@ -222,7 +221,7 @@ class Recognizer:
         with self._alone():
             self._windows.exchange(index)
             self._fitting = Fitting(index.segments)
-            self._threshold = threshold_for(index, self.settings)
+            self._windows.threshold = threshold_for(index, self.settings)
             self._answer_with(index, order)
             self._fewer, self._asked_for = None, ()
             if self._progress:
@@ -263,9 +262,9 @@ class Recognizer:
         if self.settings.signature is LiveSignature.WINDOWS:
             with self._alone():
                 self.settings = replace(self.settings, sensitivity=share)
-                self._threshold = threshold_for(self._windows.index, self.settings)
+                self._windows.threshold = threshold_for(self._windows.index, self.settings)
                 if self._fewer:
-                    self._fewer_threshold = threshold_for(self._fewer.index, self.settings, of_fewer=True)
+                    self._fewer.threshold = threshold_for(self._fewer.index, self.settings, of_fewer=True)
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
@@ -391,8 +390,7 @@ class Recognizer:
         except ValueError:
             return  # these joints cannot be compared
         if index is not None:
-            self._fewer = LiveWindows(index)
-            self._fewer_threshold = threshold_for(index, self.settings, of_fewer=True)
+            self._fewer = LiveWindows(index, threshold_for(index, self.settings, of_fewer=True))
             self._places = self.library.skeleton.places_of(index.library.skeleton)
             times, rows = self._windows.recent()
             self._fewer.push_all(times, rows[:, self._places])
@@ -426,8 +424,7 @@ class Recognizer:
         self.counts.hops += 1
         comparer, classes = windows.comparer, windows.index.classes
         jumped, doubted = self._joints.only_jumps(frame.time), self._joints.doubted
-        threshold = self._threshold if windows is self._windows else self._fewer_threshold
-        decided = self._decision.push(windows, seen, threshold, self._smoother.noise, frame.time)
+        decided = self._decision.push(windows, seen, self._smoother.noise, frame.time)
         outcome, distances = decided.outcome, comparer.named
         if jumped or (self._joints.left_out and windows is self._windows):
             outcome = Outcome.IMPLAUSIBLE

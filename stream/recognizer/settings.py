@@ -7,12 +7,17 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from numbers import Real
 
-#: Share of unknown time that may be named: where strangers' motions taught the library unknown motion, where its own
-#: classes did, and where these are of one person.
-SENSITIVITY_LEARNED, SENSITIVITY_OWN, SENSITIVITY_ONE = 0.05, 0.2, 0.28
-#: Lead that a class needs before a start event, and in a library of one person that learned what is unknown from its
-#: own classes: one example of each shows less surely what is unknown.
-LEAD_USUAL, LEAD_ONE = 3.0, 3.6
+#: Share of unknown time that may be named where strangers' motions taught the library unknown motion.
+SENSITIVITY_LEARNED = 0.05
+#: The same where the library's own classes did.
+SENSITIVITY_OWN = 0.2
+#: The same where these are of one person.
+SENSITIVITY_ONE = 0.28
+#: Lead that a class needs before a start event.
+LEAD_USUAL = 3.0
+#: The same in a library of one person that learned what is unknown from its own classes: one example of each shows less
+#: surely what is unknown.
+LEAD_ONE = 3.6
 #: Seconds between answers, at most.
 MAX_HOP = 60.0
 #: Seconds between two answers, at least, unless every frame is answered (0).

@@ -59,7 +59,9 @@ class Worker:
                 if name in self._asked:
                     self._asked.discard(name)
                     carried = self.performers.carried(name)
-                answers.append(Answered(sent.seq, sent.at, recognition, self.performers.long_ago(name), carried))
+                recognizer = self.performers.recognizer_of(name)
+                long_ago = recognizer.long_ago if recognizer else None
+                answers.append(Answered(sent.seq, sent.at, recognition, long_ago, carried))
         return answers
 
     def _prepare(self, sent: SentFrame, now: float) -> None:
@@ -70,18 +72,19 @@ class Worker:
             self._warming.discard(name)
         if announced := sent.announcement():
             performers.announce(announced, now)
+        recognizer = performers.recognizer_of(name, now) if sent.take_over or sent.go_on else None
         if past := sent.take_over:
             self._warming.add(name)
-            if past.time is not None:
-                performers.only_follow(name, past.time - _COMPARED, now)
-            if past.long_ago:
-                performers.go_on(name, past.long_ago.of_the_body, now)
+            if recognizer and past.time is not None:
+                recognizer.only_follow(past.time - _COMPARED)
+            if recognizer and past.long_ago:
+                recognizer.go_on(past.long_ago.of_the_body)
         if past := sent.go_on:
             self._warming.discard(name)
-            if past.time is not None:
-                performers.keep_time_with(name, past.time)
-            if past.long_ago:
-                performers.go_on(name, past.long_ago, now)
+            if recognizer and past.time is not None:
+                recognizer.keep_time_with(past.time)
+            if recognizer and past.long_ago:
+                recognizer.go_on(past.long_ago)
 
     def report(self, now: float, *, dropped: int = 0) -> Report:
         """Forget silent performers, and give the counters."""

@@ -330,10 +330,10 @@ def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Reje
 
 def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
     """Give the highest averaged evidence of a motion while its class is the guess."""
-    judgement = Judgement(math.inf)
+    judgement = Judgement()
     highest = -_FAR
     for window in windows:
-        judgement.push(rejection.logit(*window), _HOP)
+        judgement.push(rejection.logit(*window), math.inf, _HOP)
         if window[1] == name:
             highest = max(highest, judgement.average)
     return highest
@@ -401,8 +401,8 @@ def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> d
     """Count the results of a threshold on the takes: shares of unknown time and of takes, and starts a minute."""
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:
-        judgement = Judgement(threshold)
-        known = [judgement.push(rejection.logit(*window), _HOP) for window in course.windows]
+        judgement = Judgement()
+        known = [judgement.push(rejection.logit(*window), threshold, _HOP) for window in course.windows]
         if course.is_unknown:
             named += _HOP * sum(known)
             seconds += course.take.clip.duration

@@ -193,7 +193,7 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
 def _listed(table: Path) -> Iterator[_Entry]:
     """Read the takes that a table lists, without takes that may contain a class: nothing is known of them."""
     try:
-        rows = csv.DictReader(memory.lines(table, memory.MAX_BESIDE))
+        rows = csv.DictReader(memory.lines(table, memory.MAX_WITHOUT_MOTION))
         missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
         if missing:
             raise LabelError(f"{table}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")

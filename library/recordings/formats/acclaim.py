@@ -117,7 +117,7 @@ class _AsfReader:
 
     def read(self) -> AcclaimSkeleton:
         section, entry = "", dict[str, _Line]()
-        for number, words in _lines(self.path, memory.MAX_BESIDE):
+        for number, words in _lines(self.path, memory.MAX_WITHOUT_MOTION):
             word, line = words[0].lower(), _Line(self.path, number, words)
             if word.startswith(":"):
                 section = word

@@ -93,7 +93,7 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
         The file cannot be opened.
     """
     try:
-        segments = list(_segments(path, list(memory.lines(path, memory.MAX_BESIDE))))
+        segments = list(_segments(path, list(memory.lines(path, memory.MAX_WITHOUT_MOTION))))
     except (UnicodeDecodeError, csv.Error) as error:
         raise LabelError(f"{path}: expected a CSV in UTF-8, as a spreadsheet can save it ({error})") from error
     if not segments:

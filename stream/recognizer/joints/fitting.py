@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 #: library names motions (HDM05's, CMU's, UI-PRMD's by markers and by Kinect 2) and those by whose joints it does not
 #: (Kinder-Gator's and UTKinect's by Kinect 1, films'). With each set left out in turn, the others choose .198 to .206.
 UNLIKE = 0.205
-#: Looks at a moving body that decide, and seconds between two of them.
-_LOOKS, _APART = 15, 1 / 6
+#: Looks at a moving body that decide.
+_LOOKS = 15
+#: Seconds between two of them.
+_APART = 1 / 6
 
 
 class Fitting:

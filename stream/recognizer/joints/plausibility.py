@@ -30,21 +30,28 @@ if TYPE_CHECKING:
 
 
 #: A body may have jumped when a sixth of its joints step farther than these metres between two frames, and faster than
-#: these metres per second; 99.9 % of the steps of CMU's takes are a quarter slower.
-JUMP_STEP, JUMP_SPEED = 0.12, 7.0
+#: `JUMP_SPEED`.
+JUMP_STEP = 0.12
+#: Metres per second; 99.9 % of the steps of CMU's takes are a quarter slower.
+JUMP_SPEED = 7.0
 _JUMPING_JOINTS = 6
-#: A body's middle jumps when it steps farther than these metres, and faster than these metres per second: a sprinter
-#: reaches 12. Frames that come late and then together, without times of their own, show a runner steps of 0.2 m.
-ELSEWHERE_STEP, ELSEWHERE_SPEED = 0.3, 12.0
+#: A body's middle jumps when it steps farther than these metres, and faster than `ELSEWHERE_SPEED`. Frames that come
+#: late and then together, without times of their own, show a runner steps of 0.2 m.
+ELSEWHERE_STEP = 0.3
+#: Metres per second: a sprinter reaches 12.
+ELSEWHERE_SPEED = 12.0
 #: The middle of the joints, their median, lies so near their mean, as a share of a step, unless single joints jump.
 _NEAR_MEAN = 2 / 3
-#: A jump is so many times as far and as fast as the step before; or it goes back where that step came from: the cosine
-#: between them.
-SUDDEN, _BACK = 3.0, -0.5
+#: A jump is so many times as far and as fast as the step before.
+SUDDEN = 3.0
+#: Or it goes back where that step came from: the cosine between them is below this.
+_BACK = -0.5
 #: Share of the step that may be left when a correction explains a jump.
 _EXPLAINED = 0.34
-#: A change of unit scales all segments alike, by at least so much.
-_MIN_UNIT_CHANGE, _ALIKE = 1.25, 0.05
+#: A change of unit scales all segments by at least so much.
+_MIN_UNIT_CHANGE = 1.25
+#: It scales them alike: three quarters of them differ by no more than this share from its factor.
+_ALIKE = 0.05
 #: Seconds over which lengths and positions are judged: one span and the span before it together.
 SPAN = 1 / 3
 #: Metres by which a rigid segment may change.
@@ -57,15 +64,22 @@ MAX_STRETCH = 0.5
 STEADIER = 0.5
 #: The number of judgements in a row after which joints in disorder are doubted.
 _IN_DISORDER = 2
-#: Metres within which a position stays the same, and by which a frozen joint's segment changes at least on a rigid
-#: body.
-SAME_PLACE, FROZEN_STRETCH = 2e-5, 0.002
+#: Metres within which a position stays the same.
+SAME_PLACE = 2e-5
+#: Metres by which a frozen joint's segment changes at least on a rigid body.
+FROZEN_STRETCH = 0.002
 #: From this tremble on, metres (the median change of segments in two spans), a body is not rigid: then a joint that
-#: does not tremble is frozen, and a segment must be wrong in so many judgements in a row, because a hand that a sensor
-#: does not see strays for a moment. The share of the tremble that each judgement keeps.
-TREMBLES, _LASTING, _KEPT = 0.004, 3, 0.98
-#: Frames of a span that are looked at, at least and at most; a slow feed has longer spans.
-_MIN_LOOKS, _MAX_LOOKS = 6, 16
+#: does not tremble is frozen.
+TREMBLES = 0.004
+#: The number of judgements in a row in which a segment of such a body must be wrong, because a hand that a sensor does
+#: not see strays for a moment.
+_LASTING = 3
+#: The share of the tremble that each judgement keeps.
+_KEPT = 0.98
+#: Frames of a span that are looked at, at least; a slow feed has longer spans.
+_MIN_LOOKS = 6
+#: Frames of a span that are looked at, at most.
+_MAX_LOOKS = 16
 
 
 class Change(StrEnum):

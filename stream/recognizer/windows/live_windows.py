@@ -64,9 +64,12 @@ class LiveWindows:
         Compares what `read` has read: the distances are in there.
     has_read
         Whether a window was compared with the present library.
+    threshold
+        Evidence, as a logit, from which a guess by these windows is known.
     """
 
-    def __init__(self, index: WindowIndex) -> None:
+    def __init__(self, index: WindowIndex, threshold: float = -math.inf) -> None:
+        self.threshold = threshold
         self._compare_with(index)
         self._begin_again()
 
@@ -108,7 +111,7 @@ class LiveWindows:
         self._read_eigen = [
             bind(
                 "read_eigen",
-                *(each.total, each.products, each.places, each.drift, self._values, vectors),
+                *(each.sums, each.products, each.places, each.drift, self._values, vectors),
                 numbers.get(Part(Kind.EIGEN, seconds), np.empty(vectors.shape)),
                 block,
             )
@@ -117,7 +120,7 @@ class LiveWindows:
         if len(vectors) == 1 < directions:
             # One eigenvector is compared, but the gap needs the second eigenvalue.
             longest, two, self._values = self._products[-1], np.empty((2, directions)), np.empty(2)
-            sums = longest.total, longest.products, longest.places, longest.drift
+            sums = longest.sums, longest.products, longest.places, longest.drift
             again = bind("read_eigen", *sums, self._values, two, two.copy(), np.zeros((directions, BLOCK)))
             self._read_eigen.append(again)
 
@@ -137,7 +140,7 @@ class LiveWindows:
         """Let all sums follow the rows that were pushed."""
         window = self._window
         for each in self._sums:
-            each.refreshes += int(each.follow(window.end, window.moved))
+            each.follow(window.end, window.moved)
         window.pass_over()
 
     def clear(self) -> None:

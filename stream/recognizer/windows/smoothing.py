@@ -20,10 +20,14 @@ if TYPE_CHECKING:
 
 #: Standard deviation of a distance's noise from which rows are averaged, metres: 8 mm on every coordinate.
 NOISY = 0.0113
-#: Seconds over which the rows of a noisy feed are averaged, and over which the noise is estimated.
-_AVERAGED, _ESTIMATED = 0.1, 1.0
-#: Seconds of rows, or rows, after which the noise is estimated again, once it is known.
-_EVERY, _MAX_WAITING = 0.1, 30
+#: Seconds over which the rows of a noisy feed are averaged.
+_AVERAGED = 0.1
+#: Seconds over which the noise is estimated.
+_ESTIMATED = 1.0
+#: Seconds of rows after which the noise is estimated again, once it is known.
+_EVERY = 0.1
+#: Rows after which it is, at the latest.
+_MAX_WAITING = 30
 #: The variance of second differences of white noise, relative to the noise's variance.
 _SECOND_DIFFERENCE = 6.0
 #: Rows that are kept to average over.

@@ -41,8 +41,6 @@ class Sums:
         Follows the window up to its newest row, from where that row ends in the window's memory, and by how many places
         rows have moved back in all; gives whether the sums were computed afresh. After it on all sums the window needs
         `pass_over`.
-    refreshes
-        How often the sums were computed afresh from the window's rows.
     """
 
     def __init__(
@@ -53,7 +51,7 @@ class Sums:
         rows: NDArray[np.float64],
         *sums: NDArray[np.float64],
     ) -> None:
-        self.places, self.drift, self.refreshes = np.zeros(2, dtype=np.intp), np.zeros(2), 0
+        self.places, self.drift = np.zeros(2, dtype=np.intp), np.zeros(2)
         limits = seconds - TIE, window.most_in(seconds), DRIFT_TOLERANCE, NO_MOVEMENT
         self.follow = bind(kernel, rows, window.times_kept, self.places, self.drift, *sums, *limits)
 
@@ -96,13 +94,12 @@ class ProductSums(Sums):
 
     Attributes
     ----------
-    reference, total, products
-        The reference; of the points relative to it the sum, both of shape (width,), and the sum of their products,
-        shape (width, width).
+    sums, products
+        The reference and the sum of the points relative to it, shape (2, width); and the sum of their products, shape
+        (width, width).
     """
 
     def __init__(self, window: SlidingWindow, seconds: float) -> None:
         width = window.points_kept.shape[1]
-        self.reference, self.total, self.products = np.zeros(width), np.zeros(width), np.zeros((width, width))
-        sums = self.reference, self.total, self.products
-        super().__init__(window, seconds, "follow_products", window.points_kept, *sums)
+        self.sums, self.products = np.zeros((2, width)), np.zeros((width, width))
+        super().__init__(window, seconds, "follow_products", window.points_kept, self.sums, self.products)

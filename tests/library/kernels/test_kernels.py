@@ -96,7 +96,7 @@ def _follow_products(generator: Generator) -> Case:
     arrays, calls = _window(generator, width)
     arrays["points"] = arrays.pop("rows")
     ordered = {name: arrays[name] for name in ("points", "times", "places", "drift")}
-    ordered |= {"reference": _zeros(width), "sum": _zeros(width), "products": _zeros(width, width)}
+    ordered |= {"sums": _zeros(2, width), "products": _zeros(width, width)}
     return Case(ordered, (generator.uniform(0.05, 2), 1e6, generator.choice([1e-11, 1e-13, 1e-15]), 1e-6), calls)
 
 
@@ -125,18 +125,18 @@ def _read_parts(generator: Generator) -> Case:
     for name in ("posture", "trend"):
         if not generator.integers(4):
             read[name] = _zeros(0)
-    # Rounding of a variance that is nothing beside its mean is as large as the variance.
+    # Rounding of a variance that is nothing against its mean is as large as the variance.
     return Case(read, (1 / 60, 0.5), tolerance=1e-6)
 
 
 def _read_eigen(generator: Generator) -> Case:
     case = _follow_products(generator)
     of = _followed(case, plain.follow_products)
-    size = len(of["reference"])
+    size = len(of["products"])
     found = min(4, size)
     if not generator.integers(4):
         of["drift"][1] = np.inf
-    arrays = {"sum": of["sum"], "products": of["products"], "places": of["places"], "drift": of["drift"]}
+    arrays = {"sums": of["sums"], "products": of["products"], "places": of["places"], "drift": of["drift"]}
     arrays |= {"values": _zeros(found), "vectors": _zeros(found, size), "scaled": _zeros(found, size)}
     arrays["block"] = _zeros(size, BLOCK)
     return Case(arrays, calls=[()] * 3, tolerance=1e-6, signless=("scaled",), own=("vectors", "block"))
@@ -326,13 +326,13 @@ def test_one_covariance_after_another_is_read_as_each_alone(begin: float, width:
     """What is taken over from the window before, even nonsense, does not change what is found; later it is of use."""
     generator = np.random.default_rng(5)
     points, taken = (generator.normal(size=(400, 32)) * 2.0 ** -(np.arange(32) / 2)).cumsum(axis=0), 0
-    sums = np.zeros(32), np.zeros((32, 32)), np.array([0, 60]), np.zeros(2)
+    sums = np.zeros((2, 32)), np.zeros((32, 32)), np.array([0, 60]), np.zeros(2)
     block, of = np.full((32, BLOCK), begin), (np.zeros(4), *np.zeros((2, 4, 32)))
     others = (np.zeros(4), *np.zeros((2, 4, 32)), np.zeros((32, BLOCK)))
     read, twin = kernels.bind("read_eigen", *sums, *of, block), plain.read_eigen(*sums, *others)
     for end in range(60, 400, 3):
         relative = points[end - 60 : end] - points[end - 60]
-        sums[0][:], sums[1][:] = relative.sum(axis=0), relative.T @ relative
+        sums[0][1], sums[1][:] = relative.sum(axis=0), relative.T @ relative
         trace = read()
         assert trace == pytest.approx(twin())
         np.testing.assert_allclose(of[0], others[0], atol=1e-9 * trace, err_msg=width)
@@ -341,7 +341,7 @@ def test_one_covariance_after_another_is_read_as_each_alone(begin: float, width:
     assert taken > 50
 
 
-def test_numbers_that_are_none_are_told(arithmetic: str) -> None:
+def test_numbers_that_are_none_are_noticed(arithmetic: str) -> None:
     """Covariances with NaN have no eigenpairs; a window with NaN or infinity is near to nothing."""
     for name, failed in (("eigenpairs", 0.0), ("read_eigen", np.nan)):
         case = _case(name, 3)
@@ -368,10 +368,10 @@ def test_numpy_takes_what_is_too_large_for_the_compiled_kernels() -> None:
     rows = np.zeros((1, 1))
     kernels.bind("distances", np.arange(900.0).reshape(1, 300, 3), np.array([[0, 299]]), rows)(1)
     assert rows[0, 0] == pytest.approx(299 * 3 * 3**0.5)
-    sums = np.zeros(40), np.zeros(40), np.zeros((40, 40))
+    sums = np.zeros((2, 40)), np.zeros((40, 40))
     window = np.ones((4, 40)), np.arange(4.0), np.zeros(2, dtype=np.intp), np.zeros(2)
     assert kernels.bind("follow_products", *window, *sums, 9.0, 9.0, 1e-11, 1e-6)(4, 0) == 1.0
-    assert sums[0].tolist() == [1.0] * 40
+    assert sums[0].tolist() == [[1.0] * 40, [0.0] * 40]
 
 
 # --- refused -----------------------------------------------------------------------------------------------------
@@ -406,7 +406,7 @@ def test_arrays_that_do_not_fit_are_refused(name: str) -> None:
     for wrong, arrays in _wrong(name):
         with pytest.raises(ValueError, match=r"^\w+: expected .*(, got )?") as raised:
             kernels.bind(name, *arrays, *case.constants)
-        # A length that stands in several arrays may be told of the next one.
+        # A length that stands in several arrays may be missed only in the next one.
         assert str(raised.value).split(":")[0] in {wrong, *(each.name for each in KERNELS[name].arrays)}
         refused += 1
     assert refused > 4 * len(case.arrays)

@@ -60,7 +60,7 @@ def test_the_papers_weighing_names_by_products() -> None:
 def test_windows_are_placed_by_metrics(small_index: WindowIndex) -> None:
     """An eigen part alone stays eigenvectors; another part has its own metric, and several parts one more."""
     clips, ends, motions = Measured.of(small_index.library, 0.4)
-    numbers = CutWindows(clips, ends, small_index.body, small_index.basis).numbers()
+    numbers = CutWindows(clips, ends, small_index.body, small_index.basis).numbers
     classes, people = (
         np.unique([getattr(clip, name) for clip in clips], return_inverse=True)[1] for name in ("class_name", "actor")
     )

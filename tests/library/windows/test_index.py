@@ -65,7 +65,7 @@ def asking(builtin: MotionLibrary) -> tuple[Clip, ...]:
 def _numbers(index: WindowIndex, clip: Clip, every: float = 0.4) -> list[Mapping[Part, np.ndarray]]:
     """Give the numbers of a motion's windows one by one."""
     ends, weighing = window_ends(clip, every), index.comparison.weighing
-    cut = CutWindows([clip], [ends], index.body, index.basis, weighing.parts, weighing.eigenvectors).numbers()
+    cut = CutWindows([clip], [ends], index.body, index.basis, weighing.parts, weighing.eigenvectors).numbers
     return [{part: numbers[place].copy() for part, numbers in cut.items()} for place in range(len(ends))]
 
 

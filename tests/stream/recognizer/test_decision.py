@@ -94,17 +94,17 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(0.01, 0.5)), min_size=1, max_size=40), st.floats(-2, 2))
 def test_a_guess_is_known_by_averaged_evidence(course: list[tuple[float, float]], threshold: float) -> None:
     """The average over 0.3 seconds, whatever the hops, is against a threshold that is lower for what is known."""
-    judgement, times = Judgement(threshold), np.cumsum([elapsed for _, elapsed in course]).tolist()
+    judgement, times = Judgement(), np.cumsum([elapsed for _, elapsed in course]).tolist()
     assert math.isnan(judgement.average)
     expected = naive_stream.known(times, [logit for logit, _ in course], threshold)
     for known, (logit, elapsed) in zip(expected, course, strict=True):
-        found = judgement.push(logit, elapsed)
+        found = judgement.push(logit, threshold, elapsed)
         if min(abs(judgement.average - threshold), abs(judgement.average - threshold + 1.5)) < 1e-6:
             return
         assert found == known
     judgement.clear()
     assert math.isnan(judgement.average)
-    assert not judgement.push(threshold - 0.1, HOP)
+    assert not judgement.push(threshold - 0.1, threshold, HOP)
 
 
 # --- guesses -----------------------------------------------------------------------------------------------------
@@ -118,9 +118,9 @@ def index(sticks: MotionLibrary) -> WindowIndex:
     return opened(sticks)
 
 
-def _windows(index: WindowIndex, *distances: float) -> LiveWindows:
+def _windows(index: WindowIndex, *distances: float, threshold: float = ANYTHING) -> LiveWindows:
     """Give windows at these log distances from the classes, alike by each group."""
-    windows = LiveWindows(index)
+    windows = LiveWindows(index, threshold)
     windows.comparer.logs[:] = windows.comparer.named[:] = distances
     return windows
 
@@ -129,16 +129,16 @@ def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -
     """The first is followed at once; while it is held its lead is below 0; the lead counts for as long as hops last."""
     decision = Decision(NEEDED)
     decided = [
-        decision.push(_windows(index, *each), MOVING, ANYTHING, 0.0, time * HOP)
+        decision.push(_windows(index, *each), MOVING, 0.0, time * HOP)
         for time, each in enumerate([(3.0, 1.0, 1.5), *[(1.0, 1.25, 3.0)] * 4, (1.0, 9.0, 9.0)])
     ]
     assert [each.guess for each in decided] == ["jump"] * 3 + ["bow"] * 3
     assert [each.lead for each in decided] == pytest.approx([0.5, -0.25, -0.25, 0.25, 0.25, 8.0])
     assert 2 * 0.25 < LEAD < 3 * 0.25
     decision.clear()
-    assert decision.push(_windows(index, 2.0, 1.9, 3.0), MOVING, ANYTHING, 0.0, 9.0).guess == "jump"
+    assert decision.push(_windows(index, 2.0, 1.9, 3.0), MOVING, 0.0, 9.0).guess == "jump"
     alone = index.of_some([place for place, each in enumerate(index.library.motions) if each.class_name == "wave"])
-    assert decision.push(_windows(alone, 0.7), MOVING, ANYTHING, 0.0, 9.1)[1:3] == ("wave", math.inf)
+    assert decision.push(_windows(alone, 0.7), MOVING, 0.0, 9.1)[1:3] == ("wave", math.inf)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_reasons_for_naming_no_class(
 ) -> None:
     """Too little evidence is unknown, a body that hardly moves still; the gap matters only to the paper's signature."""
     decision = Decision(NEEDED, stillness=stillness)
-    decided = decision.push(_windows(index, 0.1, 1.0, 1.0), seen, threshold, 0.01, 0.0)
+    decided = decision.push(_windows(index, 0.1, 1.0, 1.0, threshold=threshold), seen, 0.01, 0.0)
     assert decided.outcome is outcome
     assert decided.evidence is not None
     assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))
@@ -166,7 +166,7 @@ def test_reasons_for_naming_no_class(
 def test_the_papers_eigenvector_may_be_arbitrary(index: WindowIndex, gap: float, outcome: Outcome) -> None:
     """Then its movement is ambiguous, and it has no evidence."""
     paper = index_for(index, Settings(LiveSignature.PAPER))
-    decided = Decision(NEEDED).push(_windows(paper, 0.1, 1.0, 1.0), MOVING._replace(gap=gap), ANYTHING, 0.0, 0.0)
+    decided = Decision(NEEDED).push(_windows(paper, 0.1, 1.0, 1.0), MOVING._replace(gap=gap), 0.0, 0.0)
     assert (decided.outcome, decided.evidence) == (outcome, None)
 
 

@@ -286,15 +286,17 @@ def test_what_is_asked_of_a_performer_is_its_recognisers(sticks: MotionLibrary) 
     """Doubts, facts for another recogniser, and the times of answers; of a stranger there is nothing."""
     every = Settings(hop=0.0)
     performers, recognizer, frames = Performers(sticks, every), Recognizer(sticks, every), _frames("p", "bow")
-    assert (performers.long_ago("p"), performers.doubted) == (None, {})
-    performers.keep_time_with("p", 1.0)
-    performers.go_on("p", LongAgo(factor=0.5), 0.0)
-    performers.only_follow("p", 0.5, 0.0)
+    assert (performers.recognizer_of("p"), performers.doubted) == (None, {})
+    begun = performers.recognizer_of("p", 0.0)
+    assert begun is not None
+    begun.go_on(LongAgo(factor=0.5))
+    begun.only_follow(0.5)
     answers = _pushed(performers, [replace(each, positions=2 * each.positions) for each in frames])
     alone = {each.time: each for frame in frames if (each := recognizer.push(frame))}
     assert [answer.time for answer in answers] == [time for time in alone if time >= 0.5]
     assert answers[-1].scores == pytest.approx(alone[answers[-1].time].scores, abs=1e-3)
-    known = performers.long_ago("p")
+    assert performers.recognizer_of("p") is begun
+    known = begun.long_ago
     assert known is not None
     assert (known.factor, known.mirrored) == (0.5, False)
     lost = [replace(each, time=each.time + 200 / 120, positions=each.positions.copy()) for each in frames]
@@ -304,7 +306,9 @@ def test_what_is_asked_of_a_performer_is_its_recognisers(sticks: MotionLibrary) 
     assert performers.doubted == {"p": "joints: done without foot"}
     performers = Performers(sticks)
     _pushed(performers, frames[:60])
-    performers.keep_time_with("p", 0.49)
+    moved = performers.recognizer_of("p")
+    assert moved is not None
+    moved.keep_time_with(0.49)
     assert [answer.time for answer in _pushed(performers, frames[60:64])] == pytest.approx([0.525])
 
 

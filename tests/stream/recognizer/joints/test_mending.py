@@ -67,7 +67,9 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     answers = _played(recognizer, positions)
     assert {*asked} == {joints}
     # Less is named where a joint is missing than where there never was one.
-    assert recognizer._fewer_threshold > threshold_for(view, Settings())  # noqa: SLF001 - the limit itself
+    fewer = recognizer._fewer  # noqa: SLF001 - the limit itself
+    assert fewer is not None
+    assert fewer.threshold > threshold_for(view, Settings())
     assert len(answers) == len(whole) == len(sound)
     assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)
     assert answers[-1].scores == pytest.approx(whole[-1].scores, abs=1e-6)

@@ -11,6 +11,7 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, distance_rows
+from kinespace.library.kernels.table import LANE
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.signature.parts import EIGENVECTORS, Kind
@@ -109,6 +110,21 @@ def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ..
         for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
             expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
             assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
+
+
+def test_windows_that_fill_all_lanes_are_compared(across: WindowIndex, asking: tuple[Clip, ...]) -> None:
+    """Their last block ends where the lanes end."""
+    full = replace(
+        across,
+        vectors=tuple(each[-LANE:] for each in across.vectors),
+        eigenvectors=across.eigenvectors[-LANE:],
+        motions=across.motions[-LANE:],
+    )
+    assert len(full) == LANE
+    for numbers in _numbers(across, asking[-1]):
+        assert full.classes[-1] == across.classes[-1]
+        assert (_logs(full, numbers)[:, -1] >= _logs(across, numbers)[:, -1] - 1e-6).all()
+        assert np.isfinite(_logs(full, numbers)).all()
 
 
 def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex, arithmetic: str) -> None:

@@ -42,6 +42,8 @@ _FEW = "few "
 _RIDGE = 0.02
 #: Noise of a distance, metres, from which on it counts.
 _NOISE = 0.01
+#: Seconds over which evidence is averaged, unless the numbers were learned for another time.
+USUAL_OVER = 0.3
 
 
 class Evidence(NamedTuple):
@@ -112,6 +114,8 @@ class Rejection:
     joints
         The number of joints with which the other numbers were learned, for few joints the most of them; 0 when they
         were learned for the library as it is.
+    over
+        Seconds over which evidence is averaged before it is compared with a threshold.
     """
 
     weights: NDArray[np.float64] = field(repr=False)
@@ -121,6 +125,7 @@ class Rejection:
     thresholds: NDArray[np.float64] = field(repr=False)
     typical: NDArray[np.float64] = field(repr=False)
     joints: int = 0
+    over: float = USUAL_OVER
     _listed: tuple[float, ...] = field(init=False, repr=False)
     _constant: float = field(init=False, repr=False)
     _lead: float = field(init=False, repr=False)
@@ -146,6 +151,7 @@ class Rejection:
             "thresholds": self.thresholds,
             "typical": self.typical,
             "joints": np.array([self.joints]),
+            "over": np.array([self.over]),
         }
         by_class = {_BIAS + name: bias for name, bias in self.biases.items()}
         by_class |= {_SLOPE + name: slope for name, slope in self.slopes.items()}
@@ -162,16 +168,21 @@ class Rejection:
         Raises
         ------
         ValueError
-            A number is missing, not finite, or there are more or fewer than expected.
+            A number is missing or not finite, there are more or fewer than expected, or `over` is not positive.
         """
         begin = _FEW if few else ""
         named = {name.removeprefix(begin): each for name, each in learned.named.items() if name.startswith(begin)}
-        shapes = {"weights": 2 * groups + 1, "thresholds": len(RATES), "typical": 2 * groups, "offset": 1, "joints": 1}
+        # Older files do not say over how many seconds.
+        named.setdefault("over", np.array([USUAL_OVER], dtype=np.float32))
+        shapes = {"weights": 2 * groups + 1, "thresholds": len(RATES), "typical": 2 * groups}
         shapes |= {name: 1 for name in named if name.startswith((_BIAS, _SLOPE))}
+        shapes |= dict.fromkeys(("offset", "joints", "over"), 1)
         for name, count in shapes.items():
             if name not in named or named[name].shape != (count,) or not np.isfinite(named[name]).all():
                 raise ValueError(f"{name}: expected {count} finite numbers, got {named.get(name)}")
         numbers = {name: named[name].astype(np.float64) for name in shapes}
+        if numbers["over"][0] <= 0:
+            raise ValueError(f"over: expected seconds above 0, got {numbers['over'][0]:g}")
         return cls(
             weights=numbers["weights"],
             offset=float(numbers["offset"][0]),
@@ -180,6 +191,7 @@ class Rejection:
             thresholds=numbers["thresholds"],
             typical=numbers["typical"],
             joints=int(numbers["joints"][0]),
+            over=float(numbers["over"][0]),
         )
 
     def threshold_at(self, rate: float) -> float:

@@ -43,8 +43,6 @@ _MAX_EVENT_PACE = 1.0
 #: A pause between two recognitions that is longer counts as this long (seconds), so that a gap in the feed does not
 #: add lead.
 _MAX_HOP = 0.1
-#: Seconds over which the evidence for a known motion is averaged.
-_KNOWN_OVER = 0.3
 #: The evidence for a named motion may fall this much below the threshold; without this margin a motion at the threshold
 #: would flicker.
 _HELD = 1.5
@@ -128,11 +126,19 @@ class Judgement:
         self.average = math.nan
         self._known = False
 
-    def push(self, logit: float, threshold: float, elapsed: float) -> bool:
-        """Take in the evidence of the newest window, so many seconds after the last; say whether the guess is known."""
+    def push(self, logit: float, threshold: float, elapsed: float, over: float) -> bool:
+        """Take in the evidence of the newest window; say whether the guess is known.
+
+        Parameters
+        ----------
+        logit, threshold
+            The evidence, and from which evidence a guess is known.
+        elapsed, over
+            Seconds since the last window, and over which evidence is averaged.
+        """
         if math.isnan(self.average):
             self.average = logit
-        self.average -= math.expm1(-elapsed / _KNOWN_OVER) * (logit - self.average)
+        self.average -= math.expm1(-elapsed / over) * (logit - self.average)
         self._known = self.average >= threshold - (_HELD if self._known else 0.0)
         return self._known
 
@@ -231,7 +237,8 @@ class Decision:
         known, evidence = True, None
         if weighing.judges:
             evidence = Evidence.of(comparer.alone, classes.index(guess), noise)
-            known = self._judgement.push(index.rejection.logit(evidence, guess), windows.threshold, elapsed)
+            rejection = index.rejection
+            known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection.over)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and seen.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS

@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
-from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.index import WindowIndex, keeping_lessons
-from kinespace.library.windows.rejection import RATES, Evidence, Rejection, stand_in, typical_evidence
+from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, stand_in, typical_evidence
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli.arguments import (
@@ -46,13 +47,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from kinespace.library import Clip
     from kinespace.tools.evaluation.takes import Take
 
 #: Seconds between two windows that take part in learning.
 _HOP = 0.1
 #: Windows of a motion of the library before it counts as known: a beginning looks like many motions.
 _BEGUN = 2
+#: Seconds of a motion before another, as long as the longest window, and seconds between the two.
+_BEFORE, _BETWEEN = 2.0, 0.25
 #: Noises with which the library's own motions ask, metres on every coordinate, and how much each counts as known: the
 #: noisier a known motion is, the more it looks like an unknown one, and strangers' takes have no noise.
 _NOISES = {0.0: 1.0, 0.01: 2.0, 0.02: 4.0}
@@ -60,6 +62,8 @@ _NOISES = {0.0: 1.0, 0.01: 2.0, 0.02: 4.0}
 _USUAL = 0.05
 #: Share of a class's own motions that must then be named at some time.
 _MIN_NAMED = 0.5
+#: Seconds over which evidence is averaged: several hops in a row say the same of a motion.
+_OVER = 0.1
 #: A logit above all evidence.
 _FAR = 20.0
 #: The weight of the library's own motions as unknown, their class left out: other motions are more like everyday
@@ -98,10 +102,12 @@ class _Own(NamedTuple):
     noise: float
     windows: Evidenced
     left_out: Evidenced
+    #: Its windows when it follows another motion, which the long ones still hold.
+    following: Evidenced
 
     def right(self) -> Evidenced:
         """Give the windows that are named rightly, after the motion's beginning."""
-        return [each for each in self.windows[_BEGUN:] if each[1] == self.class_name]
+        return [each for each in (*self.windows[_BEGUN:], *self.following[_BEGUN:]) if each[1] == self.class_name]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +150,7 @@ def run(options: argparse.Namespace) -> int:
     typical, lessons = typical_evidence(index), _own_lessons(own)
 
     def fit(persons: Collection[str] = ()) -> Rejection:
-        return fitted([*lessons, *_lessons(courses, persons)], library.classes, typical)
+        return fitted([*lessons, *_lessons(courses, persons)], library.classes, typical, over=_OVER)
 
     clean, apart = [each for each in own if not each.noise], _fitted_apart(courses, fit)
     usual = _threshold(clean, apart, _USUAL)
@@ -197,7 +203,7 @@ class _Body(NamedTuple):
         ]
         own = [
             lesson._replace(windows=_relative(lesson.windows, typical))
-            for lesson in _own_lessons(_own_courses(library))
+            for lesson in _own_lessons(_own_courses(library, follow=False))
         ]
         return cls(own, shown[len(fewer) :], shown[: len(fewer)])
 
@@ -255,8 +261,11 @@ def _index(library: MotionLibrary) -> WindowIndex:
     return replace(index, judged_by=stand_in(len(ACROSS_LABORATORIES.groups)))
 
 
-def _own_courses(library: MotionLibrary) -> list[_Own]:
-    """Let each person's motions be recognised by the others', with noise and without."""
+def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
+    """Let each person's motions be recognised by the others', with noise and without, perhaps behind another, too.
+
+    Behind another motion they teach bodies of few joints to name the unknown (tests/TRIED.md).
+    """
     found = list[_Own]()
     for actor in progress(library.actors, "Motions", len(library.actors)):
         index = _index(library.without(actors=[actor]))
@@ -266,18 +275,41 @@ def _own_courses(library: MotionLibrary) -> list[_Own]:
                 [place for place in set(index.motions.tolist()) if index.compared[place].class_name == name]
             )
             asking = [place for place, each in own if each.class_name == name]
+            others = [each for _, each in own if follow and each.class_name != name]
             for place, noise in product(asking, _NOISES):
-                asked = library.motions[place], noise, place
-                found.append(_Own(name, noise, _windows(index, *asked), _windows(left, *asked) if len(left) else []))
+                clip = library.motions[place]
+                windows, following = _windows(index, clip, noise, place), Evidenced()
+                left_out = _windows(left, clip, noise, place) if len(left) else []
+                if before := [each for each in others if each.frame_rate == clip.frame_rate]:
+                    joined = _joined(before[place % len(before)], clip)
+                    following = _windows(index, joined, noise, place, joined.duration - clip.duration)
+                found.append(_Own(name, noise, windows, left_out, following))
     return found
 
 
-def _windows(index: WindowIndex, clip: Clip, noise: float = 0.0, seed: int | None = None) -> Evidenced:
-    """Push a clip through the recogniser, as a noisy sensor sees it if asked; give its windows."""
+def _joined(before: Clip, clip: Clip) -> Clip:
+    """Let a motion follow another one, of the same joints and frame rate.
+
+    The body is turned and moved to where the other motion ends, and goes there on straight lines. Recognition sees
+    distances alone, so the turn may be about any axis.
+    """
+    rate, first, end = clip.frame_rate, clip.positions[0], before.positions[-round(_BEFORE * clip.frame_rate) :]
+    there, here = end[-1].mean(axis=0), first.mean(axis=0)
+    turn, _ = Rotation.align_vectors(end[-1] - there, first - here)
+    moved = turn.apply((clip.positions - here).reshape(-1, 3)).reshape(clip.positions.shape) + there
+    shares = np.linspace(0.0, 1.0, round(_BETWEEN * rate) + 1, endpoint=False)[1:, None, None]
+    between = end[-1] + shares * (moved[0] - end[-1])
+    return Clip(clip.skeleton, np.concatenate([end, between, moved]), rate)
+
+
+def _windows(
+    index: WindowIndex, clip: Clip, noise: float = 0.0, seed: int | None = None, begun: float = 0.0
+) -> Evidenced:
+    """Push a clip through the recogniser, as a noisy sensor sees it if asked; give its windows from a time on."""
     feed = harness.Feed.of(clip, index.library.skeleton)
     feed = feed if seed is None else noisy(noise)(feed, np.random.default_rng(seed))
     answers = harness.answers_to(feed, index, Settings(hop=_HOP))
-    return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence]
+    return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence and each.time >= begun]
 
 
 def _fitted_apart(
@@ -322,7 +354,7 @@ def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Reje
     """Raise the biases of classes until enough of each class's own motions are named at some time."""
     biases = dict(rejection.biases)
     for name in biases:
-        highest = [_highest(rejection, name, windows) for performed, _, windows, _ in own if performed == name]
+        highest = [_highest(rejection, name, each.windows) for each in own if each.class_name == name]
         if highest:
             biases[name] += max(threshold - float(np.quantile(highest, 1 - _MIN_NAMED)), 0.0)
     return replace(rejection, biases=biases)
@@ -333,13 +365,18 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
     judgement = Judgement()
     highest = -_FAR
     for window in windows:
-        judgement.push(rejection.logit(*window), math.inf, _HOP)
+        judgement.push(rejection.logit(*window), math.inf, _HOP, rejection.over)
         if window[1] == name:
             highest = max(highest, judgement.average)
     return highest
 
 
-def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArray[np.float64]) -> Rejection:
+def fitted(
+    lessons: Sequence[Lesson],
+    class_names: Sequence[str],
+    typical: NDArray[np.float64],
+    over: float = USUAL_OVER,
+) -> Rejection:
     """Fit a logistic function that separates known windows from unknown ones; thresholds are not set yet.
 
     Parameters
@@ -350,6 +387,8 @@ def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArr
         The classes that may be guessed.
     typical
         Distances and leads that the evidence is relative to, shape (2 groups,).
+    over
+        Seconds over which evidence is averaged.
     """
     taught = [lesson for lesson in lessons if lesson.windows]
     rows = np.vstack([_numbers(lesson.windows, class_names, typical) for lesson in taught])
@@ -371,7 +410,7 @@ def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArr
     offset = float(slope[-1] - plain @ middle)
     weights, biases, slopes = np.split(plain, [len(typical) + 1, len(typical) + 1 + len(class_names)])
     by_class = [dict(zip(class_names, each.tolist(), strict=True)) for each in (biases, slopes)]
-    return Rejection(weights, offset, by_class[0], by_class[1], np.zeros(len(RATES)), typical)
+    return Rejection(weights, offset, by_class[0], by_class[1], np.zeros(len(RATES)), typical, over=over)
 
 
 def _numbers(windows: Evidenced, class_names: Sequence[str], typical: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -402,7 +441,7 @@ def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> d
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:
         judgement = Judgement()
-        known = [judgement.push(rejection.logit(*window), threshold, _HOP) for window in course.windows]
+        known = [judgement.push(rejection.logit(*window), threshold, _HOP, rejection.over) for window in course.windows]
         if course.is_unknown:
             named += _HOP * sum(known)
             seconds += course.take.clip.duration

@@ -12,6 +12,7 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import (
     MAX_LEAD,
     RATES,
+    USUAL_OVER,
     Evidence,
     Rejection,
     learned_rejection,
@@ -31,6 +32,7 @@ REJECTION = Rejection(
     thresholds=np.array([3.0, 2.5, 2.0, 1.0, 0.5, -1.0]),
     typical=np.array([0.5, -0.25, 1.0, 0.5]),
     joints=31,
+    over=0.125,
 )
 EVIDENCE = Evidence(distances=(0.5, -1.0), leads=(1.0, -0.5), noise=0.01)
 
@@ -88,6 +90,7 @@ def test_numbers_come_back_from_a_librarys_file() -> None:
     for name in ("weights", "thresholds", "typical"):
         assert np.array_equal(getattr(again, name), getattr(REJECTION, name))
     assert (again.offset, again.biases, again.slopes, again.joints) == (0.75, REJECTION.biases, REJECTION.slopes, 31)
+    assert again.over == 0.125
     assert again.logit(EVIDENCE, "walk") == pytest.approx(REJECTION.logit(EVIDENCE, "walk"))
 
 
@@ -100,15 +103,18 @@ def test_numbers_for_few_joints_lie_beside_the_others() -> None:
     assert [most_of_few(each) for each in (learned, REJECTION.kept(), None)] == [12, 0, 0]
 
 
-@pytest.mark.parametrize("name", ["weights", "offset", "thresholds", "typical", "joints", "bias walk"])
+@pytest.mark.parametrize("name", ["weights", "offset", "thresholds", "typical", "joints", "over", "bias walk"])
 @pytest.mark.parametrize("wrong", [None, np.zeros(7), np.array([np.nan])], ids=["missing", "more", "no number"])
 def test_numbers_that_do_not_fit_are_refused(name: str, wrong: np.ndarray | None) -> None:
-    """The message names them; only a class may be missing."""
+    """The message names them; a class may be missing, and in older files how long evidence is averaged."""
     arrays: dict[str, np.ndarray] = dict(REJECTION.kept().named)
     arrays.pop(name)
     if wrong is None and name.startswith("bias"):
         assert Rejection.of_kept(Learned(arrays), 2).biases == {"jump": -0.25}
         return
+    if wrong is None and name == "over":
+        assert Rejection.of_kept(Learned(arrays), 2).over == pytest.approx(USUAL_OVER)
+        wrong = np.zeros(1)
     if wrong is not None:
         arrays[name] = wrong
     with pytest.raises(ValueError, match=f"^{name}: expected"):

@@ -91,20 +91,26 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
     assert hysteresis.current is None
 
 
-@given(st.lists(st.tuples(st.floats(-5, 5), st.floats(0.01, 0.5)), min_size=1, max_size=40), st.floats(-2, 2))
-def test_a_guess_is_known_by_averaged_evidence(course: list[tuple[float, float]], threshold: float) -> None:
-    """The average over 0.3 seconds, whatever the hops, is against a threshold that is lower for what is known."""
+@given(
+    course=st.lists(st.tuples(st.floats(-5, 5), st.floats(0.01, 0.5)), min_size=1, max_size=40),
+    threshold=st.floats(-2, 2),
+    over=st.sampled_from([0.1, 0.3]),
+)
+def test_a_guess_is_known_by_averaged_evidence(
+    course: list[tuple[float, float]], threshold: float, over: float
+) -> None:
+    """The average over some seconds, whatever the hops, is against a threshold that is lower for what is known."""
     judgement, times = Judgement(), np.cumsum([elapsed for _, elapsed in course]).tolist()
     assert math.isnan(judgement.average)
-    expected = naive_stream.known(times, [logit for logit, _ in course], threshold)
+    expected = naive_stream.known(times, [logit for logit, _ in course], threshold, over)
     for known, (logit, elapsed) in zip(expected, course, strict=True):
-        found = judgement.push(logit, threshold, elapsed)
+        found = judgement.push(logit, threshold, elapsed, over)
         if min(abs(judgement.average - threshold), abs(judgement.average - threshold + 1.5)) < 1e-6:
             return
         assert found == known
     judgement.clear()
     assert math.isnan(judgement.average)
-    assert not judgement.push(threshold - 0.1, threshold, HOP)
+    assert not judgement.push(threshold - 0.1, threshold, HOP, over)
 
 
 # --- guesses -----------------------------------------------------------------------------------------------------

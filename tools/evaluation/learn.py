@@ -281,13 +281,13 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
                 windows, following = _windows(index, clip, noise, place), Evidenced()
                 left_out = _windows(left, clip, noise, place) if len(left) else []
                 if before := [each for each in others if each.frame_rate == clip.frame_rate]:
-                    joined = _joined(before[place % len(before)], clip)
-                    following = _windows(index, joined, noise, place, joined.duration - clip.duration)
+                    behind = joined(before[place % len(before)], clip)
+                    following = _windows(index, behind, noise, place, behind.duration - clip.duration)
                 found.append(_Own(name, noise, windows, left_out, following))
     return found
 
 
-def _joined(before: Clip, clip: Clip) -> Clip:
+def joined(before: Clip, clip: Clip) -> Clip:
     """Let a motion follow another one, of the same joints and frame rate.
 
     The body is turned and moved to where the other motion ends, and goes there on straight lines. Recognition sees

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from written import trc_text
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection, most_of_few
 from kinespace.tools.cli import main
-from kinespace.tools.evaluation.learn import Lesson, fitted
+from kinespace.tools.evaluation.learn import Lesson, fitted, joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +54,22 @@ def test_weights_move_the_fit() -> None:
     )
     [doubtful] = _windows([0.15])
     assert heavy.logit(*doubtful) > light.logit(*doubtful)
+
+
+def test_a_motion_follows_another_without_a_leap() -> None:
+    """Both keep their distances, and between them the body goes from the end of one to the start of the other."""
+    before, clip = (MotionLibrary.builtin().motions[place] for place in (0, 150))
+    behind = joined(before, clip)
+    end, start = round(2.0 * clip.frame_rate), len(behind.positions) - len(clip.positions)
+    assert start / clip.frame_rate == pytest.approx(min(2.0, before.duration) + 0.25, abs=1.5 / clip.frame_rate)
+    rows = distance_rows(behind.positions, behind.skeleton)
+    assert np.allclose(rows[start:], distance_rows(clip.positions, clip.skeleton))
+    shown = before.positions[-end:]
+    assert np.allclose(rows[: len(shown)], distance_rows(shown, before.skeleton))
+    apart = np.linalg.norm(behind.positions[start] - shown[-1], axis=-1).max()
+    steps = np.linalg.norm(np.diff(behind.positions[len(shown) - 1 : start + 1], axis=0), axis=-1)
+    assert steps.max() == pytest.approx(apart / len(steps))
+    assert apart < np.linalg.norm(clip.positions[0] - shown[-1], axis=-1).max()
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ linkage: all pieces of a group are near all others.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -158,6 +159,13 @@ class Pieces:
         numbers = cut.numbers()
         return tuple(each[0] for each in self._place({part: numbers[whole[part.kind]] for part in PARTS}))
 
+    def of_takes(self, takes: Collection[int]) -> Pieces:
+        """Give the pieces of some takes alone; the takes keep their numbers."""
+        some, kept = copy(self), [place for place, piece in enumerate(self.pieces) if piece.take in takes]
+        some.pieces, some.clips = [self.pieces[place] for place in kept], [self.clips[place] for place in kept]
+        some._vectors = [self._vectors[place] for place in kept]  # noqa: SLF001 - of our own class
+        return some
+
     def vectors(self) -> list[NDArray[np.float32]]:
         """Give for each group of parts the pieces' vectors, shape (pieces, axes)."""
         return [np.array(each) for each in zip(*self._vectors, strict=True)]
@@ -202,6 +210,11 @@ def log_distances(vectors: Sequence[NDArray[np.float32]], others: Sequence[NDArr
     for weight, one, other in zip(weights, vectors, others, strict=True):
         logs += weight * np.log(squared_distances(one, other) + NEAREST)
     return logs
+
+
+def alike_of(*, several: bool) -> float:
+    """Give the log distance up to which two pieces are alike: where several persons perform, more."""
+    return ALIKE_SEVERAL if several else ALIKE
 
 
 def grouped(vectors: Sequence[NDArray[np.float32]], alike: float = ALIKE) -> NDArray[np.intp]:

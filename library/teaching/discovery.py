@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.parts import PARTS, Kind, Part
-from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.comparison import NEAREST, WITHIN_LABORATORY
 from kinespace.library.windows.cutting import CutWindows
@@ -101,8 +100,6 @@ class Pieces:
 
     def __init__(self, joints: Collection[str]) -> None:
         builtin = MotionLibrary.builtin().restricted_to(joints)
-        if len(builtin.skeleton.joints) < MIN_JOINTS:
-            raise SkeletonMismatchError(f"joints: expected {MIN_JOINTS} of the built-in library's at least")
         # As if another library had taught, all axes are kept: unknown motions may differ in any.
         index = WindowIndex.of(builtin, teacher=replace(builtin), weighing=WITHIN_LABORATORY)
         self._skeleton, self._body, self._basis = builtin.skeleton, index.body, index.basis

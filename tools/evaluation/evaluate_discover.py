@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -39,7 +38,6 @@ _COLUMNS = (
     ("segments", "{segments}"),
     ("in a pure group", "{in_pure:.1%}"),
     ("pure groups a class", "{groups_per_class:.2f}"),
-    ("× real time", "{times_real_time:.0f}"),
     ("guesses right: named", "{named_right:.1%}"),
     ("taught", "{taught_right:.1%}"),
 )
@@ -57,14 +55,11 @@ class Found:
         The largest first.
     group_of
         The number of each piece's group, shape (pieces,).
-    took
-        Seconds, without opening the library.
     """
 
     pieces: discovery.Pieces
     groups: list[Group]
     group_of: NDArray[np.intp]
-    took: float
 
 
 class Purity(NamedTuple):
@@ -108,7 +103,6 @@ def run(options: argparse.Namespace) -> int:
         "pieces": len(found.pieces.pieces),
         "groups": len(found.groups),
         **purity(takes, found)._asdict(),
-        "times_real_time": seconds / found.took,
         **_worth(takes, found, options, settings_of(options)),
     }
     if options.json:
@@ -124,7 +118,6 @@ def run(options: argparse.Namespace) -> int:
 def find(takes: Sequence[Take], alike: float | None = None, known: discovery.Pieces | None = None) -> Found:
     """Find the groups of takes, without their labels; of some takes, if `known` has the pieces of these alone."""
     pieces = known or discovery.Pieces(takes[0].clip.skeleton.joints)
-    began = time.perf_counter()
     for take in progress(takes, "Looking", len(takes)) if known is None else ():
         pieces.add(take.clip)
     several = len({takes[piece.take].person for piece in pieces.pieces}) > 1
@@ -132,7 +125,7 @@ def find(takes: Sequence[Take], alike: float | None = None, known: discovery.Pie
     groups, group_of = groups_of(pieces, labels), np.zeros(len(labels), dtype=np.intp)
     for group in groups:
         group_of[list(group.pieces)] = group.number
-    return Found(pieces, groups, group_of, time.perf_counter() - began)
+    return Found(pieces, groups, group_of)
 
 
 def purity(takes: Sequence[Take], found: Found) -> Purity:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -71,6 +72,7 @@ def _find(options: argparse.Namespace, folder: Path) -> None:
     bar = Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=progress_console, transient=True)
     seconds, names = 0.0, list[found.Source]()
     with bar:
+        began = time.perf_counter()
         reading = bar.add_task("Reading", total=sum(path.stat().st_size for path in paths))
         pieces = None
         for path, takes in _read(paths, reading_of(options)):
@@ -89,8 +91,10 @@ def _find(options: argparse.Namespace, folder: Path) -> None:
         alike = options.alike if options.alike is not None else discovery.alike_of(several=several)
         groups = found.groups_of(pieces, discovery.grouped(pieces.vectors(), alike))
     found.write(folder, groups, pieces, names, options.most)
+    times = seconds / (time.perf_counter() - began)
+    found_in = f"{counted(len(pieces.pieces), 'piece')} in {counted(len(groups), 'group')}"
     table = narrow_table(
-        f"{counted(len(pieces.pieces), 'piece')} in {counted(len(groups), 'group')}, {seconds / 60:.1f} min",
+        f"{found_in}: {seconds / 60:.1f} min of recordings, {times:.0f} × real time",
         f"name them: kinespace discover -o {folder} --name 1=bow 2=wave",
     )
     for heading in ("group", "came", "seconds", "longest", "performers", "first at"):

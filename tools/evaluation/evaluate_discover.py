@@ -188,15 +188,17 @@ def _worth(
     if len(takes) < 2:
         return {"named_right": None, "taught_right": None}
     folds = folds_of(takes, Protocol(options.protocol or usual), MotionLibrary.builtin)
-    right: dict[str, float | None] = {}
+    right, asked = dict[str, float](), 0.0
     for what in ("named", "taught"):
         courses, classes = [], tuple(sorted({name for fold in folds for name in fold.library.classes}))
         for fold in progress(folds, f"Asking the {what}", len(folds)):
             library = fold.library if what == "taught" else _named(takes, found, fold, options)
             courses += [course(take, library, classes, settings) for take in fold.takes if library]
-        score = score_courses(courses, classes, harness.INSIDE).values if courses else {}
-        right[f"{what}_right"] = score.get("frame_accuracy")
-    return right
+        score = score_courses(courses, classes, harness.INSIDE) if courses else None
+        asked = score.known["seconds"] or 0.0 if score else 0.0
+        right[what] = (score.values["frame_accuracy"] or 0.0) * asked if score else 0.0
+    # Motions of classes that no named group has are asked, too.
+    return {f"{what}_right": seconds / asked if asked else None for what, seconds in right.items()}
 
 
 def _named(takes: Sequence[Take], found: Found, fold: Fold, options: argparse.Namespace) -> MotionLibrary | None:

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -25,20 +24,22 @@ if TYPE_CHECKING:
 
 #: A program that changes a roster at random and says each change with its time, before it hands it over.
 CHANGES = """
-import random, sys, time
+import sys, time
 from pathlib import Path
+import numpy as np
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.tools.teaching.roster_file import RosterFile
 
+generator = np.random.default_rng(int(sys.argv[2]))
 file, motion = RosterFile(Path(sys.argv[1])), MotionLibrary.builtin().motions[0]
 roster, first = Roster.of_library(file.library) if file.library else Roster(), int(sys.argv[2])
 for change in range(first, first + 1000):
-    kept = roster.examples[-4:] if random.random() < 0.1 else roster.examples
+    kept = roster.examples[-4:] if generator.random() < 0.1 else roster.examples
     roster = Roster((*kept, Example(change, f"c{change}", motion, 0.0, 0.2)))
     print(change, time.monotonic(), flush=True)
     file.save(roster)
-    time.sleep(random.choice((0.0, 0.02, 0.1)))
+    time.sleep(generator.choice((0.0, 0.02, 0.1)))
 """
 
 
@@ -144,7 +145,7 @@ def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 def test_a_program_that_is_killed_loses_no_change_older_than_a_second(tmp_path: Path) -> None:
     """At random moments among changes; the file is whole each time, and the next program opens it."""
-    path, random_ = tmp_path / "mine.npz", random.Random(31)  # noqa: S311 - moments
+    path, generator = tmp_path / "mine.npz", np.random.default_rng(31)
     first, oldest = 1, 0.0
     for _ in range(int(os.environ.get("KINESPACE_KILLS", "4"))):
         program = subprocess.Popen(
@@ -152,7 +153,7 @@ def test_a_program_that_is_killed_loses_no_change_older_than_a_second(tmp_path: 
         )
         assert program.stdout is not None
         said = [program.stdout.readline().split()]
-        time.sleep(random_.uniform(0.0, 2.5))
+        time.sleep(generator.uniform(0.0, 2.5))
         program.send_signal(signal.SIGKILL)
         killed = time.monotonic()
         said += [line.split() for line in program.stdout.read().splitlines() if line.count(" ") == 1]

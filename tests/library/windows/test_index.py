@@ -11,6 +11,7 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, distance_rows
+from kinespace.library.kernels.table import LANE
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.signature.parts import EIGENVECTORS, Kind
@@ -109,6 +110,21 @@ def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ..
         for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
             expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
             assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
+
+
+def test_a_whole_number_of_lanes_is_compared(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
+    """The last window of a library may be the last of a lane."""
+    some = replace(
+        index,
+        vectors=tuple(each[:LANE] for each in index.vectors),
+        eigenvectors=index.eigenvectors[:LANE],
+        motions=index.motions[:LANE],
+    )
+    assert len(some) == LANE
+    twin, clip = Twin(some), asking[0]
+    rows, end = distance_rows(clip.positions, clip.skeleton), window_ends(clip, 0.4)[2]
+    expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
+    assert np.allclose(_logs(some, _numbers(index, clip)[2]), expected, atol=2e-3), arithmetic
 
 
 def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex, arithmetic: str) -> None:

@@ -49,7 +49,7 @@ _WHOLE = 1e6
 MAX_COMPARED = 4000
 #: Two pieces are alike up to this log distance, of one person and of several: on average two persons in one motion are
 #: at 0 (`library.windows.metric`), and in a group all must be near all.
-ALIKE, ALIKE_SEVERAL = 0.0, 1.2
+ALIKE, ALIKE_SEVERAL = -0.15, 1.2
 #: Windows whose numbers are in memory at once.
 _TOGETHER = 2000
 

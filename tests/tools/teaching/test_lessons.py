@@ -148,6 +148,7 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     stage.command(commands.Rename("my squat", "bend"))
     stage.command(commands.Undo())
     stage.command(commands.Redo())
+    stage.until(lambda _: stage.classes[-1] == "bend")
     stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
     assert stage.classes == (*library.classes, "bend")

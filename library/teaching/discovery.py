@@ -146,15 +146,14 @@ class Pieces:
             begin = max(int(some[0]) - round(longest * rate), 0)
             near = take.moved_to(take.positions[begin : some[-1]])
             cut = CutWindows([near], [some - begin], self._body, self._basis)
-            vectors.append(np.concatenate(self._place(cut.numbers()), axis=1))
+            vectors.append(np.concatenate(self._place(cut.numbers), axis=1))
         return ends / rate, np.concatenate(vectors, dtype=np.float64)
 
     def _measured(self, piece: Clip) -> tuple[NDArray[np.float32], ...]:
         """Give a piece's vectors: its parts over its whole length stand for the parts of all lengths."""
         whole = {kind: Part(kind, _WHOLE) for kind in Kind}
         cut = CutWindows([piece], [np.array([piece.frames])], self._body, self._basis, tuple(whole.values()))
-        numbers = cut.numbers()
-        return tuple(each[0] for each in self._place({part: numbers[whole[part.kind]] for part in PARTS}))
+        return tuple(each[0] for each in self._place({part: cut.numbers[whole[part.kind]] for part in PARTS}))
 
     def of_takes(self, takes: Collection[int]) -> Pieces:
         """Give the pieces of some takes alone; the takes keep their numbers."""

@@ -18,7 +18,7 @@ from kinespace.tools.evaluation.scoring.protocols import Fold, Protocol, folds_o
 from kinespace.tools.evaluation.scoring.stream_score import score_courses
 from kinespace.tools.programs.recordings.found import Group, groups_of
 from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import counted
+from kinespace.tools.terminal.tables import counted, print_scores
 
 if TYPE_CHECKING:
     import argparse
@@ -111,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
     caption = (
         f"{counted(len(takes), 'take')}, {seconds:.0f} s, {figures['groups']} groups of {figures['pieces']} pieces"
     )
-    harness.print_scores([figures], _COLUMNS, title="Motions found with labels hidden", caption=caption, names=0)
+    print_scores([figures], _COLUMNS, title="Motions found with labels hidden", caption=caption, names=0)
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,9 +12,9 @@ from kinespace.library.recordings import RecordingReader, find_recordings, perfo
 from kinespace.library.teaching import discovery
 from kinespace.tools.cli.arguments import add_reading, add_shared, count, mapping, reading_of
 from kinespace.tools.programs.recordings import found
-from kinespace.tools.terminal.console import console, printable, progress_console, say
-from kinespace.tools.terminal.named_joints import NameTeller
-from kinespace.tools.terminal.tables import counted, narrow_table
+from kinespace.tools.terminal.console import printable, progress_console, say
+from kinespace.tools.terminal.named_joints import NameNotes
+from kinespace.tools.terminal.tables import counted, print_scores
 
 if TYPE_CHECKING:
     import argparse
@@ -25,6 +24,14 @@ if TYPE_CHECKING:
 
 #: Groups that the table and the page show.
 _SHOWN = 24
+_COLUMNS = (
+    ("first at", "{where}"),
+    ("group", "{group}"),
+    ("came", "{came}×"),
+    ("seconds", "{seconds:.1f}"),
+    ("longest", "{longest:.1f}"),
+    ("performers", "{performers}"),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,22 +99,24 @@ def _find(options: argparse.Namespace, folder: Path) -> None:
         groups = found.groups_of(pieces, discovery.grouped(pieces.vectors(), alike))
     found.write(folder, groups, pieces, names, options.most)
     times = seconds / (time.perf_counter() - began)
-    found_in = f"{counted(len(pieces.pieces), 'piece')} in {counted(len(groups), 'group')}"
-    table = narrow_table(
-        f"{found_in}: {seconds / 60:.1f} min of recordings, {times:.0f} × real time",
-        f"name them: kinespace discover -o {folder} --name 1=bow 2=wave",
-    )
-    for heading in ("group", "came", "seconds", "longest", "performers", "first at"):
-        table.add_column(heading, justify="right" if heading != "first at" else "left")
+    rows = []
     for group in groups[: options.most]:
         own = [pieces.pieces[place] for place in group.pieces]
         first = min(own)
-        performers = Counter(names[each.take].performer for each in own)
-        where = f"{printable(names[first.take].path.name)} {first.start:.1f} s"
-        longest = max(each.seconds for each in own)
-        cells = (f"{len(own)}×", f"{group.seconds:.1f}", f"{longest:.1f}", str(len(performers)), where)
-        table.add_row(str(group.number), *cells)
-    console.print(table)
+        rows.append(
+            {
+                "where": f"{printable(names[first.take].path.name)} {first.start:.1f} s",
+                "group": group.number,
+                "came": len(own),
+                "seconds": group.seconds,
+                "longest": max(piece.seconds for piece in own),
+                "performers": len({names[piece.take].performer for piece in own}),
+            }
+        )
+    found_in = f"{counted(len(pieces.pieces), 'piece')} in {counted(len(groups), 'group')}"
+    title = f"{found_in}: {seconds / 60:.1f} min of recordings, {times:.0f} × real time"
+    print_scores(rows, _COLUMNS, title=title, names=1)
+    say(f"name them: kinespace discover -o {folder} --name 1=bow 2=wave")
     if further := groups[options.most :]:
         left = counted(sum(len(each.pieces) for each in further), "piece")
         say(f"{counted(len(further), 'further group')} of {left}: {folder / found.TABLE}")
@@ -116,7 +125,7 @@ def _find(options: argparse.Namespace, folder: Path) -> None:
 
 def _read(paths: Sequence[Path], reading: Reading) -> Iterator[tuple[Path, Sequence[Clip]]]:
     """Read one recording after the other, over the first one's joints."""
-    reader, named, joints = RecordingReader(reading), NameTeller(), None
+    reader, named, joints = RecordingReader(reading), NameNotes(), None
     for path in paths:
         takes = [performed(named(take), path, reading.actor_in) for take in reader.clips(path)]
         joints = joints or takes[0].skeleton

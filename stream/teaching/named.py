@@ -34,6 +34,8 @@ class NamedMotion:
         The end of the motion before.
     number
         The number of the example that it became; 0 for none.
+    judgement
+        Whether it was right, while it is to be taken when it has ended; None where nothing was said.
     """
 
     class_name: str
@@ -41,6 +43,7 @@ class NamedMotion:
     ended: float | None = None
     after: float = -float("inf")
     number: int = 0
+    judgement: bool | None = None
 
     def span(self, newest: float) -> Stretch:
         """Give the time in which it was performed, `MAX_LAST` seconds at most; `newest` is the time of the last frame.
@@ -82,6 +85,14 @@ class NamedMotions:
         if len(motions) > 1 and newest - motions[-1].started < _REACTION:
             return motions[-2]
         return motions[-1] if motions else None
+
+    def take_judged(self, performer: str, newest: float) -> NamedMotion | None:
+        """Give a motion that was judged and is over, or has gone on for as long as an example may last."""
+        for motion in self._motions.get(performer, ()):
+            is_over = motion.ended is not None or newest - motion.started >= MAX_LAST
+            if motion.judgement is not None and is_over:
+                return motion
+        return None
 
     def forget(self, performer: str) -> None:
         """Forget a performer."""

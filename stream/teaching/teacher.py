@@ -18,7 +18,7 @@ from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.lesson import HeldLesson, Lesson, Recorded
 from kinespace.stream.teaching.memory import REMEMBERED, Memory
-from kinespace.stream.teaching.named import NamedMotions
+from kinespace.stream.teaching.named import NamedMotion, NamedMotions
 from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught
 
 if TYPE_CHECKING:
@@ -98,6 +98,9 @@ class Teacher:
         if now - self._ticked > _STOPPED:
             self._woke = now
         self._ticked = now
+        for performer, memory in self._memories.items():
+            if motion := self.named.take_judged(performer, memory.newest):
+                return self._take_judged(performer, motion)
         lesson = self.lesson
         if lesson is None:
             return []
@@ -215,11 +218,17 @@ class Teacher:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         if motion.number in {each.number for each in self.roster.examples}:
             return [_refused(performer, f"{motion.class_name} was judged already: undo it first")]
-        number = self._number
-        span = motion.span(self._memories[performer].newest)
-        notices = self._take(performer, motion.class_name if is_right else NOTHING, span)
-        if self._number > number:
-            motion.number = number
+        motion.judgement = is_right
+        if motion.ended is None:
+            return [State(performer, Step.CHECKING, 0.0, f"{motion.class_name}: taken when it ends")]
+        return self._take_judged(performer, motion)
+
+    def _take_judged(self, performer: str, motion: NamedMotion) -> list[Notice | Changed]:
+        """Take a motion that was judged as an example of its class, or of `nothing`."""
+        class_name, number = motion.class_name if motion.judgement else NOTHING, self._number
+        motion.judgement = None
+        notices = self._take(performer, class_name, motion.span(self._memories[performer].newest))
+        motion.number = number if self._number > number else 0
         return notices
 
     def _went(self, lesson: Lesson | HeldLesson, step: State | Recorded | None) -> list[Notice | Changed]:

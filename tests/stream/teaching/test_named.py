@@ -44,13 +44,25 @@ def test_the_last_named_motion_becomes_an_example(command: commands.Command, cla
     assert [each.class_name for each in stage.teacher.roster.examples] == ["nothing"]
 
 
-def test_a_motion_that_goes_on_is_judged_so_far() -> None:
-    """Its example ends now."""
+def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:
+    """Its example has all of it, and the last word counts; one that goes on and on is taken after fifteen seconds."""
     stage = Stage()
     _performed(stage, going_on=True)
+    stage.ask(commands.Wrong("ann"))
     stage.ask(commands.Right("ann"))
+    assert stage.reason() == "squat1Reps: taken when it ends"
+    motion = stage.library.motions[40]
+    stage.show(motion.positions[90:])
+    assert stage.teacher.roster.examples == ()
+    stage.stand(0.7, 40)
+    stage.teacher.named.push(_event(EventKind.END, 100 + stage.now))
+    stage.stand(0.1, 40)
     (example,) = stage.teacher.roster.examples
-    assert example.seconds == pytest.approx(1.5, abs=0.4)
+    assert (example.class_name, example.seconds) == ("squat1Reps", pytest.approx(motion.duration, abs=0.45))
+    _performed(stage, going_on=True)
+    stage.ask(commands.Right("ann"))
+    stage.show([*motion.positions, *motion.positions[::-1]] * 6)
+    assert [each.class_name for each in stage.teacher.roster.examples] == ["squat1Reps"] * 2
 
 
 def test_without_a_named_motion_nothing_is_taken() -> None:

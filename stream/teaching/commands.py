@@ -90,6 +90,73 @@ class Last:
 
 
 @dataclass(frozen=True, slots=True)
+class Hold:
+    """Record an example from now on, however little the performer moves; with `on` false end it.
+
+    Raises
+    ------
+    CommandError
+        A name is not allowed.
+    """
+
+    performer: str
+    class_name: str
+    on: bool = True
+
+    def __post_init__(self) -> None:
+        _require_performer(self.performer)
+        _require_class(self.class_name)
+
+
+@dataclass(frozen=True, slots=True)
+class Right:
+    """The performer's last named motion becomes an example of its class; without a performer, the last of all."""
+
+    performer: str = ""
+
+    def __post_init__(self) -> None:
+        _require_performer(self.performer)
+
+
+@dataclass(frozen=True, slots=True)
+class Wrong:
+    """The performer's last named motion becomes an example of `nothing`; without a performer, the last of all."""
+
+    performer: str = ""
+
+    def __post_init__(self) -> None:
+        _require_performer(self.performer)
+
+
+@dataclass(frozen=True, slots=True)
+class From:
+    """Take an example out of a recording in the folder given at the start.
+
+    Attributes
+    ----------
+    name
+        The file, relative to the folder.
+    start, end
+        Seconds from the recording's beginning.
+
+    Raises
+    ------
+    CommandError
+        A name is not allowed, or the seconds are out of range.
+    """
+
+    name: str
+    start: float
+    end: float
+    class_name: str
+
+    def __post_init__(self) -> None:
+        _require_class(self.class_name)
+        if not 0 <= self.start < self.end <= self.start + MAX_LAST:
+            raise CommandError(f"end: expected up to {MAX_LAST:g} s after start, got {self.start:g} to {self.end:g}")
+
+
+@dataclass(frozen=True, slots=True)
 class Rename:
     """Rename a taught class; CommandError for a name that is not allowed."""
 
@@ -163,7 +230,25 @@ class List:
     """Change nothing; the reply has the classes and settings, as every reply does."""
 
 
-Command = Teach | Last | Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | List
+Command = (
+    Teach
+    | Last
+    | Hold
+    | Right
+    | Wrong
+    | From
+    | Rename
+    | Forget
+    | Enable
+    | Trim
+    | Stop
+    | Cancel
+    | Undo
+    | Redo
+    | Save
+    | Sensitivity
+    | List
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""One lesson: countdown, waiting for movement, recording, stopped by stillness, trimmed."""
+"""One lesson: countdown, waiting for movement, recording, stopped by stillness, trimmed; or recorded while held."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kinespace.stream.teaching.notices import State, Step
 
 if TYPE_CHECKING:
     from kinespace.library.teaching.movement import Movement
-    from kinespace.stream.teaching.commands import Teach
+    from kinespace.stream.teaching.commands import Hold, Teach
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
@@ -157,3 +157,40 @@ class Lesson:
             return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, max(kept.duration, 0.0), reason)
         self.left -= 1
         return Recorded(whole, kept)
+
+
+class HeldLesson:
+    """One performer is recorded for as long as somebody holds a key, whatever moves; the attributes are a lesson's.
+
+    Parameters
+    ----------
+    asked
+        The command with the class to record.
+    performer
+        The performer's name.
+    newest
+        The time of the performer's last frame, seconds on the sender's clock.
+    """
+
+    def __init__(self, asked: Hold, performer: str, newest: float) -> None:
+        self.class_name, self.performer = asked.class_name, performer
+        self.left, self.step = 1, Step.RECORDING
+        self._began = self._newest = newest
+
+    def tick(self, now: float) -> None:
+        """Nothing is due by the clock."""
+
+    def push(self, time: float, movement: Movement | None) -> State | Recorded | None:  # noqa: ARG002 - as a lesson
+        """Take in a frame's time; give the recording when it has its maximal length."""
+        self._newest = time
+        return self.stop(by_hand=True) if time - self._began >= MAX_RECORDING else None
+
+    def stop(self, *, by_hand: bool) -> State | Recorded:  # noqa: ARG002 - as a lesson
+        """End the recording: it is released, or no frames come for now."""
+        held = Stretch(self._began, self._newest)
+        if not held.duration >= MIN_SECONDS:
+            # A sender's clock that begins again gives a time below 0.
+            seconds = max(held.duration, 0.0)
+            return State(self.performer, Step.REFUSED, seconds, f"expected it to be held for {MIN_SECONDS:g} s or more")
+        self.left = 0
+        return Recorded(held, held)

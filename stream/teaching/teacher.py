@@ -16,8 +16,9 @@ from kinespace.library.teaching.examples import MAX_EXAMPLES, Example, Roster
 from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Stretch, moved_at_all
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.lesson import Lesson, Recorded
+from kinespace.stream.teaching.lesson import HeldLesson, Lesson, Recorded
 from kinespace.stream.teaching.memory import REMEMBERED, Memory
+from kinespace.stream.teaching.named import NamedMotion, NamedMotions
 from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught
 
 if TYPE_CHECKING:
@@ -58,15 +59,20 @@ class Teacher:
         All examples now.
     lesson
         The lesson that goes on; None while there is none.
+    skeleton
+        As given.
+    named
+        The motions that performers were said to do.
     """
 
     def __init__(
         self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = (), stillness: float = STILLNESS
     ) -> None:
         self.roster = roster
-        self.lesson: Lesson | None = None
-        self._skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
+        self.lesson: Lesson | HeldLesson | None = None
+        self.skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
         self._memories: dict[str, Memory] = {}
+        self.named = NamedMotions()
         self._undone: list[Roster] = []
         self._before: list[Roster] = []
         #: The performers of the examples that are being checked, and the times on their clocks.
@@ -80,7 +86,7 @@ class Teacher:
         memory = self._memories.get(frame.performer)
         if memory is None:
             self._forget_absent(now)
-            memory = self._memories[frame.performer] = Memory(self._skeleton)
+            memory = self._memories[frame.performer] = Memory(self.skeleton)
         movement = memory.push(frame.time, frame.positions, now)
         lesson = self.lesson
         if lesson is None or lesson.performer != frame.performer:
@@ -92,6 +98,9 @@ class Teacher:
         if now - self._ticked > _STOPPED:
             self._woke = now
         self._ticked = now
+        for performer, memory in self._memories.items():
+            if motion := self.named.take_judged(performer, memory.newest):
+                return self._take_judged(performer, motion)
         lesson = self.lesson
         if lesson is None:
             return []
@@ -105,11 +114,17 @@ class Teacher:
         state = lesson.tick(now)
         return [state] if state else []
 
-    def command(self, command: Command, now: float) -> list[Notice | Changed]:  # noqa: C901, PLR0911 - a line each
+    def command(  # noqa: C901, PLR0911, PLR0912 - a line each
+        self, command: Command, now: float
+    ) -> list[Notice | Changed]:
         """Carry out a command about lessons and examples; a refusal is a notice, never an exception."""
         match command:
             case commands.Teach() | commands.Last():
                 return self._begin(command, now)
+            case commands.Hold(_, _, on):
+                return self._begin(command, now) if on else self._released()
+            case commands.Right(performer) | commands.Wrong(performer):
+                return self._judged(performer, now, is_right=isinstance(command, commands.Right))
             case commands.Stop():
                 return self._stopped()
             case commands.Cancel():
@@ -156,7 +171,14 @@ class Teacher:
         memory = self._memories.get(performer)
         return memory.gathered(began - REMEMBERED, began) if memory else None
 
-    def _begin(self, asked: commands.Teach | commands.Last, now: float) -> list[Notice | Changed]:
+    def take(self, clip: Clip, class_name: str) -> list[Notice | Changed]:
+        """Take a motion of a recording, over the skeleton's joints, as an example; it is trimmed."""
+        kept = moved_at_all(clip)
+        if kept is None:
+            return [_refused("", f"{clip.name}: expected {MIN_SECONDS:g} s or more of movement")]
+        return self._add(clip.actor, class_name, clip, Stretch(0.0, clip.duration), kept)
+
+    def _begin(self, asked: commands.Teach | commands.Last | commands.Hold, now: float) -> list[Notice | Changed]:
         performer = self._present(asked.performer, now)
         if performer is None:
             return [_refused(asked.performer, "no such performer is there")]
@@ -166,22 +188,50 @@ class Teacher:
             return self._take_last(asked, performer)
         if self.lesson:
             return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
+        if isinstance(asked, commands.Hold):
+            self.lesson = HeldLesson(asked, performer, self._memories[performer].newest)
+            return [State(performer, Step.RECORDING)]
         self.lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
 
     def _take_last(self, asked: commands.Last, performer: str) -> list[Notice | Changed]:
-        memory = self._memories[performer]
-        end = memory.newest - asked.ago
-        whole = Stretch(end - asked.seconds, end)
-        clip = memory.between(*whole)
+        end = self._memories[performer].newest - asked.ago
+        return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
+
+    def _take(self, performer: str, class_name: str, whole: Stretch) -> list[Notice | Changed]:
+        """Take the movement in a remembered span as an example."""
+        clip = self._memories[performer].between(*whole)
         if clip is None or clip.gaps:
-            return [_refused(performer, f"{asked.seconds:g} s have not been seen")]
+            return [_refused(performer, f"{whole.duration:g} s have not been seen")]
         kept = moved_at_all(clip)
         if kept is None:
             return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
-        return self._add(performer, asked.class_name, clip, whole, kept)
+        return self._add(performer, class_name, clip, whole, kept)
 
-    def _went(self, lesson: Lesson, step: State | Recorded | None) -> list[Notice | Changed]:
+    def _judged(self, asked: str, now: float, *, is_right: bool) -> list[Notice | Changed]:
+        """Take the last named motion as an example of its class, or of `nothing`; once, until that is undone."""
+        performer = self.named.last(asked, self._there(now))
+        motion = self.named.meant(performer, self._memories[performer].newest) if performer else None
+        if performer is None or motion is None:
+            return [_refused(asked, "no motion was named")]
+        if len(self.roster.examples) >= MAX_EXAMPLES:
+            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
+        if motion.number in {each.number for each in self.roster.examples}:
+            return [_refused(performer, f"{motion.class_name} was judged already: undo it first")]
+        motion.judgement = is_right
+        if motion.ended is None:
+            return [State(performer, Step.CHECKING, 0.0, f"{motion.class_name}: taken when it ends")]
+        return self._take_judged(performer, motion)
+
+    def _take_judged(self, performer: str, motion: NamedMotion) -> list[Notice | Changed]:
+        """Take a motion that was judged as an example of its class, or of `nothing`."""
+        class_name, number = motion.class_name if motion.judgement else NOTHING, self._number
+        motion.judgement = None
+        notices = self._take(performer, class_name, motion.span(self._memories[performer].newest))
+        motion.number = number if self._number > number else 0
+        return notices
+
+    def _went(self, lesson: Lesson | HeldLesson, step: State | Recorded | None) -> list[Notice | Changed]:
         """Give the notices of a lesson's step."""
         if step is None:
             return []
@@ -219,6 +269,10 @@ class Teacher:
         lesson = self.lesson
         lesson.left = min(lesson.left, 1)
         return self._went(lesson, lesson.stop(by_hand=True))
+
+    def _released(self) -> list[Notice | Changed]:
+        """End a recording that was held; a lesson that was not is let be."""
+        return self._stopped() if isinstance(self.lesson, HeldLesson) else [_refused("", "nothing was held")]
 
     def _cancelled(self) -> list[Notice | Changed]:
         if self.lesson is None:
@@ -268,10 +322,14 @@ class Teacher:
 
     def _present(self, name: str, now: float) -> str | None:
         """Find a performer who is present; without a name the performer whose frame came last."""
-        there = {each: memory.arrived for each, memory in self._memories.items() if self._silent(each, now) <= _GONE}
+        there = self._there(now)
         if name:
             return name if name in there else None
         return max(there, key=lambda each: there[each], default=None)
+
+    def _there(self, now: float) -> dict[str, float]:
+        """Give the performers who are present, and when their last frames arrived."""
+        return {each: memory.arrived for each, memory in self._memories.items() if self._silent(each, now) <= _GONE}
 
     def _silent(self, name: str, now: float) -> float:
         """Say for how many seconds a performer has sent nothing; the time for which we were stopped does not count."""
@@ -280,6 +338,7 @@ class Teacher:
     def _forget_absent(self, now: float) -> None:
         for name in [each for each, memory in self._memories.items() if now - memory.arrived > 60.0]:
             del self._memories[name]
+            self.named.forget(name)
 
 
 def _refused(performer: str, reason: str) -> State:

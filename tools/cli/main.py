@@ -34,6 +34,7 @@ PROGRAMS: Programs = {
     "convert": ("programs.recordings.convert", "write recordings as plain numbers"),
     "latency": ("programs.latency", "measure the time from frame to answer, and of a bare echo"),
     "cut": ("programs.recordings.cut", "propose labels for a recording: a row for each movement"),
+    "discover": ("programs.recordings.discover", "find the motions that repeat in recordings without labels"),
     "build": ("programs.recordings.build", "make a motion library from recordings and other libraries"),
     "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
     "info": ("programs.recordings.info", "describe a motion library or recordings"),
@@ -52,6 +53,7 @@ EXPERIMENTS: Programs = {
     "noise": ("evaluation.evaluate_noise", "play motions with noise, each left out of its library"),
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
+    "discover": ("evaluation.evaluate_discover", "find motions in takes with their labels hidden"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
 }
 

@@ -15,6 +15,7 @@ from kinespace.library.teaching.movement import STILLNESS
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.teaching import Teacher
 from kinespace.tools.teaching.lessons import ClassPlaces, Lessons
+from kinespace.tools.teaching.roster_file import RosterFile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,6 +30,8 @@ def open_lessons(
     joints: Sequence[str],
     performers: Callable[[WindowIndex, Sequence[str]], Recognising],
     stillness: float = STILLNESS,
+    *,
+    recordings: Path | None = None,
 ) -> Lessons:
     """Open the taught library for lessons.
 
@@ -44,17 +47,33 @@ def open_lessons(
         Makes the recognisers from an opened library and the order of its classes.
     stillness
         Movement below which a performer stands still (`library.teaching.movement`).
+    recordings
+        The folder of recordings that examples may be taken from; None for none.
 
     Raises
     ------
     ValueError
-        The file is no library, or has too few of the library's joints.
+        The file is no library, has too few of the library's joints, or another program teaches there.
     OSError
         The file cannot be read, or its folder is missing.
     """
-    if not file.absolute().parent.is_dir():
-        raise FileNotFoundError(f"{file}: no such folder")
-    taught = MotionLibrary.load(file) if file.exists() else None
+    kept = RosterFile(file)
+    try:
+        return _opened(kept, library, joints, performers, stillness, recordings)
+    except BaseException:
+        kept.close()
+        raise
+
+
+def _opened(  # noqa: PLR0917 - as above
+    file: RosterFile,
+    library: MotionLibrary | None,
+    joints: Sequence[str],
+    performers: Callable[[WindowIndex, Sequence[str]], Recognising],
+    stillness: float,
+    recordings: Path | None,
+) -> Lessons:
+    taught = file.library
     base = _base(library, taught.skeleton.joints if taught else (), joints)
     if taught and base:
         taught = taught.restricted_to(base.library.skeleton.joints)
@@ -65,7 +84,7 @@ def open_lessons(
     index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
     teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
     order = ClassPlaces(windows.base_classes).of(roster)
-    return Lessons(performers(index, order or index.classes), teacher, windows, file)
+    return Lessons(performers(index, order or index.classes), teacher, windows, file, recordings=recordings)
 
 
 def _base(library: MotionLibrary | None, taught: Sequence[str], joints: Sequence[str]) -> WindowIndex | None:

@@ -15,13 +15,18 @@ if TYPE_CHECKING:
 
 #: Seconds between two checks for a key.
 _LOOK = 0.1
-HINT = "t teach a new motion · a another example · space stop · x cancel · u undo · r redo · s save"
+HINT = (
+    "t teach a new motion · a another example · h hold: record now, h again ends it · y the last name was right · "
+    "n it was wrong · space stop · x cancel · u undo · r redo · s save"
+)
 _PLAIN: dict[str, Command] = {
     " ": commands.Stop(),
     "x": commands.Cancel(),
     "u": commands.Undo(),
     "r": commands.Redo(),
     "s": commands.Save(),
+    "y": commands.Right(),
+    "n": commands.Wrong(),
 }
 
 
@@ -40,7 +45,7 @@ class Keys:
         self._lessons, self._shown = lessons, shown
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, name="kinespace keys", daemon=True)
-        self._taught = 0
+        self._taught, self._held = 0, False
 
     def __enter__(self) -> Self:
         if sys.stdin.isatty() and sys.platform != "win32":
@@ -58,8 +63,13 @@ class Keys:
         if key == "t":
             names = self._lessons.classes
             self._taught = next(number for number in range(1, len(names) + 2) if f"motion {number}" not in names)
+        name = f"motion {max(self._taught, 1)}"
         if key in ("t", "a"):
-            return commands.Teach("", f"motion {max(self._taught, 1)}")
+            return commands.Teach("", name)
+        if key == "h":
+            # A terminal does not say when a key is released.
+            self._held = not self._held
+            return commands.Hold("", name, self._held)
         return _PLAIN.get(key)
 
     def _read(self) -> None:

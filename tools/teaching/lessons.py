@@ -11,6 +11,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.teaching import Asked, Changed, State, Step, commands
 from kinespace.tools.teaching.opener import Change, RosterOpener
+from kinespace.tools.teaching.recordings import RecordingsFolder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
     from kinespace.library.teaching.examples import Roster, TaughtWindows
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
+    from kinespace.stream.recognition import Event
     from kinespace.stream.teaching import Notice, Teacher
     from kinespace.stream.workers.gateway import Recognising
+    from kinespace.tools.teaching.roster_file import RosterFile
 
 
 class Lessons(Sink):
@@ -35,7 +38,9 @@ class Lessons(Sink):
     windows
         Opens rosters.
     file
-        Where the roster is saved after every change.
+        Saves the roster after every change.
+    recordings
+        The folder of recordings that examples may be taken from; None for none.
     clock
         Seconds.
 
@@ -58,8 +63,9 @@ class Lessons(Sink):
         performers: Recognising,
         teacher: Teacher,
         windows: TaughtWindows,
-        file: Path,
+        file: RosterFile,
         *,
+        recordings: Path | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.performers, self._teacher, self._clock = performers, teacher, clock
@@ -68,13 +74,18 @@ class Lessons(Sink):
         self.answers = bool(windows.base_classes or teacher.roster.examples)
         self.sinks: Sequence[Sink] = ()
         self.is_quiet = False
-        self._opener = RosterOpener(windows, file, teacher, self._exchange)
+        self._file, self._opener = file, RosterOpener(windows, teacher, self._exchange)
+        self._recordings = RecordingsFolder(recordings, teacher.skeleton)
         self._waiting: queue.SimpleQueue[Asked] = queue.SimpleQueue()
 
     def publish_frame(self, frame: Frame) -> None:
         """Show the teacher a frame that the recognisers have got."""
         if ordered := self.performers.ordered(frame):
             self._publish(self._teacher.push(ordered, self._clock()))
+
+    def publish_event(self, event: Event) -> None:
+        """Tell the teacher which motion was named, so that a person may say whether that was right."""
+        self._teacher.named.push(event)
 
     def ask(self, asked: Asked) -> None:
         """Carry out, at the next turn, a command from another thread."""
@@ -86,11 +97,16 @@ class Lessons(Sink):
             case None:
                 notices: Iterable[Notice | Changed] = [State("", Step.REFUSED, 0.0, asked.refusal)]
             case commands.Save():
-                self._opener.open(Change(self._teacher.roster, self.performers.settings, asked=True))
+                self._file.save(self._teacher.roster, asked=True)
                 notices = [State("", Step.CHECKING, 0.0, "saving")]
             case commands.Sensitivity(share):
                 self.performers.set_sensitivity(share)
                 notices = [State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
+            case commands.From() as wanted:
+                why = self._recordings.ask(wanted)
+                if refused := self._recordings.refused:
+                    self.notes = [f"teaching: requests for recordings refused: {refused}"]
+                notices = [State("", Step.REFUSED if why else Step.CHECKING, 0.0, why or f"reading {wanted.name}")]
             case command:
                 notices = map(self._explained, self._teacher.command(command, self._clock()))
         states = self._publish(notices)
@@ -110,16 +126,24 @@ class Lessons(Sink):
             self.carry_out(self._waiting.get())
         self._publish(self._teacher.tick(now))
         self._publish(self._opener.results())
+        self._publish(self._file.states())
+        for wanted, part in self._recordings.parts():
+            if isinstance(part, str):
+                self._publish([State("", Step.REFUSED, 0.0, part)])
+            else:
+                self._publish(self._teacher.take(part, wanted.class_name))
 
     def close(self) -> None:
-        """Save the last changes."""
+        """Save the last changes first."""
+        self._file.close()
+        self._recordings.close()
         self._opener.close()
         self.tend(self._clock())
 
     @property
     def has_unsaved(self) -> bool:
         """Whether there are changes that are not in the file."""
-        return self._opener.has_unsaved
+        return self._file.has_unsaved
 
     def _described(self) -> dict[str, object]:
         """Describe the classes and the settings, for a reply: `taught` counts the examples of each taught class."""
@@ -143,6 +167,7 @@ class Lessons(Sink):
         states = []
         for each in notices:
             if isinstance(each, Changed):
+                self._file.save(each.roster)
                 before = self._teacher.recent(each.number) if each.number else None
                 self._opener.open(Change(each.roster, self.performers.settings, each.number, before))
                 continue

@@ -1,10 +1,9 @@
-"""A thread that opens, saves, checks and tries taught motions, one change after the other, while frames go on."""
+"""A thread that opens, checks and tries taught motions while frames go on."""
 
 from __future__ import annotations
 
 import queue
 import threading
-import time
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -18,7 +17,6 @@ from kinespace.stream.teaching import State, Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
     from kinespace.library.teaching.examples import Roster, TaughtWindows
     from kinespace.library.windows.index import WindowIndex
@@ -28,8 +26,6 @@ if TYPE_CHECKING:
 
 #: Seconds between two answers when an example is tried on the last minutes: enough to count starts.
 _TRIED_EVERY = 0.1
-#: Seconds after the first change within which it is saved, also while further changes wait; and between two attempts.
-_SAVED_WITHIN = 1.0
 #: Frames after which the thread pauses for other threads.
 _FRAMES_AT_ONCE = 6
 #: Seconds of the pause.
@@ -38,7 +34,7 @@ _PAUSE = 0.002
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
-    """A roster to open and save.
+    """A roster to open.
 
     Attributes
     ----------
@@ -50,26 +46,21 @@ class Change:
         The number of an example to check and to try; 0 for none.
     before
         The performer's last minutes before that example, on which it is tried; None where they are not known.
-    asked
-        Whether a command asked for the file, and waits until it is written.
     """
 
     roster: Roster
     settings: Settings
     number: int = 0
     before: Remembered | None = None
-    asked: bool = False
 
 
 class RosterOpener:
-    """Deals with changes in the order in which they came; ends when it is closed.
+    """Opens the newest roster, and checks all examples that have come since the last one; ends when it is closed.
 
     Parameters
     ----------
     windows
         Opens rosters.
-    file
-        Where the roster is saved after every change.
     teacher
         Takes the checks of examples.
     exchange
@@ -79,14 +70,10 @@ class RosterOpener:
     def __init__(
         self,
         windows: TaughtWindows,
-        file: Path,
         teacher: Teacher,
         exchange: Callable[[Roster, WindowIndex | None], Sequence[Notice | Changed]],
     ) -> None:
-        #: The newest roster, as long as it is not saved, since when, and whether an attempt failed.
-        self._unsaved: Roster | None = None
-        self._since, self._failed = 0.0, False
-        self._windows, self._file, self._teacher, self._exchange = windows, file, teacher, exchange
+        self._windows, self._teacher, self._exchange = windows, teacher, exchange
         self._changes: queue.SimpleQueue[Change | None] = queue.SimpleQueue()
         #: What is to be done in the caller's thread; each call gives notices.
         self._results: queue.SimpleQueue[Callable[[], Sequence[Notice | Changed]]] = queue.SimpleQueue()
@@ -95,7 +82,7 @@ class RosterOpener:
         self._thread.start()
 
     def open(self, change: Change) -> None:
-        """Open, save, check and try a change soon."""
+        """Open, check and try a change soon."""
         self._changes.put(change)
 
     def results(self) -> Iterator[Notice | Changed]:
@@ -104,81 +91,52 @@ class RosterOpener:
             yield from self._results.get()()
 
     def close(self) -> None:
-        """Save the last changes, and end."""
+        """End; changes that wait are not opened any more."""
         self._ending.set()
         self._changes.put(None)
         self._thread.join()
 
     def _work(self) -> None:
-        while True:
-            try:
-                change = self._changes.get(timeout=_SAVED_WITHIN if self._unsaved else None)
-            except queue.Empty:
-                self._save()
-                continue
-            if change is None:
-                break
-            index = self._opened(change)
-            if change.number and index is not None:
-                check = checked(index, change.number)
-                starts = self._starts(change, index)
-                self._results.put(partial(self._teacher.checked, change.number, check, starts))
-        self._save()
+        while change := self._changes.get():
+            waiting: list[Change | None] = [change]
+            while not self._changes.empty():
+                waiting.append(self._changes.get())
+            changes = [each for each in waiting if each]
+            if self._ending.is_set():
+                return
+            if not self._opened(changes, changes[-1].roster) and len(changes) > 1:
+                # One of them cannot be compared: which one?
+                failed = set[int]()
+                for each in changes:
+                    kept = tuple(example for example in each.roster.examples if example.number not in failed)
+                    if not self._opened([each], replace(each.roster, examples=kept)):
+                        failed.add(each.number)
+            if len(changes) < len(waiting):
+                return
 
-    @property
-    def has_unsaved(self) -> bool:
-        """Whether there are changes that are not in the file."""
-        return self._unsaved is not None
-
-    def _opened(self, change: Change) -> WindowIndex | None:
-        """Open a roster and save it, unless another one waits and the oldest change is young; give its index."""
+    def _opened(self, changes: Sequence[Change], roster: Roster) -> bool:
+        """Open a roster and check the examples that came with it; say whether it could be opened."""
+        last = changes[-1]
         try:
-            index = self._windows.index_of(change.roster)
+            index = self._windows.index_of(roster)
             if index is not None:
                 # A first recogniser prepares the windows here; between two frames there is no time for this.
-                Recognizer(index, change.settings)
+                Recognizer(index, last.settings)
         except (ValueError, MemoryError) as error:
             reason = " ".join(str(error).split())
-            if change.number:
-                self._results.put(partial(self._teacher.failed, change.number, reason))
-            else:
-                self._say(Step.REFUSED, reason)
-            return None
-        self._results.put(partial(self._exchange, change.roster, index))
-        if self._unsaved is None:
-            self._since = time.monotonic()
-        self._unsaved = change.roster
-        if change.asked or self._changes.empty() or time.monotonic() - self._since > _SAVED_WITHIN:
-            self._save(asked=change.asked)
-        return index
-
-    def _save(self, *, asked: bool = False) -> None:
-        """Save the newest roster; a failure is said once, and tried again later."""
-        roster = self._unsaved
-        if roster is None:
-            return
-        try:
-            library = roster.library()
-            # A symbolic link stays one.
-            if library is None:
-                self._file.resolve().unlink(missing_ok=True)
-            else:
-                library.save(self._file.resolve())
-        except (OSError, ValueError) as error:
-            why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            if asked or not self._failed:
-                self._say(
-                    Step.REFUSED, f"{self._file.name} was not saved: {why}; the taught motions are still in memory"
-                )
-            self._failed = True
-            return
-        asked, self._failed, self._unsaved = asked or self._failed, False, None
-        if asked:
-            count = len(roster.examples)
-            self._say(Step.DONE, f"{self._file.name} saved, examples: {count}" if count else "nothing to save")
-
-    def _say(self, step: Step, reason: str) -> None:
-        self._results.put(lambda: [State("", step, 0.0, reason)])
+            if last.number and len(changes) == 1:
+                self._results.put(partial(self._teacher.failed, last.number, reason))
+            elif len(changes) == 1:
+                self._results.put(lambda: [State("", Step.REFUSED, 0.0, reason)])
+            return False
+        self._results.put(partial(self._exchange, roster, index))
+        numbers = {each.number for each in roster.examples}
+        for each in changes:
+            if each.number in numbers and index is not None and not self._ending.is_set():
+                check = checked(index, each.number)
+                starts = self._starts(each, index)
+                self._results.put(partial(self._teacher.checked, each.number, check, starts))
+        return True
 
     def _starts(self, change: Change, index: WindowIndex) -> int:
         """Count how often the new class would have started in the performer's last minutes."""

@@ -410,3 +410,28 @@ def test_an_example_of_some_seconds_ago_is_the_movement_of_then(sticks: MotionLi
     taken.append(teacher.roster.of("later")[0])
     assert taken[1].recording.positions == pytest.approx(taken[0].recording.positions, abs=1e-3)
     assert (taken[1].begin, taken[1].end) == pytest.approx((taken[0].begin, taken[0].end), abs=0.05)
+
+
+def test_a_held_recording_needs_no_movement() -> None:
+    """It begins when it is held and ends when it is released; a lesson that counts down is not ended by a release."""
+    stage = Stage()
+    stage.stand(1.0)
+    assert stage.ask(commands.Hold("ann", "statue")) == [State("ann", Step.RECORDING)]
+    stage.stand(1.0)
+    stage.ask(commands.Hold("ann", "statue", on=False))
+    (example,) = stage.teacher.roster.examples
+    assert (example.class_name, example.seconds) == ("statue", pytest.approx(1.0, abs=0.1))
+    stage.ask(commands.Teach("ann", "wave"))
+    stage.ask(commands.Hold("ann", "statue"))
+    assert stage.reason() == "ann is being taught wave"
+    stage.ask(commands.Hold("ann", "statue", on=False))
+    assert stage.reason() == "nothing was held"
+    assert stage.teacher.lesson is not None
+    stage.ask(commands.Cancel())
+    stage.ask(commands.Hold("", "statue"))
+    stage.stand(0.2)
+    stage.ask(commands.Hold("", "statue", on=False))
+    assert stage.reason() == "expected it to be held for 0.4 s or more"
+    stage.ask(commands.Hold("ann", "statue"))
+    stage.stand(MAX_RECORDING + 1)
+    assert [each.seconds for each in stage.teacher.roster.examples][1:] == [pytest.approx(MAX_RECORDING, abs=0.1)]

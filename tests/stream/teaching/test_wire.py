@@ -23,6 +23,10 @@ from kinespace.stream.teaching.commands import CommandError
         (encode_message("/motion/teach/enable", "a", 0), commands.Enable("a", on=False)),
         (encode_message("/motion/teach/last", "ann", 2.5, "bow"), commands.Last("ann", 2.5, "bow")),
         (encode_message("/motion/teach/save"), commands.Save()),
+        (encode_message("/motion/teach/hold", "ann", "bow", 0), commands.Hold("ann", "bow", on=False)),
+        (encode_message("/motion/teach/right"), commands.Right()),
+        (encode_message("/motion/teach/wrong", "ann"), commands.Wrong("ann")),
+        (encode_message("/motion/teach/from", "a.bvh", 2, 3.5, "bow"), commands.From("a.bvh", 2.0, 3.5, "bow")),
     ],
 )
 def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
@@ -41,6 +45,8 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
         ({"do": "redo"}, commands.Redo()),
         ({"do": "list"}, commands.List()),
         ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
+        ({"do": "wrong", "performer": "ann"}, commands.Wrong("ann")),
+        ({"do": "hold", "performer": "ann", "class": "bow", "on": True}, commands.Hold("ann", "bow")),
         (
             {"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 5.5},
             commands.Last("ann", 2.0, "wave", 5.5),
@@ -70,6 +76,11 @@ def test_commands_in_json(request_: dict[str, object], command: commands.Command
         (encode_message("/motion/teach/last", "ann", 60.0, "bow"), "seconds"),
         (encode_message("/motion/teach/last", "ann", 0.0, "bow"), "seconds"),
         (encode_message("/motion/teach/rename", "a", "b/c"), "without /"),
+        (
+            encode_message("/motion/teach/from", "a.bvh", 3, 2, "bow"),
+            "end: expected up to 15 s after start, got 3 to 2",
+        ),
+        (encode_message("/motion/teach/right", "a" * 65), "performer"),
         (encode_message("/motion/teach/jump"), "expected one of"),
         (b"/motion/teach", "expected OSC"),
     ],

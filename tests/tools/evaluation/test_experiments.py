@@ -36,6 +36,7 @@ RUNS = {
     ),
     "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
     "teach beside": ("teach --beside --draws 1 --examples 1 --teachers mm", "1 person, 1 draw each"),
+    "discover": ("discover", "18 takes, "),
     "progress": ("progress --every 3", "6 motions of 3 persons"),
     "retrieval": ("retrieval {clips} --protocol split", "18 s, 2 known persons; 95 %: by motions"),
 }
@@ -54,6 +55,7 @@ REFUSED = {
     "noise --groups 1": "--groups: expected 2 to 18, the motions there are, got 1",
     "noise --groups 19": "--groups: expected 2 to 18, the motions there are, got 19",
     "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
+    "discover {clips}": "joints: expected at least 5 of the library's",
     "retrieval {takes}/ann_01.amc --protocol split": "ann_01: expected a name with the actor in it",
     "retrieval /absent": "no such file or folder",
 }

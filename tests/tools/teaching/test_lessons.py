@@ -148,6 +148,7 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     stage.command(commands.Rename("my squat", "bend"))
     stage.command(commands.Undo())
     stage.command(commands.Redo())
+    stage.until(lambda _: stage.classes[-1] == "bend")
     stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
     assert stage.classes == (*library.classes, "bend")
@@ -193,28 +194,59 @@ def test_a_performer_who_is_taught_may_be_muted(stage: Stage) -> None:
         assert stage.lessons.muted == ""
 
 
-def test_changes_that_pour_in_are_saved_within_a_second(tmp_path: Path) -> None:
-    """The file is written while further changes wait, which take long to open."""
-    opened = list[float]()
+class Slow(TaughtWindows):
+    """Opens rosters slowly; refuses an example of the number 13."""
 
-    class Slow(TaughtWindows):
-        def index_of(self, roster: Roster) -> None:  # type: ignore[override]
-            del roster
-            opened.append(time.monotonic())
-            time.sleep(0.3)
+    def __init__(self, seconds: float) -> None:
+        super().__init__(None, with_base=False)
+        self.opened, self._seconds = list[int](), seconds
 
+    def index_of(self, roster: Roster) -> None:  # type: ignore[override]
+        """Note the number of examples."""
+        self.opened.append(len(roster.examples))
+        time.sleep(self._seconds)
+        if any(each.number == 13 for each in roster.examples):
+            raise ValueError("a body that does not move")
+
+
+def _growing(numbers: Sequence[int]) -> list[Change]:
     motion = MotionLibrary.builtin().motions[0]
-    change = Change(Roster((Example(1, "bow", motion, 0.0, 1.0),)), Settings())
-    teacher = Teacher(motion.skeleton, change.roster)
-    opener = RosterOpener(Slow(None, with_base=False), tmp_path / "mine.npz", teacher, lambda *_: ())
-    for _ in range(9):
+    examples = tuple(Example(number, "bow", motion, 0.0, 1.0) for number in numbers)
+    return [Change(Roster(examples[: count + 1]), Settings(), number) for count, number in enumerate(numbers)]
+
+
+def test_of_changes_that_pour_in_the_newest_is_opened() -> None:
+    """Nine changes while one is opened make one further opening, and the end opens nothing."""
+    windows, changes = Slow(0.2), _growing(range(1, 10))
+    opener = RosterOpener(windows, Teacher(changes[0].roster.examples[0].recording.skeleton, Roster()), lambda *_: ())
+    for change in changes:
         opener.open(change)
     until = time.monotonic() + PATIENCE
-    while not (tmp_path / "mine.npz").exists() and time.monotonic() < until:
+    while windows.opened[-1:] != [9] and time.monotonic() < until:
         time.sleep(0.01)
-    assert len(opened) < 9
+    assert len(windows.opened) <= 3
+    for change in changes:
+        opener.open(change)
     opener.close()
-    assert not opener.has_unsaved
+    assert len(windows.opened) <= 4
+
+
+def test_an_example_that_cannot_be_compared_takes_no_other_with_it() -> None:
+    """Of several that came together it alone is refused."""
+    windows, changes = Slow(0.05), _growing([11, 12, 13, 14])
+    teacher = Teacher(changes[0].roster.examples[0].recording.skeleton, changes[-1].roster)
+    opener = RosterOpener(windows, teacher, lambda *_: ())
+    for change in changes:
+        opener.open(change)
+    until, notices = time.monotonic() + PATIENCE, list[object]()
+    while 3 not in windows.opened[4:] and len(windows.opened) < 6 and time.monotonic() < until:
+        notices += opener.results()
+        time.sleep(0.01)
+    opener.close()
+    notices += opener.results()
+    refused = [each.reason for each in notices if isinstance(each, State) and each.step is Step.REFUSED]
+    assert refused == ["a body that does not move"]
+    assert [each.number for each in teacher.roster.examples] == [11, 12, 14]
 
 
 def test_saving_is_told_when_the_file_is_written(stage: Stage, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  hits: [], wrong: null, taught: "", sound: true, theme: null };
+  hits: [], wrong: null, taught: "", held: "", sound: true, theme: null };
 window.kinespace = page;
 
 // --- what comes ---
@@ -312,6 +312,23 @@ function teach(name, repetitions = 1) {
   ask({ do: "teach", performer: page.chosen, class: name, repetitions });
 }
 for (const button of document.querySelectorAll("[data-do]")) button.addEventListener("click", () => ask({ do: button.dataset.do }));
+/** Say that the last motion of the performer who is chosen was named rightly, or wrongly. */
+const judge = (how) => ask({ do: how, performer: page.chosen });
+for (const button of document.querySelectorAll("[data-judge]")) button.addEventListener("click", () => judge(button.dataset.judge));
+/** Record while a button or key is held; without a name the class taught last. */
+function hold(on) {
+  const name = byId("name").value.trim() || page.taught;
+  if (on === Boolean(page.held)) return;
+  if (on && !name) { say("a name first"); return; }
+  if (on) page.taught = name;
+  ask({ do: "hold", performer: page.chosen, class: on ? name : page.held, on });
+  page.held = on ? name : "";
+}
+byId("hold").addEventListener("pointerdown", (event) => { event.target.setPointerCapture(event.pointerId); hold(true); });
+for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) byId("hold").addEventListener(end, () => hold(false));
+window.addEventListener("blur", () => hold(false));
+document.addEventListener("keyup", (event) => { if (event.key === "h" || event.key === " " || event.key === "Enter") hold(false); });
+byId("hold").addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") { event.preventDefault(); hold(true); } });
 byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensitivity", share: Number(target.value) }));
 
 function takeNotice({ at, performer: name, state, seconds, reason, taught, check, examples }) {
@@ -432,6 +449,9 @@ document.addEventListener("keydown", (event) => {
   if (name && event.target.tagName !== "CANVAS") choose(name);
   if (event.key === "t" && teaches()) { event.preventDefault(); byId("name").select(); }
   if (event.key === "a" && teaches() && page.taught) teach(page.taught);
+  if (event.key === "h" && teaches()) hold(true);
+  if (event.key === "y" && teaches()) judge("right");
+  if (event.key === "n" && teaches()) judge("wrong");
   if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
 });
 

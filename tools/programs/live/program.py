@@ -47,6 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--quiet-lessons", action="store_true", help='answer a performer who is being taught "unknown", without events'
     )
     parser.add_argument(
+        "--recordings", type=Path, metavar="DIR", help="let people take examples out of the recordings in this folder"
+    )
+    parser.add_argument(
         "--control",
         action="append",
         default=[],

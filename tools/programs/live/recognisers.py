@@ -119,7 +119,9 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
         _require_room_for(index, settings_of(options))
         return make(options, index, joints, classes)
 
-    lessons = open_lessons(options.teach, motions, sent.assumed, performers, options.stillness)
+    lessons = open_lessons(
+        options.teach, motions, sent.assumed, performers, options.stillness, recordings=options.recordings
+    )
     lessons.is_quiet = options.quiet_lessons
     return lessons
 

@@ -101,8 +101,9 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
     """Refuse options that need others, and files that cannot be written; give the preset of the feed."""
-    if options.control and not options.teach:
-        raise ValueError("--control: expected --teach with it")
+    for option in ("control", "recordings"):
+        if getattr(options, option, None) and not options.teach:
+            raise ValueError(f"--{option}: expected --teach with it")
     if options.teach and settings.signature is LiveSignature.PAPER:
         raise ValueError("--teach: expected --signature windows with it, got paper")
     if options.record:

@@ -1,0 +1,72 @@
+"use strict";
+// The page of `kinespace discover`: every group as a body that moves again and again, with a field for its name.
+
+const { folder, groups } = JSON.parse(byId("found").textContent);
+const found = { cards: [], theme: null, drawn: 0 };
+window.kinespace = found;
+/** Quote a word for a shell. */
+const quoted = (word) => (/^[\w./=-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
+
+function card(group) {
+  const canvas = document.createElement("canvas");
+  canvas.tabIndex = 0;
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", `Group ${group.number}, came ${group.came} times: arrows turn the body, plus and minus zoom`);
+  const name = document.createElement("input");
+  name.maxLength = 64;
+  name.autocomplete = "off";
+  name.placeholder = "name";
+  name.setAttribute("aria-label", `name of group ${group.number}`);
+  name.addEventListener("input", showLine);
+  const title = document.createElement("h2");
+  title.textContent = `${group.number} · ${group.came}× · ${group.seconds} s`;
+  const article = document.createElement("article");
+  article.className = "stage";
+  article.append(canvas, title, name);
+  byId("groups").append(article);
+  const stage = new Stage(canvas);
+  stage.setSkeleton(group.names, group.parents);
+  const bytes = Uint8Array.from(atob(group.bodies), (letter) => letter.charCodeAt(0));
+  found.cards.push({ group, stage, name, canvas, bodies: new Int16Array(bytes.buffer), seen: true, frame: -1 });
+}
+
+/** Give the body some seconds after its motion began; it begins again at the end, after a short rest. */
+function go(each, second) {
+  const size = 3 * each.group.names.length;
+  const frames = each.bodies.length / size;
+  const frame = Math.min(Math.floor((second * each.group.rate) % (frames + each.group.rate / 3)), frames - 1);
+  if (frame === each.frame) return;
+  if (frame < each.frame) each.stage.trails.forEach((trail) => trail.splice(0));
+  each.frame = frame;
+  each.stage.setBody(Float32Array.from(each.bodies.subarray(frame * size, (frame + 1) * size), (number) => number / 1000));
+  each.stage.draw({ colour: colourOf(each.name.value ? each.group.number - 1 : -1, isLight() ? 0.58 : 0.78), carried: null, phase: null, theme: found.theme });
+}
+
+function step(moment) {
+  found.theme ??= themeOf(document.documentElement);
+  found.cards.filter(({ seen }) => seen).forEach((each) => go(each, moment / 1000));
+  found.drawn += 1;
+  requestAnimationFrame(step);
+}
+
+function showLine() {
+  const names = found.cards.filter(({ name }) => name.value.trim()).map(({ group, name }) => quoted(`${group.number}=${name.value.trim()}`));
+  byId("line").textContent = `kinespace discover -o ${quoted(folder)} --name ${names.join(" ") || "1=bow"}${byId("rest").checked ? " --rest-nothing" : ""}`;
+  byId("copy").disabled = !names.length;
+  byId("state").textContent = `${groups.length} groups, ${names.length} named`;
+}
+
+groups.forEach(card);
+const watch = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
+  found.cards.find(({ canvas }) => canvas === target).seen = isIntersecting;
+}));
+found.cards.forEach(({ canvas }) => watch.observe(canvas));
+byId("rest").addEventListener("change", showLine);
+byId("copy").addEventListener("click", async () => {
+  await navigator.clipboard.writeText(byId("line").textContent);
+  byId("state").textContent = "copied";
+});
+byId("theme").addEventListener("click", () => { setTheme(isLight() ? "dark" : "light"); found.theme = null; });
+setTheme(matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
+showLine();
+requestAnimationFrame(step);

@@ -2,9 +2,9 @@
 
 A kernel's arrays are written as `name:shape`, with a letter or digit for each dimension; a letter that stands again
 means the same length. Then come a point and the type, if it is not float64 (`i` index, `H` uint16, `e` half, `f`
-float32), `<` and a letter where the indices must be below that length, `_` where there may be room between rows, and
-`!` where the kernel writes. Numbers are named: constants are given when the kernel is bound, the others at each call,
-and may be as large as the length of the letter behind `<`.
+float32), `<` and a letter where the indices must be below that length (`<=`: they are ends, and may reach it), `_`
+where there may be room between rows, and `!` where the kernel writes. Numbers are named: constants are given when the
+kernel is bound, the others at each call, and may be as large as the length of the letter behind `<`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BLOCK = 8
 REGISTER = 16
 #: A number without a limit of its own.
 _UNLIMITED = 1e15
-_ARRAY = re.compile(r"(\w+):([a-z0-9]+)(?:\.([iHef]))?(?:<(\w))?(_?)(!?)$")
+_ARRAY = re.compile(r"(\w+):([a-z0-9]+)(?:\.([iHef]))?(?:<(=?\w))?(_?)(!?)$")
 _DTYPES: dict[str | None, np.dtype[np.generic]] = {each: np.dtype(each or "d") for each in (None, *"Hef")}
 _DTYPES["i"] = np.dtype(np.intp)
 
@@ -61,8 +61,10 @@ class _Array:
             raise ValueError(f"{self.name}: expected numbers side by side, got strides {array.strides}")
         if not array.flags.aligned or (self.written and not array.flags.writeable):
             raise ValueError(f"{self.name}: expected {'writable' if self.written else 'aligned'} memory")
-        if self.below and array.size and not 0 <= int(array.min()) <= int(array.max()) < max(lengths[self.below], 1):
-            raise ValueError(f"{self.name}: expected indices below {lengths[self.below]}, got {array.max()}")
+        if self.below and array.size:
+            below = max(lengths[self.below[-1]], 1) + (self.below[0] == "=")
+            if not 0 <= int(array.min()) <= int(array.max()) < below:
+                raise ValueError(f"{self.name}: expected indices below {below}, got {array.max()}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,11 +130,11 @@ KERNELS = {
     "eigenpairs": Kernel.of("covariances:mdd values:mk! vectors:mkd!"),
     "place": Kernel.of("numbers:n origin:n.f axes:na.e vector:k!"),
     "compare": Kernel.of(
-        "groups:g4.i windows:h.e lengths:gl.f weights:vg.f blocks:b.i<l classes:c.i<b vectors:n products:vl.f! "
+        "groups:g4.i windows:h.e lengths:gl.f weights:vg.f blocks:b.i<=l classes:c.i<b vectors:n products:vl.f! "
         "logs:vk!",
         "nearest by_products",
     ),
-    "scores": Kernel.of("windows:adw.f products:p.f! starts:c.i<p eigenvector:d scores:k!"),
+    "scores": Kernel.of("windows:adw.f products:p.f! starts:c.i<=p eigenvector:d scores:k!"),
     "follow_phase": Kernel.of(
         "course:4n indices:2n.i starts:r.i<n vectors:an.f lengths:n.f expected:kn constants:8 live:a.f belief:n! "
         "after:n! room:m.f! found:t!"

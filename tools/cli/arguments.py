@@ -25,6 +25,8 @@ _DEFAULTS = Settings()
 OSC_IN = "127.0.0.1:9310"
 #: Where the page is unless the user says otherwise.
 PAGE = "127.0.0.1:8010"
+#: Where a camera's picture is unless the user says otherwise.
+SHOW = "127.0.0.1:8011"
 #: The name of the built-in library wherever a library may be named.
 BUILT_IN = Path("built-in")
 
@@ -47,6 +49,18 @@ _SHARED: dict[str, dict[str, Any]] = {
         "const": PAGE,
         "metavar": "[HOST:]PORT",
         "help": f"show a page in the browser (default {PAGE})",
+    },
+    "--people": {
+        "type": int,
+        "default": 1,
+        "metavar": "N",
+        "help": "follow up to so many people in front of the camera, 4 at most (default %(default)s)",
+    },
+    "--show": {
+        "nargs": "?",
+        "const": SHOW,
+        "metavar": "[HOST:]PORT",
+        "help": f"show the camera's picture and skeletons in the browser (default {SHOW})",
     },
     "--sender": {"metavar": "HOST", "default": "127.0.0.1", "help": "host to ask for frames, for feeds that ask"},
     "--feed": {

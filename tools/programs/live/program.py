@@ -34,6 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes (default: none)"
     )
     parser.add_argument(
+        "--camera", metavar="0|FILE|URL", help="watch a camera, a film or a stream, as kinespace camera does"
+    )
+    add_shared(parser, "--people", "--show")
+    parser.add_argument(
         "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
     )
     parser.add_argument(

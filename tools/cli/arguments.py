@@ -56,6 +56,10 @@ _SHARED: dict[str, dict[str, Any]] = {
         "metavar": "N",
         "help": "follow up to so many people in front of the camera, 4 at most (default %(default)s)",
     },
+    "--either-side": {
+        "action": "store_true",
+        "help": "a motion may be done by either side: add each example mirrored, too",
+    },
     "--show": {
         "nargs": "?",
         "const": SHOW,

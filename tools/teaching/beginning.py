@@ -29,6 +29,8 @@ def open_lessons(
     joints: Sequence[str],
     performers: Callable[[WindowIndex, Sequence[str]], Recognising],
     stillness: float = STILLNESS,
+    *,
+    either_side: bool = False,
 ) -> Lessons:
     """Open the taught library for lessons.
 
@@ -44,6 +46,8 @@ def open_lessons(
         Makes the recognisers from an opened library and the order of its classes.
     stillness
         Movement below which a performer stands still (`library.teaching.movement`).
+    either_side
+        Whether taught motions may be done by either side.
 
     Raises
     ------
@@ -61,7 +65,7 @@ def open_lessons(
         motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
         taught = MotionLibrary(base.library.skeleton, motions)
     roster = Roster.of_library(taught) if taught else Roster()
-    windows = TaughtWindows(base, with_base=library is not None)
+    windows = TaughtWindows(base, with_base=library is not None, either_side=either_side)
     index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
     teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
     order = ClassPlaces(windows.base_classes).of(roster)

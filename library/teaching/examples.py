@@ -315,9 +315,9 @@ def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.fl
     """Compare an example's distance to its class with the distance of the class's other examples."""
     motions = index.compared
     name = motions[place].class_name
-    own = _copies(index, place)
+    copies = _copies(index, place)
     others = [
-        each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each not in own
+        each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each not in copies
     ]
     usual = [float(np.median(_left_out(index, each)[:, own])) for each in others[-_CHECKED:]]
     finite = [each for each in usual if math.isfinite(each)]

@@ -35,9 +35,9 @@ _KNOWN = {
 }
 #: Bytes of a network, at most, and seconds of a package's way here.
 _MAX_BYTES, _MAX_FETCHING = 60_000_000, 600.0
-#: Names that the same networks have elsewhere, in MediaPipe's .task files above all.
-_DETECTORS = (_DETECTOR, "pose_detector.tflite", "pose_solution_packed_assets.data")
-_TASK_LANDMARKS = "pose_landmarks_detector.tflite"
+#: The two networks in MediaPipe's .task files; and all names of the detector.
+_TASK = ("pose_detector.tflite", "pose_landmarks_detector.tflite")
+_DETECTORS = (_DETECTOR, _TASK[0], "pose_solution_packed_assets.data")
 
 
 class Models(NamedTuple):
@@ -73,7 +73,7 @@ def models_at(place: Path | None, size: str) -> Models:
         return _of_task(folder)
     names = {each.name: each for each in folder.iterdir()} if folder.is_dir() else {}
     detector = next((names[name] for name in _DETECTORS if name in names), None)
-    landmarks = next((names[name] for name in (_LANDMARKS.format(size), _TASK_LANDMARKS) if name in names), None)
+    landmarks = next((names[name] for name in (_LANDMARKS.format(size), _TASK[1]) if name in names), None)
     if not detector or not landmarks:
         raise FileNotFoundError(MISSING if place is None else f"{place}: {MISSING}")
     read = Models(memory.content(detector, _MAX_BYTES), memory.content(landmarks, _MAX_BYTES))
@@ -86,12 +86,11 @@ def models_at(place: Path | None, size: str) -> Models:
 def _of_task(path: Path) -> Models:
     try:
         with memory.archive(path) as archive:
-            detector, landmarks = (
-                memory.unpacked(archive, name, _MAX_BYTES) for name in ("pose_detector.tflite", _TASK_LANDMARKS)
-            )
-    except (*memory.DAMAGE, ValueError) as error:
+            for name in _TASK:
+                memory.require(archive.getinfo(name).file_size, name)
+            return Models(*map(archive.read, _TASK))
+    except (*memory.DAMAGE, ValueError, OSError) as error:
         raise ValueError(f"{path}: expected MediaPipe's pose_landmarker in a .task file ({error})") from error
-    return Models(detector, landmarks)
 
 
 def fetched(say: Callable[[str], object]) -> Path:

@@ -6,6 +6,7 @@ import csv
 import time
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from importlib import import_module
 from itertools import pairwise
 from typing import TYPE_CHECKING, TextIO
 
@@ -82,7 +83,7 @@ class Watched:
 def require_extra() -> None:
     """Refuse to go on without the libraries that a camera needs; ImportError says how to get them."""
     try:
-        from kinespace.tools.programs.camera import vision  # noqa: F401, PLC0415 - an extra
+        import_module("kinespace.tools.programs.camera.vision")
     except ImportError as error:
         raise ImportError(f"a camera needs OpenCV and LiteRT ({error}): pip install 'kinespace[camera]'") from error
 

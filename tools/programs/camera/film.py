@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import math
 import os
 import queue
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Seconds in which a source must be open, and after which a camera or a stream without a picture is given up.
 _MAX_OPENING, _MAX_SILENCE = 15.0, 5.0
+#: Seconds that the end waits for a picture that is being read.
+_MAX_CLOSING = 0.5
 #: Seconds between two questions whether to end.
 _LOOK_EVERY = 0.1
 #: Seconds by which a camera's time may differ from the system's clock and still be the time of capture.
@@ -73,13 +76,21 @@ class Film:
         self._ended = threading.Event()
         self._capture: Capture | None = None
         opened = threading.Event()
-        threading.Thread(target=self._read, args=(opened,), name="kinespace pictures", daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(opened,), name="kinespace pictures", daemon=True)
+        self._reader.start()
+        try:
+            self._wait_for(opened)
+        except OSError:
+            self.close()
+            raise
+
+    def _wait_for(self, opened: threading.Event) -> None:
         until = time.monotonic() + _MAX_OPENING
-        while not opened.wait(_LOOK_EVERY) and not wants_end():
+        while not opened.wait(_LOOK_EVERY) and not self._wants_end():
             if time.monotonic() > until:
-                raise TimeoutError(f"{source}: not open within {_MAX_OPENING:g} s")
-        if self._capture is None and not wants_end():
-            raise OSError(_why_closed(source))
+                raise TimeoutError(f"{_named(self._source)}: not open within {_MAX_OPENING:g} s")
+        if self._capture is None and not self._wants_end():
+            raise OSError(_why_closed(self._source))
 
     def __iter__(self) -> Iterator[Picture]:
         """Give the pictures, until the end is reached or wanted.
@@ -106,8 +117,12 @@ class Film:
             yield picture
 
     def close(self) -> None:
-        """Stop reading; the thread gives the camera back when its picture has come."""
+        """Stop reading, and give the camera back."""
         self._ended.set()
+        self._reader.join(_MAX_CLOSING)
+        if self._reader.is_alive():
+            # Python cannot end beside a thread that hangs in a driver: C++ would abort it.
+            atexit.register(os._exit, 2)
 
     def _read(self, opened: threading.Event) -> None:
         capture = Capture(int(self._source) if self._source.isdecimal() else self._source)

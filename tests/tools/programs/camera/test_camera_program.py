@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import time
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -137,7 +138,8 @@ def test_one_command_watches_recognises_and_ends(demo_film: Path) -> None:
 
 def _children(parent: int) -> list[int]:
     """Give the processes that a program started, without Python's own helper."""
-    listed = os.popen(f"ps -o pid=,args= --ppid {parent}").read().splitlines()  # noqa: S605 - our own number
+    command = ["ps", "-o", "pid=,args=", "--ppid", str(parent)]
+    listed = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     return [int(each.split()[0]) for each in listed if "resource_tracker" not in each]
 
 

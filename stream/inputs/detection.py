@@ -103,7 +103,7 @@ class Guess(NamedTuple):
     @property
     def missing(self) -> tuple[str, ...]:
         """Joints of the preset that did not come."""
-        return tuple(joint for joint in self.preset.joints if joint not in self.joints)
+        return tuple(joint for joint in self.preset.sent if joint not in self.joints)
 
     @property
     def performers(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
-from kinespace.library.recordings import ActorIn, Reading
+from kinespace.library.recordings import FILMS, ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_ONE, SENSITIVITY_OWN
 from kinespace.tools.cli.choice import meant
@@ -199,6 +199,10 @@ def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
     from kinespace.stream.inputs.recording.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
     from kinespace.tools.cli.preset import preset_named  # noqa: PLC0415 - as above
 
+    if path.suffix.lower() in FILMS:
+        from kinespace.tools.programs.camera.session import film_clip  # noqa: PLC0415 - as above
+
+        return [film_clip(path)]
     return read_raw(path, preset_named(feed) if feed else None)
 
 

@@ -30,7 +30,7 @@ _LOOK_EVERY = 0.1
 #: Seconds by which a camera's time may differ from the system's clock and still be the time of capture.
 _SAME_CLOCK = 1.0
 #: Time 0 would mean "on arrival".
-_FIRST = 1.0
+FIRST = 1.0
 
 
 class Picture(NamedTuple):
@@ -134,7 +134,7 @@ class Film:
             while read and not self._ended.is_set():
                 moment = self._moment(read[1], last, capture.rate)
                 if self._paced:
-                    self._ended.wait(max(begun + moment - _FIRST - time.monotonic(), 0.0))
+                    self._ended.wait(max(begun + moment - FIRST - time.monotonic(), 0.0))
                 last = moment
                 self._put(Picture(read[0], moment))
                 read = capture.read()
@@ -150,8 +150,8 @@ class Film:
             moment = told if abs(now - told) < _SAME_CLOCK else now
             return max(moment, math.nextafter(last, math.inf))
         if math.isinf(last):
-            return _FIRST
-        moment = told + _FIRST
+            return FIRST
+        moment = told + FIRST
         return moment if moment > last else last + 1 / (rate if 1 <= rate <= 1000 else 30.0)
 
     def _put(self, picture: Picture | None) -> None:

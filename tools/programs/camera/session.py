@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import time
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import pairwise
 from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
+from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.frame import Announcement, Frame
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from kinespace.library import Clip
     from kinespace.tools.feeding.feed import FrameSender
     from kinespace.tools.programs.camera.bodies import Seen
     from kinespace.tools.programs.camera.film import Film, Picture
@@ -118,6 +121,34 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
     return counts
 
 
+def film_clip(path: Path) -> Clip:
+    """Read a film as a recording of one body, which begins with the film; joints that were not seen are on lines.
+
+    Raises
+    ------
+    ImportError
+        The extra is not installed.
+    OSError
+        Models or film cannot be opened.
+    ValueError
+        A body is in fewer than two pictures, or a joint is missing for long.
+    """
+    require_extra()
+    from kinespace.tools.programs.camera import film, networks  # noqa: PLC0415 - need an extra
+
+    bodies, joints = Bodies(networks.Networks(models_at(None, "full")), 1, "camera"), _Joints()
+    times, positions = [], []
+    with closing(film.Film(str(path), lambda: False, paced=False)) as pictures:
+        for picture in pictures:
+            for each in bodies.seen(picture.pixels, picture.time):
+                times.append(picture.time)
+                positions.append(joints.of(each, picture))
+    if len(times) < 2:
+        raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
+    even = evened(np.array(times), np.array(positions), begin=film.FIRST)
+    return replace(clip_of_markers(path, JOINTS, even.positions, even.rate, ()), gaps=even.gaps)
+
+
 def _watched(film: Film, bodies: Bodies, out: _Out, show: Show | None) -> Watched:
     counts, begun = Watched(), time.perf_counter()
     for picture in film:
@@ -131,12 +162,24 @@ def _watched(film: Film, bodies: Bodies, out: _Out, show: Show | None) -> Watche
     return counts
 
 
+class _Joints:
+    """Makes joints of landmarks, by the same names as the preset `mediapipe`."""
+
+    def __init__(self) -> None:
+        preset = builtin_preset("mediapipe")
+        self._body = LandmarkBody([preset.joint_map[name] for name in preset.order])
+
+    def of(self, seen: Seen, picture: Picture) -> NDArray[np.float64]:
+        """Give positions of `JOINTS`, (joints, 3), metres; NaN for those that are not in the picture."""
+        height, width = picture.pixels.shape[:2]
+        return self._body.of(upright(seen.landmarks, width, height))
+
+
 class _Out:
     """Sends bodies as frames, announces their joints, and keeps them in a table if one is given."""
 
     def __init__(self, sender: FrameSender, record: TextIO | None) -> None:
-        preset = builtin_preset("mediapipe")
-        self._body = LandmarkBody([preset.joint_map[name] for name in preset.order])
+        self._joints = _Joints()
         self._sender = sender
         self._announced: dict[str, float] = {}
         self._count = 0
@@ -146,8 +189,7 @@ class _Out:
 
     def send(self, seen: Seen, picture: Picture) -> bool:
         """Send one body; False where too little of it is seen."""
-        height, width = picture.pixels.shape[:2]
-        positions = self._body.of(upright(seen.landmarks, width, height))
+        positions = self._joints.of(seen, picture)
         if np.isfinite(positions).all(axis=1).sum() < _MIN_JOINTS:
             return False
         if picture.time >= self._announced.get(seen.name, 0.0) + ANNOUNCE_EVERY:

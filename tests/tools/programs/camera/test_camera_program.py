@@ -12,7 +12,8 @@ import pytest
 from films import grey
 from programs import LOOPBACK, finished, free_udp_port, live, started
 
-from kinespace.library.recordings import read_recordings
+from kinespace.library import MotionLibrary
+from kinespace.library.recordings import RecordingError, find_recordings, read_recordings
 from kinespace.stream import osc
 from kinespace.stream.feeds.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement
@@ -149,3 +150,34 @@ def _is_there(process: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+@pytest.mark.slow
+def test_films_with_labels_become_a_library(demo_film: Path, tmp_path: Path) -> None:
+    """The labels count from the film's beginning; with --either-side each motion is there mirrored, too."""
+    film = tmp_path / "films" / "ann_1.avi"
+    film.parent.mkdir()
+    film.write_bytes(demo_film.read_bytes())
+    film.with_suffix(".csv").write_text("start_s,end_s,label\n0.5,2.5,stand\n3,5,jump\n", encoding="utf-8")
+    output = tmp_path / "mine.npz"
+    assert main(["build", str(film.parent), "-o", str(output), "--actor-in", "name", "--either-side"]) == 0
+    library = MotionLibrary.load(output)
+    assert (library.classes, library.actors, len(library)) == (("jump", "stand"), ("ann",), 4)
+    assert library.skeleton.joints == JOINTS
+    assert {round(motion.duration) for motion in library.motions} == {2}
+    jumps = [motion for motion in library.motions if motion.class_name == "jump"]
+    first, other = sorted(jumps, key=lambda motion: "mirrored" in motion.take)
+    left, right = (JOINTS.index(name) for name in ("lradius", "rradius"))
+    np.testing.assert_allclose(first.positions[:, left] * [-1, 1, 1], other.positions[:, right], atol=2e-3)
+
+
+def test_films_beside_other_recordings_are_passed_over(tmp_path: Path) -> None:
+    """A film of a session in a laboratory is no recording of its own; in a folder of films it is."""
+    film, table = tmp_path / "a.mp4", tmp_path / "b.csv"
+    film.touch()
+    assert find_recordings([tmp_path]) == [film]
+    table.write_text("a_x,a_y,a_z,b_x,b_y,b_z\n", encoding="utf-8")
+    assert find_recordings([tmp_path]) == [table]
+    assert find_recordings([film, table]) == [film, table]
+    with pytest.raises(RecordingError, match=r"a.mp4: expected a motion file"):
+        list(read_recordings([film]))

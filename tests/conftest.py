@@ -28,9 +28,9 @@ from kinespace.library.recordings import find_recordings, read_recordings
 from kinespace.library.windows.index import opened
 from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.bench import recorded
+from kinespace.tools.camera import models
+from kinespace.tools.camera.joints import require_extra
 from kinespace.tools.feeding.feed import resampled
-from kinespace.tools.programs.camera import models
-from kinespace.tools.programs.camera.session import require_extra
 from kinespace.tools.terminal.console import console
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""`kinespace camera`: bodies found in an ordinary camera's pictures, sent as frames."""
+"""`kinespace camera`: a camera's bodies sent as frames."""

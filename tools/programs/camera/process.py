@@ -9,7 +9,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
 from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
-from kinespace.tools.programs.camera.session import CameraPlan, require_extra, watch
+from kinespace.tools.camera.joints import require_extra
+from kinespace.tools.programs.camera.session import CameraPlan, watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable

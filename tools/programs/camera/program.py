@@ -6,9 +6,9 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.tools.camera.models import SIZES, fetched
 from kinespace.tools.cli.arguments import OSC_IN, add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
-from kinespace.tools.programs.camera.models import SIZES, fetched
 from kinespace.tools.programs.camera.session import CameraPlan, watch
 from kinespace.tools.terminal.console import say
 from kinespace.tools.terminal.output_path import require_place_for

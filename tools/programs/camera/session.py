@@ -5,39 +5,30 @@ from __future__ import annotations
 import csv
 import time
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
-from importlib import import_module
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
-from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.landmark_body import JOINTS, LandmarkBody
+from kinespace.stream.feeds.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.camera.bodies import Bodies
+from kinespace.tools.camera.joints import SeenJoints, require_extra
+from kinespace.tools.camera.models import models_at
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, OscFrameSender, ZmqFrameSender
-from kinespace.tools.programs.camera.bodies import Bodies
-from kinespace.tools.programs.camera.models import models_at
 from kinespace.tools.programs.camera.show import Show
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
+    from kinespace.tools.camera.bodies import Seen
+    from kinespace.tools.camera.film import Film, Picture
     from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.programs.camera.bodies import Seen
-    from kinespace.tools.programs.camera.film import Film, Picture
-    from kinespace.tools.programs.camera.region import Landmarks
 
-#: The presence from which on a landmark is taken to be inside of the picture.
-_PRESENT = 0.5
 #: Joints that a frame needs at least.
 _MIN_JOINTS = 5
 #: Pixels of the pictures that are shown, across.
@@ -83,14 +74,6 @@ class Watched:
         )
 
 
-def require_extra() -> None:
-    """Refuse to go on without the libraries that a camera needs; ImportError says how to get them."""
-    try:
-        import_module("kinespace.tools.programs.camera.vision")
-    except ImportError as error:
-        raise ImportError(f"a camera needs OpenCV and LiteRT ({error}): pip install 'kinespace[camera]'") from error
-
-
 def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callable[[], bool]) -> Watched:
     """Send a frame for each body in each picture; `started` gets a line once the first picture is there.
 
@@ -104,8 +87,8 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
         An option cannot be used, or a whole film showed no body.
     """
     require_extra()
-    from kinespace.tools.programs.camera.film import Film  # noqa: PLC0415 - needs an extra
-    from kinespace.tools.programs.camera.networks import Networks  # noqa: PLC0415 - as above
+    from kinespace.tools.camera.film import Film  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.camera.networks import Networks  # noqa: PLC0415 - as above
 
     bodies = Bodies(Networks(models_at(plan.models, plan.size)), plan.people, plan.performer)
     with ExitStack() as opened:
@@ -121,34 +104,6 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
     return counts
 
 
-def film_clip(path: Path) -> Clip:
-    """Read a film as a recording of one body, which begins with the film; joints that were not seen are on lines.
-
-    Raises
-    ------
-    ImportError
-        The extra is not installed.
-    OSError
-        Models or film cannot be opened.
-    ValueError
-        A body is in fewer than two pictures, or a joint is missing for long.
-    """
-    require_extra()
-    from kinespace.tools.programs.camera import film, networks  # noqa: PLC0415 - need an extra
-
-    bodies, joints = Bodies(networks.Networks(models_at(None, "full")), 1, "camera"), _Joints()
-    times, positions = [], []
-    with closing(film.Film(str(path), lambda: False, paced=False)) as pictures:
-        for picture in pictures:
-            for each in bodies.seen(picture.pixels, picture.time):
-                times.append(picture.time)
-                positions.append(joints.of(each, picture))
-    if len(times) < 2:
-        raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
-    even = evened(np.array(times), np.array(positions), begin=film.FIRST)
-    return replace(clip_of_markers(path, JOINTS, even.positions, even.rate, ()), gaps=even.gaps)
-
-
 def _watched(film: Film, bodies: Bodies, out: _Out, show: Show | None) -> Watched:
     counts, begun = Watched(), time.perf_counter()
     for picture in film:
@@ -162,24 +117,11 @@ def _watched(film: Film, bodies: Bodies, out: _Out, show: Show | None) -> Watche
     return counts
 
 
-class _Joints:
-    """Makes joints of landmarks, by the same names as the preset `mediapipe`."""
-
-    def __init__(self) -> None:
-        preset = builtin_preset("mediapipe")
-        self._body = LandmarkBody([preset.joint_map[name] for name in preset.order])
-
-    def of(self, seen: Seen, picture: Picture) -> NDArray[np.float64]:
-        """Give positions of `JOINTS`, (joints, 3), metres; NaN for those that are not in the picture."""
-        height, width = picture.pixels.shape[:2]
-        return self._body.of(upright(seen.landmarks, width, height))
-
-
 class _Out:
     """Sends bodies as frames, announces their joints, and keeps them in a table if one is given."""
 
     def __init__(self, sender: FrameSender, record: TextIO | None) -> None:
-        self._joints = _Joints()
+        self._joints = SeenJoints()
         self._sender = sender
         self._announced: dict[str, float] = {}
         self._count = 0
@@ -204,16 +146,8 @@ class _Out:
         return True
 
 
-def upright(landmarks: Landmarks, width: int, height: int) -> NDArray[np.float64]:
-    """Give landmarks as positions (33, 3) with y up and z towards the camera; NaN for those outside of the picture."""
-    turned: NDArray[np.float64] = landmarks.world * np.array([1.0, -1.0, -1.0])
-    inside = (landmarks.picture[:, :2] >= 0).all(axis=1) & (landmarks.picture[:, :2] < (width, height)).all(axis=1)
-    turned[~inside | (landmarks.present < _PRESENT)] = np.nan
-    return turned
-
-
 def _drawn(picture: Picture, seen: Sequence[Seen]) -> bytes:
-    from kinespace.tools.programs.camera.vision import drawn  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.camera.vision import drawn  # noqa: PLC0415 - needs an extra
 
     return drawn(picture.pixels, [(each.name, each.landmarks.picture[:, :2], LINES) for each in seen], _SHOWN)
 

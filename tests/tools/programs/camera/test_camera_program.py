@@ -18,9 +18,9 @@ from kinespace.stream import osc
 from kinespace.stream.feeds.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs import OscDecoder
+from kinespace.tools.camera import joints
+from kinespace.tools.camera.region import Landmarks, Region
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.camera import session
-from kinespace.tools.programs.camera.region import Landmarks, Region
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,7 +36,7 @@ def test_joints_outside_of_the_picture_are_absent() -> None:
     present = np.ones(33)
     present[31] = 0.4
     marks = Landmarks(places, np.full((33, 3), (1.0, 2.0, 3.0)), np.zeros(33), present, Region(0, 0, 1, 0))
-    found = session.upright(marks, 640, 360)
+    found = joints.upright(marks, 640, 360)
     assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [25, 27, 31]
     np.testing.assert_array_equal(found[0], [1, -2, -3])
 
@@ -45,7 +45,7 @@ def test_without_the_extra_one_line_says_how_to_get_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nothing else is tried."""
-    monkeypatch.setitem(__import__("sys").modules, "kinespace.tools.programs.camera.vision", None)
+    monkeypatch.setitem(__import__("sys").modules, "kinespace.tools.camera.vision", None)
     assert main(["camera", "none.mp4"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1

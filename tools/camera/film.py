@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from kinespace.tools.programs.camera.vision import Capture
+from kinespace.tools.camera.vision import Capture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from films import grey
 
-film = pytest.importorskip("kinespace.tools.programs.camera.film", reason="needs the extra `camera`")
+film = pytest.importorskip("kinespace.tools.camera.film", reason="needs the extra `camera`")
 
 if TYPE_CHECKING:
     from collections.abc import Callable

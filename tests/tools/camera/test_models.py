@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from kinespace.tools.camera import models
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.camera import models
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

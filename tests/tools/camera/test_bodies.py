@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinespace.tools.programs.camera.bodies import MAX_BODIES, Bodies
-from kinespace.tools.programs.camera.region import Landmarks, Region
+from kinespace.tools.camera.bodies import MAX_BODIES, Bodies
+from kinespace.tools.camera.region import Landmarks, Region
 
 _PICTURE = np.zeros((360, 640, 3), dtype=np.uint8)
 

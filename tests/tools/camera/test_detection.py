@@ -4,7 +4,7 @@ import naive_camera
 import numpy as np
 import pytest
 
-from kinespace.tools.programs.camera.detection import anchors, decoded, one_for_each_body, overlaps
+from kinespace.tools.camera.detection import anchors, decoded, one_for_each_body, overlaps
 
 
 def _outputs(seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from kinespace.tools.programs.camera.detection import overlaps
+from kinespace.tools.camera.detection import overlaps
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kinespace.tools.programs.camera.region import Landmarks, Region
+    from kinespace.tools.camera.region import Landmarks, Region
 
 #: Bodies that are followed at once, at most.
 MAX_BODIES = 4

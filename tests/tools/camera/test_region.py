@@ -6,8 +6,8 @@ import naive_camera
 import numpy as np
 import pytest
 
-from kinespace.tools.programs.camera import region
-from kinespace.tools.programs.camera.region import Region, in_picture, landmarks_in, refined, region_around, whole
+from kinespace.tools.camera import region
+from kinespace.tools.camera.region import Region, in_picture, landmarks_in, refined, region_around, whole
 
 
 @pytest.mark.parametrize("seed", range(20))

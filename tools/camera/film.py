@@ -29,6 +29,8 @@ _MAX_CLOSING = 0.5
 _LOOK_EVERY = 0.1
 #: Seconds by which a camera's time may differ from the system's clock and still be the time of capture.
 _SAME_CLOCK = 1.0
+#: Pictures a second where a film does not say it.
+_USUAL_RATE = 30.0
 #: Time 0 would mean "on arrival".
 FIRST = 1.0
 
@@ -131,12 +133,16 @@ class Film:
             self._capture = capture if first else None
             opened.set()
             begun, last, read = time.monotonic(), -math.inf, first
+            rate = capture.rate if 1 <= capture.rate <= 1000 else _USUAL_RATE
             while read and not self._ended.is_set():
-                moment = self._moment(read[1], last, capture.rate)
+                last = self._moment(read[1], last, rate)
                 if self._paced:
-                    self._ended.wait(max(begun + moment - FIRST - time.monotonic(), 0.0))
-                last = moment
-                self._put(Picture(read[0], moment))
+                    self._ended.wait(max(begun + last - FIRST - time.monotonic(), 0.0))
+                self._put(Picture(read[0], last))
+                # Reading may be slower than the film: what is late already need not be read.
+                late = int((time.monotonic() - begun - (last - FIRST)) * rate) - 1 if self._paced else 0
+                skipped = sum(capture.skip() for _ in range(late))
+                self.lost, last = self.lost + skipped, last + skipped / rate
                 read = capture.read()
             self._put(None)
         finally:
@@ -151,8 +157,7 @@ class Film:
             return max(moment, math.nextafter(last, math.inf))
         if math.isinf(last):
             return FIRST
-        moment = told + FIRST
-        return moment if moment > last else last + 1 / (rate if 1 <= rate <= 1000 else 30.0)
+        return told + FIRST if told + FIRST > last else last + 1 / rate
 
     def _put(self, picture: Picture | None) -> None:
         """Hand a picture over: in place of one that nobody took, or when that one was taken; the end always waits."""

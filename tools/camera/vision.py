@@ -106,6 +106,10 @@ class Capture:
             return None
         return np.asarray(picture, dtype=np.uint8), float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000
 
+    def skip(self) -> bool:
+        """Pass over the next picture, which is quicker than to read it; False at the end."""
+        return bool(self._capture.grab())
+
     def close(self) -> None:
         """Give the camera back."""
         self._capture.release()

@@ -51,6 +51,23 @@ def test_at_its_own_pace_a_slow_reader_loses_pictures(path: Path) -> None:
     assert taken == sorted(taken)
 
 
+@pytest.mark.slow
+def test_a_film_that_is_read_slowly_keeps_its_pace(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are passed over unread, and counted; those that come have the film's times."""
+
+    class Slow(film.Capture):  # type: ignore[name-defined,misc]
+        def read(self) -> object:
+            time.sleep(5 / _RATE)
+            return super().read()
+
+    monkeypatch.setattr(film, "Capture", Slow)
+    read = film.Film(str(path), _never, paced=True)
+    times = [picture.time for picture in read]
+    assert read.taken + read.lost == _COUNT
+    assert read.taken < _COUNT / 2
+    np.testing.assert_allclose(np.diff(times) * _RATE, np.round(np.diff(times) * _RATE), atol=1e-6)
+
+
 class _Camera:
     """A camera in place of OpenCV's: `read` is the test's."""
 

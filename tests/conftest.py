@@ -165,13 +165,20 @@ def amc_clips(some_paths: tuple[Path, ...]) -> tuple[Clip, ...]:
 
 
 @pytest.fixture(scope="session")
-def camera_models() -> Path:
-    """Give the folder of BlazePose's models, fetched once for this user; OpenCV and LiteRT are there."""
+def camera_extra() -> None:
+    """Be sure of OpenCV and LiteRT."""
     try:
         require_extra()
-        models.models_at(None, "full")
     except ImportError as error:
         _without(str(error), "the extra `camera`")
+
+
+@pytest.fixture(scope="session")
+def camera_models(camera_extra: None) -> Path:
+    """Give the folder of BlazePose's models, fetched once for this user."""
+    del camera_extra
+    try:
+        models.models_at(None, "full")
     except OSError:
         try:
             models.fetched(lambda _: None)

@@ -1,15 +1,19 @@
 from __future__ import annotations
 
+import sys
 import threading
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from films import grey
 
-film = pytest.importorskip("kinespace.tools.camera.film", reason="needs the extra `camera`")
+with suppress(ImportError):
+    from kinespace.tools.camera import film
+
+pytestmark = pytest.mark.usefixtures("camera_extra")
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +59,7 @@ def test_at_its_own_pace_a_slow_reader_loses_pictures(path: Path) -> None:
 def test_a_film_that_is_read_slowly_keeps_its_pace(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures are passed over unread, and counted; those that come have the film's times."""
 
-    class Slow(film.Capture):  # type: ignore[name-defined,misc]
+    class Slow(film.Capture):
         def read(self) -> object:
             time.sleep(5 / _RATE)
             return super().read()
@@ -156,7 +160,7 @@ def test_sources_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.Monke
         film.Film(str(text), _never, paced=True)
 
 
-@pytest.mark.skipif(film.sys.platform != "linux", reason="other systems do not list their cameras")
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not list their cameras")
 def test_cameras_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """There is none; this user may not use it; another program has it."""
     with pytest.raises(FileNotFoundError, match=r"camera 98: not there; cameras: "):

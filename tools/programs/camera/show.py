@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 #: Seconds after which a browser gets the last picture again: so one that has left is noticed.
 _AGAIN = 1.0
 _PAGE = b'<!doctype html><html lang="en"><title>kinespace camera</title><style>body{margin:0;background:#111}\
-img{width:100vw;height:100vh;object-fit:contain}</style><img src="picture" alt="The camera\'s picture"></html>'
+p{position:fixed;margin:8px;color:#fff;font:13px sans-serif;text-shadow:0 0 3px #000}\
+img{width:100vw;height:100vh;object-fit:contain}</style><p>These pictures stay on this machine. Nothing is stored.</p>\
+<img src="picture" alt="The camera\'s picture"></html>'
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; img-src 'self'; style-src 'unsafe-inline'; frame-ancestors 'none'",

@@ -7,12 +7,17 @@ import os
 import pickle
 import shutil
 import signal
+import subprocess
+import sys
+import tempfile
+import zipfile
 from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import programs
 import pytest
+from films import smaller
 from hypothesis import settings
 from programs import LOOPBACK, builtin_library
 from synthetic import stick_clips
@@ -23,6 +28,8 @@ from kinespace.library.recordings import find_recordings, read_recordings
 from kinespace.library.windows.index import opened
 from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.bench import recorded
+from kinespace.tools.camera import models
+from kinespace.tools.camera.joints import require_extra
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.terminal.console import console
 
@@ -155,6 +162,47 @@ def some_paths(hdm05_folder: Path) -> tuple[Path, ...]:
 def amc_clips(some_paths: tuple[Path, ...]) -> tuple[Clip, ...]:
     """Give the first clip of each class as its AMC file says it."""
     return tuple(read_recordings(some_paths))
+
+
+@pytest.fixture(scope="session")
+def camera_extra() -> None:
+    """Be sure of OpenCV and LiteRT."""
+    try:
+        require_extra()
+    except ImportError as error:
+        _without(str(error), "the extra `camera`")
+
+
+@pytest.fixture(scope="session")
+def camera_models(camera_extra: None) -> Path:
+    """Give the folder of BlazePose's models, fetched once for this user."""
+    del camera_extra
+    try:
+        models.models_at(None, "full")
+    except OSError:
+        try:
+            models.fetched(lambda _: None)
+        except OSError as error:
+            _without(str(error), "the models")
+    return models.cache()
+
+
+@pytest.fixture(scope="session")
+def demo_film(camera_models: Path) -> Path:
+    """Give every second picture of Sports2D's demonstration film (BSD-3), 640 pixels wide: 115 pictures in 7.7 s.
+
+    One person stands on a box and jumps down, another walks past.
+    """
+    film = camera_models.with_name("demo-640.avi")
+    if not film.exists():
+        with tempfile.TemporaryDirectory() as folder:
+            command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", folder, "sports2d"]
+            if subprocess.run(command, check=False, capture_output=True).returncode:
+                _without("Sports2D's film could not be fetched by pip", "it")
+            with zipfile.ZipFile(next(Path(folder).glob("*.whl"))) as wheel:
+                whole = Path(wheel.extract("Sports2D/Demo/demo.mp4", folder))
+            smaller(whole, film)
+    return film
 
 
 @pytest.fixture(scope="session")

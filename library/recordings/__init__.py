@@ -2,6 +2,7 @@
 
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.reader import (
+    FILMS,
     RAW,
     ActorIn,
     Reading,

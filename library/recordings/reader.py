@@ -30,6 +30,8 @@ _C3D = ".c3d"
 #: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
 RAW = ".kinerec"
 _TABLES = (".csv", ".npz")
+#: Films: `tools` finds bodies in them, so that its reader is handed in as well.
+FILMS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip]] = {
     ".bvh": bvh.read_clip,
@@ -43,7 +45,7 @@ _NAMED = f"{', '.join(ENDINGS[:-2])}, a table in {' or '.join(_TABLES)}"
 #: that are computed one from the other.
 _TIMES = 4
 #: Bytes of memory for each byte in a binary file, whose numbers take two bytes or more.
-_TIMES_BINARY = {_C3D: 10, RAW: 10}
+_TIMES_BINARY = {_C3D: 10, RAW: 10, **dict.fromkeys(FILMS, 0)}
 
 
 class ActorIn(StrEnum):
@@ -77,8 +79,8 @@ class Reading:
     actor_in
         The part of the path in which `labelled` finds the actor.
     raw
-        Reads a raw recording: one clip for each performer, each from the recording's beginning. When None, such files
-        are refused.
+        Reads a raw recording or a film: one clip for each performer, each from the recording's beginning. When None,
+        such files are refused.
 
     Raises
     ------
@@ -102,7 +104,7 @@ class Reading:
 def is_recording(path: Path) -> bool:
     """Say whether a file can be read, by its ending or a table's columns."""
     ending = path.suffix.lower()
-    return joint_table.is_joint_table(path) if ending in _TABLES else ending in ENDINGS
+    return joint_table.is_joint_table(path) if ending in _TABLES else ending in (*ENDINGS, *FILMS)
 
 
 def instead_of_recording(path: Path) -> str:
@@ -117,6 +119,8 @@ def instead_of_recording(path: Path) -> str:
 def find_recordings(places: Sequence[Path]) -> list[Path]:
     """List the recordings under some folders (at any depth) and files, sorted within each folder, each once.
 
+    Films count only in a folder that has no other recordings: else they show what was recorded by better means.
+
     Raises
     ------
     RecordingError
@@ -127,7 +131,8 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
         if not place.exists():
             raise RecordingError(f"{place}: no such file or folder")
         if place.is_dir():
-            found += sorted(path for path in place.rglob("*") if is_recording(path) and not path.is_dir())
+            within = sorted(path for path in place.rglob("*") if is_recording(path) and not path.is_dir())
+            found += [path for path in within if path.suffix.lower() not in FILMS] or within
         else:
             found.append(place)
     if not found:
@@ -201,11 +206,10 @@ class RecordingReader:
 
     def _read(self, path: Path) -> Sequence[Clip]:
         ending, reading = path.suffix.lower(), self._reading
-        if ending == RAW:
+        if ending in (RAW, *FILMS):
             if reading.raw is None:
-                raise RecordingError(
-                    f"{path}: expected a motion file, got a raw recording: kinespace convert makes one"
-                )
+                got = "a raw recording or a film"
+                raise RecordingError(f"{path}: expected a motion file, got {got}: kinespace convert makes one")
             return [restricted(clip, reading.joints) for clip in reading.raw(path)]
         if ending == _AMC:
             clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)

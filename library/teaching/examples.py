@@ -14,6 +14,7 @@ import numpy as np
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.segments import mirrored
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,12 +159,14 @@ class TaughtWindows:
         Windows in whose metrics examples are compared. None: the examples learn their own metrics, each time.
     with_base
         Whether the base's own motions take part in comparisons.
+    either_side
+        Whether each example counts as done by the other side, too.
     """
 
-    def __init__(self, base: WindowIndex | None, *, with_base: bool) -> None:
-        self._base, self._with_base = base, with_base
+    def __init__(self, base: WindowIndex | None, *, with_base: bool, either_side: bool = False) -> None:
+        self._base, self._with_base, self._either_side = base, with_base, either_side
         self._everything = base
-        self._known: dict[tuple[str, float, float, int], Clip] = {}
+        self._known: dict[tuple[str, float, float, int], tuple[Clip, ...]] = {}
         #: What is unknown, as so many examples taught it.
         self._judged: tuple[int, Rejection | None] = 0, None
 
@@ -176,8 +179,8 @@ class TaughtWindows:
         """Open a roster; None when there is no motion to compare with."""
         enabled = [each for each in roster.examples if each.class_name not in roster.disabled]
         if self._base is None:
-            library = Roster(tuple(enabled)).library()
-            return WindowIndex.of(library) if library else None
+            motions = self._shown([each.motion for each in enabled])
+            return WindowIndex.of(MotionLibrary.of_clips(motions)) if motions else None
         if len(self._known) > 2 * len(enabled) + _UNDONE:
             # Examples that were undone take room; the others are computed again.
             self._known.clear()
@@ -185,17 +188,24 @@ class TaughtWindows:
         new = [each for each in enabled if _key(each) not in self._known]
         if new and self._everything is not None:
             # One person is enough: all performers' examples of a class count as one person's.
-            motions = [replace(each.motion, actor="") for each in new]
+            motions = self._shown([replace(each.motion, actor="") for each in new])
             before = {id(motion) for motion in self._everything.library.motions}
             self._everything = self._everything.with_motions(motions, every=_EVERY)
             added = [each for each in self._everything.library.motions if id(each) not in before]
-            places = {(motion.class_name, motion.take): motion for motion in added}
-            self._known.update({_key(each): places[each.class_name, each.motion.take] for each in new})
+            for each in new:
+                own = each.class_name, each.motion.take
+                self._known[_key(each)] = tuple(
+                    motion for motion in added if (motion.class_name, _taught_as(motion)) == own
+                )
         return self._selected(roster, enabled)
+
+    def _shown(self, motions: Sequence[Clip]) -> list[Clip]:
+        """Give motions, and where they may be done by either side their mirrored copies."""
+        return [*motions, *map(mirrored, motions)] if self._either_side else [*motions]
 
     def _selected(self, roster: Roster, enabled: Sequence[Example]) -> WindowIndex | None:
         assert self._everything is not None and self._base is not None  # noqa: S101, PT018 - for mypy
-        wanted = {id(self._known[_key(each)]) for each in enabled}
+        wanted = {id(motion) for each in enabled for motion in self._known[_key(each)]}
         if self._with_base:
             wanted |= {id(motion) for motion in self._base.library.motions if motion.class_name not in roster.disabled}
         places = [place for place, motion in enumerate(self._everything.library.motions) if id(motion) in wanted]
@@ -214,6 +224,11 @@ class TaughtWindows:
             rejection = index.rejection
             self._judged = examples, rejection
         return rejection
+
+
+def _taught_as(motion: Clip) -> str:
+    """Give the take of the example that a motion is, or whose mirrored copy it is."""
+    return motion.take.partition(" ")[0]
 
 
 def _key(example: Example) -> tuple[str, float, float, int]:
@@ -300,7 +315,10 @@ def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.fl
     """Compare an example's distance to its class with the distance of the class's other examples."""
     motions = index.compared
     name = motions[place].class_name
-    others = [each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each != place]
+    copies = _copies(index, place)
+    others = [
+        each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each not in copies
+    ]
     usual = [float(np.median(_left_out(index, each)[:, own])) for each in others[-_CHECKED:]]
     finite = [each for each in usual if math.isfinite(each)]
     if len(finite) < 2:
@@ -309,10 +327,16 @@ def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.fl
     return math.exp((float(np.median(distances)) - float(np.median(finite))) / 2)
 
 
+def _copies(index: WindowIndex, place: int) -> list[int]:
+    """Give the places of a motion and of its mirrored copy, which is no other example."""
+    of = [(each.class_name, each.actor, _taught_as(each)) for each in index.compared]
+    return [number for number, each in enumerate(of) if each == of[place]]
+
+
 def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
     """Give the log distances of each class to some windows of a motion that is left out, shape (windows, classes)."""
-    mine = index.motions == place
-    windows = np.flatnonzero(mine)
+    mine, asking = np.isin(index.motions, _copies(index, place)), index.motions == place
+    windows = np.flatnonzero(asking)
     windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]
     named, ask = index.comparison.weighing.named, index.asking()
     return np.array([named(ask(window, mine)) for window in windows.tolist()])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from kinespace.library.clip import Clip
     from kinespace.library.motion_library import MotionLibrary
 
 #: The joints are in another order if the mean segment is as long as this share of the distances between all joints, and
@@ -182,6 +183,27 @@ def mirrored_places(joints: Sequence[str]) -> NDArray[np.intp] | None:
     if not any(other is not None for other in others):
         return None
     return np.array([place if other is None else other for place, other in enumerate(others)], dtype=np.intp)
+
+
+def mirrored(clip: Clip) -> Clip:
+    """Give a motion as the other side does it: left and right joints are exchanged, and x is negated.
+
+    Raises
+    ------
+    ValueError
+        No name of a joint has another side.
+    """
+    places = mirrored_places(clip.skeleton.joints)
+    if places is None:
+        raise ValueError(f"either side: expected joints of two sides, got {', '.join(clip.skeleton.joints)}")
+    positions = clip.positions[:, places] * (-1.0, 1.0, 1.0)
+    return replace(
+        clip,
+        positions=positions,
+        rotations=np.zeros((len(positions), 0)),
+        take=f"{clip.take} mirrored".strip(),
+        name=f"{clip.name} mirrored".strip(),
+    )
 
 
 def _other_sides(name: str) -> Iterable[str]:

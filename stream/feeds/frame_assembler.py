@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.stream.feeds.kinematics import world_positions
+from kinespace.stream.feeds.landmark_body import LandmarkBody
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Closing, Means
 from kinespace.stream.frame import Announcement, Frame
@@ -133,7 +134,8 @@ class FrameAssembler:
         self._needed = tuple(name for name, target in preset.joint_map.items() if target)
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
-        self._targets = preset.joints
+        self._targets = preset.sent
+        self._body = LandmarkBody(preset.sent) if preset.guessed else None
         self._axes = np.array([axis for axis, _ in preset.axes])
         signs = np.array([sign for _, sign in preset.axes])
         self._metres = signs * np.array(preset.metres)[self._axes]
@@ -344,6 +346,8 @@ class FrameAssembler:
         # A number that overflows is impossibly far, and is refused as such.
         with np.errstate(over="ignore", invalid="ignore"):
             positions = np.array([places[target] for target in self._targets])[:, self._axes] * self._metres
+        if self._body:
+            positions = self._body.of(positions)
         try:
             frame = Frame(name, moment, positions)
         except ValueError:
@@ -352,7 +356,7 @@ class FrameAssembler:
         self.counts.frames += 1
         if not body.announced:
             body.announced = True
-            self._out.append(Announcement(name, self._targets))
+            self._out.append(Announcement(name, self.preset.joints))
         self._out.append(frame)
 
     def _moment(self, body: _Body) -> float:

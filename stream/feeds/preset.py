@@ -18,6 +18,7 @@ from msgspec import Meta
 from kinespace.library.naming import spelling
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.stream.feeds.kinematics import Bone  # noqa: TC001 - msgspec reads the types
+from kinespace.stream.feeds.landmark_body import JOINTS
 from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:
@@ -239,6 +240,8 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         Joint names in the order of their numbers, and the first number; also their order in messages without names.
     bones
         By name, for positions relative to a parent: the parents, and offsets for bones without a position.
+    guessed
+        Whether the positions are a network's guess from one picture: then `stream.feeds.landmark_body` makes a body.
     asking
         The messages for the sender, or None.
     """
@@ -259,6 +262,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     order: tuple[Text, ...] = ()
     order_from: Annotated[int, Meta(ge=0, le=1000)] = 0
     bones: dict[str, Bone] = {}
+    guessed: bool = False
     asking: Asking | None = msgspec.field(name="ask", default=None)
 
     def __post_init__(self) -> None:
@@ -279,7 +283,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     def _check_joints(self) -> None:
         joints = {name: target.strip() for name, target in self.joint_map.items()}
         msgspec.structs.force_setattr(self, "joint_map", joints)
-        if len(self.joints) < 2:
+        if len(self.sent) < 2:
             raise ValueError(
                 f"joints: expected at least two joints, each with the library's name for it, got {joints!r}"
             )
@@ -313,6 +317,11 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     @property
     def joints(self) -> tuple[str, ...]:
         """The motion library's names of the joints that frames of this feed hold, in the frames' order."""
+        return JOINTS if self.guessed else self.sent
+
+    @property
+    def sent(self) -> tuple[str, ...]:
+        """The motion library's names of the joints that the sender sends."""
         return tuple(dict.fromkeys(target for target in self.joint_map.values() if target))
 
 

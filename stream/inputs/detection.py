@@ -103,7 +103,7 @@ class Guess(NamedTuple):
     @property
     def missing(self) -> tuple[str, ...]:
         """Joints of the preset that did not come."""
-        return tuple(joint for joint in self.preset.joints if joint not in self.joints)
+        return tuple(joint for joint in self.preset.sent if joint not in self.joints)
 
     @property
     def performers(self) -> tuple[str, ...]:
@@ -222,11 +222,11 @@ class Survey:
         came = {preset.joint_map[name] for name in joints} - {""}
         if preset.bones and came:
             # A bone that does not come stays at rest.
-            came = set(preset.joints)
+            came = set(preset.sent)
         return Guess(
             preset,
             understood / total if total else 0.0,
-            tuple(joint for joint in preset.joints if joint in came),
+            tuple(joint for joint in preset.sent if joint in came),
             assembler.counts.frames,
             assembler.counts.incomplete,
             times,
@@ -242,7 +242,7 @@ class Survey:
                 if isinstance(event, Frame) and len(event.positions) == len(self.announced):
                     times.setdefault(event.performer, []).append(arrival)
                 frames += isinstance(event, Frame)
-        whole, joints = sum(map(len, times.values())), tuple(each for each in preset.joints if each in named)
+        whole, joints = sum(map(len, times.values())), tuple(each for each in preset.sent if each in named)
         ours = sum(kind.count for kind in self.kinds.values() if kind.address in OURS)
         understood = ours / max(sum(kind.count for kind in self.kinds.values()), 1)
         return Guess(preset, understood, joints, whole if len(joints) >= MIN_JOINTS else 0, frames - whole, times)
@@ -286,7 +286,7 @@ class Survey:
         It is chosen by the frames made, then the joints found, then the messages read.
         """
         guesses = [self.looked_at_as(preset) for preset in presets]
-        likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.joints)]
+        likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.sent)]
         return max(likely, key=_likelihood, default=None)
 
 
@@ -324,7 +324,7 @@ def _stretches(lengths: NDArray[np.float64]) -> bool:
 
 
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:
-    share = len(guess.joints) / len(guess.preset.joints)
+    share = len(guess.joints) / len(guess.preset.sent)
     return guess.frames > 0, guess.understood * share, len(guess.joints)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
-from kinespace.library.recordings import ActorIn, Reading
+from kinespace.library.recordings import FILMS, ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_ONE, SENSITIVITY_OWN
 from kinespace.tools.cli.choice import meant
@@ -25,6 +25,8 @@ _DEFAULTS = Settings()
 OSC_IN = "127.0.0.1:9310"
 #: Where the page is unless the user says otherwise.
 PAGE = "127.0.0.1:8010"
+#: Where a camera's picture is unless the user says otherwise.
+SHOW = "127.0.0.1:8011"
 #: The name of the built-in library wherever a library may be named.
 BUILT_IN = Path("built-in")
 
@@ -47,6 +49,22 @@ _SHARED: dict[str, dict[str, Any]] = {
         "const": PAGE,
         "metavar": "[HOST:]PORT",
         "help": f"show a page in the browser (default {PAGE})",
+    },
+    "--people": {
+        "type": int,
+        "default": 1,
+        "metavar": "N",
+        "help": "follow up to so many people in front of the camera, 4 at most (default %(default)s)",
+    },
+    "--either-side": {
+        "action": "store_true",
+        "help": "a motion may be done by either side: add each example mirrored, too",
+    },
+    "--show": {
+        "nargs": "?",
+        "const": SHOW,
+        "metavar": "[HOST:]PORT",
+        "help": f"show the camera's picture and skeletons in the browser (default {SHOW})",
     },
     "--sender": {"metavar": "HOST", "default": "127.0.0.1", "help": "host to ask for frames, for feeds that ask"},
     "--feed": {
@@ -181,6 +199,10 @@ def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
     from kinespace.stream.inputs.recording.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
     from kinespace.tools.cli.preset import preset_named  # noqa: PLC0415 - as above
 
+    if path.suffix.lower() in FILMS:
+        from kinespace.tools.camera.joints import film_clip  # noqa: PLC0415 - as above
+
+        return [film_clip(path)]
     return read_raw(path, preset_named(feed) if feed else None)
 
 

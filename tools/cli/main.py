@@ -28,6 +28,7 @@ PROGRAMS: Programs = {
     "live": ("programs.live.program", "recognise a feed"),
     "gateway": ("programs.gateway", "receive feeds and answer, and let workers on other machines recognise"),
     "work": ("programs.work", "recognise performers for gateways"),
+    "camera": ("programs.camera.program", "find bodies in a camera's or a film's pictures, and send their joints"),
     "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
     "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
     "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),

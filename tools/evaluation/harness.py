@@ -82,7 +82,7 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
 def add_protocol(parser: argparse.ArgumentParser) -> None:
     """Add the options for tables of takes, and for the library and the recogniser that are asked."""
     add_takes(parser)
-    add_shared(parser, "--library")
+    add_shared(parser, "--library", "--either-side")
     text = (
         "recognise with the library; with motions cut from the other takes, or from the other persons' takes; or with "
         "motions of one person, for each person in turn"
@@ -136,7 +136,12 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     of_library = [given.skeleton] if given else []
     joints = shared_joints([*(take.clip.skeleton for take in takes), *of_library])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
-    folds = folds_of(takes, protocol, lambda: (given or MotionLibrary.builtin()).restricted_to(joints))
+    folds = folds_of(
+        takes,
+        protocol,
+        lambda: (given or MotionLibrary.builtin()).restricted_to(joints),
+        either_side=options.either_side,
+    )
     classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
     _require_classes(takes, sources, classes)
     return [Asked(take, fold.library, fold.person) for fold in folds for take in fold.takes], classes

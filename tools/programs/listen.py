@@ -113,7 +113,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
     lines += _lacking(survey, guess)
     lines += _odd(survey, guess)
     shared = MotionLibrary.builtin().skeleton.joints
-    if not set(guess.preset.joints) & set(shared):
+    if not set(guess.preset.sent) & set(shared):
         lines.append("none of the joints is the built-in library's: build your own library from this feed")
     lines += [
         f"{kind.address}: nothing for {kind.longest_gap:.2f} s once"
@@ -230,7 +230,7 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
     if guess:
         say(
             f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
-            f"{len(guess.joints)} of {len(guess.preset.joints)} joints, {guess.frames} frames"
+            f"{len(guess.joints)} of {len(guess.preset.sent)} joints, {guess.frames} frames"
         )
         if named := named_joints(survey):
             say(summary(named.title or "our", named.joints))

@@ -32,6 +32,7 @@ def open_lessons(
     stillness: float = STILLNESS,
     *,
     recordings: Path | None = None,
+    either_side: bool = False,
 ) -> Lessons:
     """Open the taught library for lessons.
 
@@ -49,6 +50,8 @@ def open_lessons(
         Movement below which a performer stands still (`library.teaching.movement`).
     recordings
         The folder of recordings that examples may be taken from; None for none.
+    either_side
+        Whether taught motions may be done by either side.
 
     Raises
     ------
@@ -59,19 +62,21 @@ def open_lessons(
     """
     kept = RosterFile(file)
     try:
-        return _opened(kept, library, joints, performers, stillness, recordings)
+        return _opened(kept, library, joints, performers, stillness, recordings=recordings, either_side=either_side)
     except BaseException:
         kept.close()
         raise
 
 
-def _opened(  # noqa: PLR0917 - as above
+def _opened(
     file: RosterFile,
     library: MotionLibrary | None,
     joints: Sequence[str],
     performers: Callable[[WindowIndex, Sequence[str]], Recognising],
     stillness: float,
+    *,
     recordings: Path | None,
+    either_side: bool,
 ) -> Lessons:
     taught = file.library
     base = _base(library, taught.skeleton.joints if taught else (), joints)
@@ -80,7 +85,7 @@ def _opened(  # noqa: PLR0917 - as above
         motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
         taught = MotionLibrary(base.library.skeleton, motions)
     roster = Roster.of_library(taught) if taught else Roster()
-    windows = TaughtWindows(base, with_base=library is not None)
+    windows = TaughtWindows(base, with_base=library is not None, either_side=either_side)
     index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
     teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
     order = ClassPlaces(windows.base_classes).of(roster)

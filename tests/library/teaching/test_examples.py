@@ -219,3 +219,29 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
 def test_a_check_in_words(check: Check, words: str) -> None:
     """Every outcome of the check has the words of the page."""
     assert check.words == words
+
+
+def test_an_example_of_either_side_is_compared_mirrored_too() -> None:
+    """Its copy is in the index, no other example to a check, and not in the roster; without it a left kick is none."""
+    roster = _roster(("kick", "kickLFront1Reps", 0), ("squat", "squat1Reps", 0), ("squat", "squat1Reps", 1))
+    for base, with_base in ((_base(), True), (_base(), False), (None, False)):
+        plain, both = (
+            TaughtWindows(base, with_base=with_base, either_side=sides).index_of(roster) for sides in (False, True)
+        )
+        assert plain is not None
+        assert both is not None
+        taught = [motion for motion in both.library.motions if motion not in (base.library.motions if base else ())]
+        assert len(taught) == 2 * len(roster.examples)
+        assert len(both.library.motions) == len(plain.library.motions) + len(roster.examples)
+    windows = TaughtWindows(_base(), with_base=False, either_side=True)
+    index, plain = windows.index_of(roster), TaughtWindows(_base(), with_base=False).index_of(roster)
+    assert index is not None
+    assert plain is not None
+    for number in (1, 2, 3):
+        ours, theirs = checked(index, number), checked(plain, number)
+        assert ours is not None
+        assert theirs is not None
+        assert ours.is_first == theirs.is_first
+    fewer = windows.index_of(roster.without_class("squat"))
+    assert fewer is not None
+    assert [motion.take for motion in fewer.library.motions] == ["0001", "0001 mirrored"]

@@ -15,6 +15,7 @@ from kinespace.library.kernels.table import LANE
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.signature.parts import EIGENVECTORS, Kind
+from kinespace.library.windows.comparer import Comparer, Laid
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
@@ -360,3 +361,15 @@ def test_windows_lie_closer_in_a_library_of_one_person(people: MotionLibrary) ->
         windows = Measured.of(library, every)
         assert WindowIndex.of(library, people).motions.tolist() == windows.motions.tolist()
         assert len(windows.motions) == sum(map(len, windows.ends))
+
+
+def test_windows_that_fill_their_lanes_to_the_last(people_index: WindowIndex) -> None:
+    """The last window ends where the last lane does."""
+    whose = [("squat", "aa")] * (LANE // 2) + [("kick", "aa")] * (LANE // 2)
+    assert len(people_index.motions) > LANE
+    vectors = [each[:LANE] for each in people_index.vectors]
+    laid = Laid.of(people_index.comparison, vectors, people_index.eigenvectors[:LANE], whose)
+    comparer = Comparer(people_index.comparison, laid, *people_index.basis.directions.shape)
+    comparer.compare()
+    assert np.isfinite(comparer.logs).all()
+    assert comparer.scores.shape == (2,)

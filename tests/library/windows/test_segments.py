@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from naive_bodies import build_and_stretch, segment_lengths, stretched, unlike
 
+from kinespace.library.clip import Clip
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.segments import BEYOND_LIBRARY, DISORDER, Segments, mirrored_places, shares_of_size
+from kinespace.library.windows.segments import (
+    BEYOND_LIBRARY,
+    DISORDER,
+    Segments,
+    mirrored,
+    mirrored_places,
+    shares_of_size,
+)
 
 if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
@@ -90,3 +98,17 @@ def test_names_tell_the_other_side(joints: tuple[str, ...], others: tuple[int, .
     found = mirrored_places(joints)
     assert (found is None) == (others is None)
     assert found is None or tuple(found.tolist()) == others
+
+
+def test_a_motion_of_the_other_side(builtin: MotionLibrary) -> None:
+    """Joint by joint: the left one is where the right one was, with x negated; twice mirrored it is itself."""
+    motion = next(each for each in builtin.motions if each.class_name == "kickLFront1Reps")
+    joints, other = motion.skeleton.joints, mirrored(motion)
+    for place, name in enumerate(joints):
+        turned = {"l": "r", "r": "l"}.get(name[0], "") + name[1:]
+        twin = turned if turned in joints else name
+        np.testing.assert_array_equal(other.positions[:, place] * [-1, 1, 1], motion.positions[:, joints.index(twin)])
+    np.testing.assert_array_equal(mirrored(other).positions, motion.positions)
+    assert (other.class_name, other.actor, other.take) == (motion.class_name, motion.actor, f"{motion.take} mirrored")
+    with pytest.raises(ValueError, match="either side: expected joints of two sides, got a, b"):
+        mirrored(Clip(Skeleton(("a", "b")), np.zeros((2, 2, 3)), 30.0))

@@ -61,7 +61,7 @@ def test_the_least_that_is_needed_is_little() -> None:
 #: Mistakes by the text in whose place they stand, and the beginning of the line that says so.
 MISTAKES = {
     "port = 7000": {
-        "prot = 7000": "prot: expected one of ask, axes, bones, clock, frame, joints, message, metres, ",
+        "prot = 7000": "prot: expected one of ask, axes, bones, clock, frame, guessed, joints, message, metres, ",
         "port = 70000": "port: expected a whole number <= 65535, got 70000",
         f"port = 1{'0' * 400}": "port: expected a whole number <= 65535, got 1000",
         "port = 7000\nmetres = [1, 2]": "metres: expected a list of length 3, got [1, 2]",

@@ -12,6 +12,7 @@ from programs import ghost_cues
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
+from kinespace.stream.feeds.landmark_body import LandmarkBody
 from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:
@@ -73,7 +74,9 @@ def test_every_sent_frame_is_made(layout: str) -> None:
     counts, preset = assembler.counts, assembler.preset
     assert len(frames) == len(positions)
     assert (counts.malformed, counts.incomplete, counts.late, counts.held, counts.absurd) == (0, 0, 0, 0, 0)
-    kept = positions[:, [SKELETON.joints.index(joint) for joint in preset.joints]]
+    kept = positions[:, [SKELETON.joints.index(joint) for joint in preset.sent]]
+    if preset.guessed:
+        kept = np.array([LandmarkBody(preset.sent).of(frame) for frame in kept])
     made = np.array([frame.positions for frame in frames])
     if layout in _ELSEWHERE:
         made, kept = (each - each.mean(axis=1, keepdims=True) for each in (made, kept))

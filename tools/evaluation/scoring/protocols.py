@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
+from kinespace.library.windows.segments import mirrored
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -47,7 +49,9 @@ class Fold:
     person: str = ""
 
 
-def folds_of(takes: Sequence[Take], protocol: Protocol, library: Callable[[], MotionLibrary]) -> list[Fold]:
+def folds_of(
+    takes: Sequence[Take], protocol: Protocol, library: Callable[[], MotionLibrary], *, either_side: bool = False
+) -> list[Fold]:
     """Say which library recognises which takes.
 
     Takes without labels are recognised by every library of the protocol that has no motions of their person; where one
@@ -61,6 +65,8 @@ def folds_of(takes: Sequence[Take], protocol: Protocol, library: Callable[[], Mo
         How libraries are made.
     library
         Gives the library of `Protocol.LIBRARY`; not called for other protocols.
+    either_side
+        Whether the libraries that are made have each motion mirrored, too.
 
     Raises
     ------
@@ -69,16 +75,22 @@ def folds_of(takes: Sequence[Take], protocol: Protocol, library: Callable[[], Mo
     """
     if protocol is Protocol.LIBRARY:
         return [Fold(library(), tuple(takes))]
+    made = partial(_library, either_side=either_side)
     labelled = [take for take in takes if take.is_known]
     others = [take for take in takes if not take.is_known]
     if protocol is Protocol.LEAVE_ONE_TAKE_OUT:
         _require_two(len(labelled), "takes", protocol)
-        folds = [Fold(_library([each for each in labelled if each is not take]), (take,)) for take in labelled]
-        return [*folds, Fold(_library(labelled), tuple(others))] if others else folds
-    return _by_person(labelled, others, protocol)
+        folds = [Fold(made([each for each in labelled if each is not take]), (take,)) for take in labelled]
+        return [*folds, Fold(made(labelled), tuple(others))] if others else folds
+    return _by_person(labelled, others, protocol, made)
 
 
-def _by_person(labelled: Sequence[Take], others: Sequence[Take], protocol: Protocol) -> list[Fold]:
+def _by_person(
+    labelled: Sequence[Take],
+    others: Sequence[Take],
+    protocol: Protocol,
+    made: Callable[[Sequence[Take]], MotionLibrary],
+) -> list[Fold]:
     unnamed = [take.clip.name for take in labelled if not take.person]
     if unnamed:
         raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
@@ -90,17 +102,18 @@ def _by_person(labelled: Sequence[Take], others: Sequence[Take], protocol: Proto
         rest = [take for take in labelled if take.person != person]
         if protocol is Protocol.ONE_PERSON:
             asking = [*rest, *(take for take in others if take.person != person)]
-            folds.append(Fold(_library(own), tuple(asking), person))
+            folds.append(Fold(made(own), tuple(asking), person))
         else:
-            folds.append(Fold(_library(rest), (*own, *(take for take in others if take.person == person)), person))
+            folds.append(Fold(made(rest), (*own, *(take for take in others if take.person == person)), person))
     strangers = [take for take in others if take.person not in persons]
     if strangers and protocol is Protocol.LEAVE_ONE_PERSON_OUT:
-        folds.append(Fold(_library(labelled), tuple(strangers)))
+        folds.append(Fold(made(labelled), tuple(strangers)))
     return folds
 
 
-def _library(takes: Sequence[Take]) -> MotionLibrary:
-    return MotionLibrary.of_clips([motion for take in takes for motion in take.motions()])
+def _library(takes: Sequence[Take], *, either_side: bool) -> MotionLibrary:
+    motions = [motion for take in takes for motion in take.motions()]
+    return MotionLibrary.of_clips([*motions, *map(mirrored, motions)] if either_side else motions)
 
 
 def _require_two(count: int, what: str, protocol: Protocol) -> None:

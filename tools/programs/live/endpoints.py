@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
-from contextlib import ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from kinespace.stream.packet import Networks
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
+    from kinespace.tools.programs.camera.process import CameraProcess
 
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
@@ -44,6 +45,8 @@ def open_ends(
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
     """Open the addresses and the recording; after a failure the open addresses are closed again."""
     networks = _networks(options)
+    if getattr(options, "camera", None):
+        networks = _and_here(networks)
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
@@ -73,6 +76,27 @@ def open_ends(
         sources = [_source(*each, preset, options.sender, admission) for each in zip(receivers, recorders, strict=True)]
         opened.pop_all()
     return sources, sinks, writer
+
+
+def open_camera(options: argparse.Namespace, sources: Sequence[Source]) -> AbstractContextManager[CameraProcess | None]:
+    """Start the camera that is asked for; its frames come to the OSC port, as any sender's.
+
+    Raises
+    ------
+    ImportError, OSError, ValueError
+        As `tools.programs.camera.process.CameraProcess`.
+    """
+    if not getattr(options, "camera", None):
+        return nullcontext()
+    from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
+    from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
+
+    receiver = next(each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver))
+    host, port = receiver.address[:2]
+    place = f"{'127.0.0.1' if host in _ANY_HOST else host}:{port}"
+    camera = CameraProcess(CameraPlan(options.camera, osc=place, people=options.people, show=options.show), say)
+    say(f"camera: {camera.opened}")
+    return camera
 
 
 def _source(

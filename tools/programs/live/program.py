@@ -6,6 +6,7 @@ bound; put > before it to connect instead.
 
 from __future__ import annotations
 
+import argparse
 import os
 from contextlib import nullcontext
 from pathlib import Path
@@ -19,8 +20,6 @@ from kinespace.tools.programs.live.recognisers import in_this_process, in_worker
 from kinespace.tools.programs.live.session import recognise
 
 if TYPE_CHECKING:
-    import argparse
-
     from kinespace.tools.programs.live.recognisers import Making
 
 #: Where answers go by default: a port that no usual receiver uses.
@@ -34,6 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes (default: none)"
     )
     parser.add_argument(
+        "--camera", metavar="0|FILE|URL", help="watch a camera, a film or a stream, as kinespace camera does"
+    )
+    add_shared(parser, "--people", "--show")
+    parser.add_argument(
         "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
     )
     parser.add_argument(
@@ -42,6 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=STILLNESS,
         help="movement, relative to the body, that counts as rest between taught motions; twice as much begins one "
         "(default %(default)s)",
+    )
+    parser.add_argument(
+        "--either-side",
+        action=argparse.BooleanOptionalAction,
+        help="taught motions may be done by either side (default: with --camera)",
     )
     parser.add_argument(
         "--quiet-lessons", action="store_true", help='answer a performer who is being taught "unknown", without events'

@@ -119,8 +119,16 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
         _require_room_for(index, settings_of(options))
         return make(options, index, joints, classes)
 
+    # People before a camera seldom think of their sides.
+    either_side = bool(options.camera) if options.either_side is None else options.either_side
     lessons = open_lessons(
-        options.teach, motions, sent.assumed, performers, options.stillness, recordings=options.recordings
+        options.teach,
+        motions,
+        sent.assumed,
+        performers,
+        options.stillness,
+        recordings=options.recordings,
+        either_side=either_side,
     )
     lessons.is_quiet = options.quiet_lessons
     return lessons

@@ -17,10 +17,10 @@ from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.service.loop import Service
-from kinespace.tools.cli.arguments import settings_of
+from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.programs.live.endpoints import open_controls, open_ends, open_page
+from kinespace.tools.programs.live.endpoints import open_camera, open_controls, open_ends, open_page
 from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console, say
@@ -62,6 +62,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         for each in (*sources, *sinks, *([kept] if kept else ())):
             opened.callback(each.close)
         controls = open_controls(options, sources, keyring) if lessons else []
+        camera = open_camera(options, sources)
         opened.pop_all()
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
@@ -75,6 +76,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
             control=lessons,
         ) as service,
         page_process or nullcontext() as page,
+        camera,
     ):
         if lessons:
             lessons.sinks = service.sinks
@@ -106,6 +108,10 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
             raise ValueError(f"--{option}: expected --teach with it")
     if options.teach and settings.signature is LiveSignature.PAPER:
         raise ValueError("--teach: expected --signature windows with it, got paper")
+    if getattr(options, "camera", None):
+        if options.feed:
+            raise ValueError("--camera: expected no --feed with it; another feed needs a kinespace live of its own")
+        options.osc_in = options.osc_in or OSC_IN
     if options.record:
         require_place_for(options.record, overwrite=options.overwrite)
     preset = preset_named(options.feed) if options.feed else None

@@ -24,6 +24,7 @@ from kinespace.library.recordings import (
     segments_beside,
 )
 from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
+from kinespace.library.windows.segments import mirrored
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_labels,
@@ -77,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--every", type=count, default=1, metavar="N", help="add every Nth of the guests' motions alone"
     )
+    add_shared(parser, "--either-side")
     add_labels(
         parser,
         "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)",
@@ -105,6 +107,8 @@ def run(options: argparse.Namespace) -> int:
     merged = changed(reduce(MotionLibrary.merged_with, libraries), options.without, dict(options.rename))
     if not merged.classes:
         raise ValueError(f"motions: expected some of another class than {NOTHING!r}, got none")
+    if options.either_side:
+        merged = merged.with_motions(list(map(mirrored, merged.motions)))
     if options.guests:
         merged = merged.with_guests(list(read.motions(options.guests, ()))[:: options.every])
     merged.save(output)

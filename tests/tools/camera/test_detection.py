@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import naive_camera
+import numpy as np
+import pytest
+
+from kinespace.tools.camera.detection import anchors, decoded, one_for_each_body, overlaps
+
+
+def _outputs(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Give outputs of a detector that sees three bodies, each by several anchors, and nothing at all elsewhere."""
+    generator = np.random.default_rng(seed)
+    boxes = generator.normal(0, 8, (2254, 12)).astype(np.float32)
+    boxes[:, 2:4] = generator.uniform(30, 90, (2254, 2))
+    scores = generator.normal(-6, 1, 2254).astype(np.float32)
+    scores[generator.choice(2254, 40, replace=False)] = generator.normal(1, 2, 40)
+    scores[:2] = 500.0, -500.0
+    return boxes, scores
+
+
+def test_anchors_are_those_of_mediapipe() -> None:
+    """The order of the grid, the places and the number of anchors agree."""
+    np.testing.assert_allclose(anchors(), naive_camera.anchors(), atol=1e-12)
+    assert anchors().shape == (2254, 2)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bodies_are_decoded_and_averaged_as_by_the_textbook(seed: int) -> None:
+    """Scores, boxes and points agree with the loop, before and after the averaging."""
+    boxes, scores = _outputs(seed)
+    found, expected = decoded(boxes, scores, anchors()), naive_camera.decoded(boxes, scores)
+    bodies, averaged = one_for_each_body(found), naive_camera.weighted(expected)
+    assert 1 < len(averaged) < len(expected)
+    for ours, theirs in ((found, expected), (bodies, averaged)):
+        np.testing.assert_allclose(ours.scores, [each[0] for each in theirs])
+        np.testing.assert_allclose(ours.boxes, [each[1] for each in theirs], atol=1e-6)
+        np.testing.assert_allclose(ours.points, [each[2] for each in theirs], atol=1e-6)
+
+
+def test_a_picture_without_bodies() -> None:
+    """No score reaches a half: there are no bodies, and their arrays are empty."""
+    found = one_for_each_body(decoded(np.zeros((2254, 12)), np.full(2254, -3.0), anchors()))
+    assert (found.boxes.shape, found.points.shape, found.scores.shape) == ((0, 4), (0, 4, 2), (0,))
+
+
+def test_overlaps() -> None:
+    """A box shares all with itself, a third with its neighbour, nothing with one beside it; an empty box nothing."""
+    boxes = np.array([[0, 0, 2, 2], [1, 0, 3, 2], [2, 0, 4, 2], [1, 1, 1, 1]], dtype=np.float64)
+    np.testing.assert_allclose(overlaps(boxes, boxes[0]), [1, 1 / 3, 0, 0])
+    np.testing.assert_allclose(overlaps(boxes[3:], boxes[3]), [0])

@@ -1,0 +1,177 @@
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from contextlib import closing, suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from films import grey
+
+with suppress(ImportError):
+    from kinespace.tools.camera import film
+
+pytestmark = pytest.mark.usefixtures("camera_extra")
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+_COUNT, _RATE = 20, 20.0
+
+
+def _never() -> bool:
+    return False
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Write a film whose pictures become lighter."""
+    return grey(tmp_path / "light.avi", range(0, 10 * _COUNT, 10), _RATE, (64, 48))
+
+
+def test_every_picture_of_a_film_in_order_with_its_time(path: Path) -> None:
+    """As fast as they are read, none is lost; the first one's time is not 0, which would mean "on arrival"."""
+    read = film.Film(str(path), _never, paced=False)
+    pictures = list(read)
+    assert [round(float(each.pixels.mean()) / 10) for each in pictures] == list(range(_COUNT))
+    assert [each.time for each in pictures] == pytest.approx([1 + count / _RATE for count in range(_COUNT)])
+    assert (read.taken, read.lost, pictures[0].pixels.shape) == (_COUNT, 0, (48, 64, 3))
+
+
+@pytest.mark.slow
+def test_at_its_own_pace_a_slow_reader_loses_pictures(path: Path) -> None:
+    """The film lasts as long as it should; what nobody took in time is counted."""
+    begun, read = time.monotonic(), film.Film(str(path), _never, paced=True)
+    taken = []
+    for picture in read:
+        taken.append(picture.time)
+        time.sleep(3 / _RATE)
+    assert time.monotonic() - begun > (_COUNT - 1) / _RATE
+    assert read.lost > 0
+    assert read.taken + read.lost == _COUNT
+    assert taken == sorted(taken)
+
+
+@pytest.mark.slow
+def test_a_film_that_is_read_slowly_keeps_its_pace(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are passed over unread, and counted; those that come have the film's times."""
+
+    class Slow(film.Capture):
+        def read(self) -> object:
+            time.sleep(5 / _RATE)
+            return super().read()
+
+    monkeypatch.setattr(film, "Capture", Slow)
+    read = film.Film(str(path), _never, paced=True)
+    times = [picture.time for picture in read]
+    assert read.taken + read.lost == _COUNT
+    assert read.taken < _COUNT / 2
+    np.testing.assert_allclose(np.diff(times) * _RATE, np.round(np.diff(times) * _RATE), atol=1e-6)
+
+
+class _Camera:
+    """A camera in place of OpenCV's: `read` is the test's."""
+
+    is_open, rate, pictures = True, 30.0, -1
+    read: Callable[[], tuple[np.ndarray, float] | None]
+
+    def __init__(self, _: object) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def _with_camera(monkeypatch: pytest.MonkeyPatch, read: Callable[[], object], **changed: object) -> None:
+    monkeypatch.setattr(film, "Capture", type("Camera", (_Camera,), {"read": lambda _: read(), **changed}))
+    monkeypatch.setattr(film, "_require", lambda _: None)
+
+
+def test_a_cameras_time_is_that_of_capture_where_it_says_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A time on the system's clock counts; without one the picture's arrival does."""
+    pixels, told = np.zeros((2, 2, 3), dtype=np.uint8), [0.0]
+
+    def read() -> tuple[np.ndarray, float]:
+        time.sleep(0.02)
+        return pixels, told[0] and time.monotonic() - told[0]
+
+    _with_camera(monkeypatch, read)
+    for late in (0.0, 0.5):
+        told[0] = late
+        for count, picture in enumerate(film.Film("0", _never, paced=True)):
+            behind = time.monotonic() - picture.time
+            assert late <= behind < late + 0.4
+            if count > 3:
+                break
+
+
+@pytest.mark.parametrize("hangs", ["opening", "reading"])
+def test_nothing_hangs(monkeypatch: pytest.MonkeyPatch, hangs: str) -> None:
+    """A camera that hangs, as it is opened or later, is given up; and the end is not waited for."""
+    released = threading.Event()
+    first = [(np.zeros((2, 2, 3), dtype=np.uint8), 0.0)]
+
+    def read() -> object:
+        return first.pop() if hangs == "reading" and first else released.wait() and None
+
+    _with_camera(monkeypatch, read)
+    registered: list[tuple[object, int]] = []
+    monkeypatch.setattr(film.atexit, "register", lambda *call: registered.append(call))
+    monkeypatch.setattr(film, "_MAX_OPENING", 0.3)
+    monkeypatch.setattr(film, "_MAX_SILENCE", 0.3)
+    words = r"^camera 0: not open within 0.3 s|^camera 0: no picture for 0.3 s"
+    with pytest.raises(TimeoutError, match=words), closing(film.Film("0", _never, paced=True)) as read:
+        list(read)
+    first.append((np.zeros((2, 2, 3), dtype=np.uint8), 0.0))
+    begun = time.monotonic()
+    with closing(film.Film("0", lambda: time.monotonic() - begun > 0.1, paced=True)) as read:
+        assert len(list(read)) <= 1
+    # The reader's thread hangs: the program must end without it.
+    assert len(registered) == 2
+    assert {status for _, status in registered} == {2}
+    released.set()
+
+
+def test_a_camera_that_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is no film's end, but an error."""
+    pictures = [None, *[(np.zeros((2, 2, 3), dtype=np.uint8), 0.0)] * 3]
+    _with_camera(monkeypatch, pictures.pop)
+    with pytest.raises(OSError, match=r"camera 0: has stopped; unplugged"):
+        list(film.Film("0", _never, paced=True))
+
+
+def test_sources_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line each says what is wrong."""
+    text = tmp_path / "film.mp4"
+    text.write_text("no film")
+    for source, said in (
+        (tmp_path, "expected a film, got a folder"),
+        (tmp_path / "none.mp4", "expected a film, got no such file"),
+        (text, "not a film that can be read"),
+        ("rtsp://127.0.0.1:9/none", "cannot be opened"),
+    ):
+        with pytest.raises(OSError, match=f"{source}: {said}"):
+            film.Film(str(source), _never, paced=True)
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(PermissionError, match="this user may not read it"):
+        film.Film(str(text), _never, paced=True)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not list their cameras")
+def test_cameras_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is none; this user may not use it; another program has it."""
+    with pytest.raises(FileNotFoundError, match=r"camera 98: not there; cameras: "):
+        film.Film("98", _never, paced=True)
+    device = tmp_path / "video"
+    device.touch()
+    monkeypatch.setattr(film, "Path", lambda _: device)
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(PermissionError, match="camera 0: this user may not use it"):
+        film.Film("0", _never, paced=True)
+    monkeypatch.undo()
+    _with_camera(monkeypatch, lambda: None, is_open=False)
+    with pytest.raises(OSError, match="camera 0: gives no picture; another program may have taken it"):
+        film.Film("0", _never, paced=True)

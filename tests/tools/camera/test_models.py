@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from kinespace.tools.camera import models
+from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_DETECTOR, _FULL = "pose_detection.tflite", "pose_landmark_full.tflite"
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give this user another cache, and small files in place of the models."""
+    for variable in ("XDG_CACHE_HOME", "LOCALAPPDATA", "HOME"):
+        monkeypatch.setenv(variable, str(tmp_path / "home"))
+    known = {hashlib.sha256(content).hexdigest(): name for name, content in _files().items()}
+    monkeypatch.setattr(models, "_KNOWN", known)
+    return models.cache()
+
+
+def _files() -> dict[str, bytes]:
+    return {_DETECTOR: b"detector", _FULL: b"landmarks"}
+
+
+def _packs(folder: Path, contents: Sequence[bytes]) -> None:
+    with zipfile.ZipFile(folder / "mediapipe.whl", "w") as wheel:
+        for number, content in enumerate(contents):
+            wheel.writestr(f"mediapipe/{number}.tflite", content)
+
+
+def test_models_are_fetched_checked_kept_and_read(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without npm pip fetches the wheel; the line names the folder, the files, the source and the licence."""
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    commands: list[Sequence[str]] = []
+
+    def run(command: Sequence[str], *, cwd: Path, **_: object) -> None:
+        commands.append(command)
+        _packs(cwd, [b"other", *_files().values()])
+
+    monkeypatch.setattr(subprocess, "run", run)
+    said: list[str] = []
+    assert models.fetched(said.append) == place
+    assert commands[0][:4] == [sys.executable, "-m", "pip", "download"]
+    assert commands[0][-1] == "mediapipe==0.10.21"
+    assert said == [f"{place}: {_DETECTOR}, {_FULL}; from mediapipe==0.10.21 (pip), {models.LICENCE}"]
+    assert models.models_at(None, "full") == models.Models(b"detector", b"landmarks")
+    (place / _FULL).write_bytes(b"changed")
+    with pytest.raises(ValueError, match=r"pose_landmark_full.tflite: damaged; `kinespace camera --get-models`"):
+        models.models_at(None, "full")
+
+
+def test_a_package_with_other_files_is_refused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is kept."""
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    monkeypatch.setattr(subprocess, "run", lambda *_, cwd, **__: _packs(cwd, [b"detector", b"forged"]))
+    with pytest.raises(ValueError, match="models: expected a package with the files of known SHA-256"):
+        models.fetched(print)
+    assert not place.exists()
+
+
+def test_clients_that_fail_are_named(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line says why each failed, and what else can be done."""
+    monkeypatch.setattr("shutil.which", lambda _: "npm")
+
+    def run(command: Sequence[str], **_: object) -> None:
+        raise subprocess.CalledProcessError(1, command, stderr=f"much\n{Path(command[0]).name[:3]} is offline\n")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    assert main(["camera", "--get-models"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("kinespace: models: not fetched (npm: npm is offline; pip: pyt is offline); --models takes")
+    assert said.count("\n") == 1
+    assert not place.exists()
+
+
+def test_without_models_one_line_says_how_to_get_them(
+    place: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """The same with a folder that has none, whose name the line has."""
+    with pytest.raises(FileNotFoundError, match=r"^no models: `kinespace camera --get-models` fetches them"):
+        models.models_at(None, "full")
+    with pytest.raises(FileNotFoundError, match=rf"^{tmp_path}: no models: .*; --models says where others are$"):
+        models.models_at(tmp_path, "lite")
+    assert not place.exists()
+    assert not capsys.readouterr().out
+
+
+def test_models_of_ones_own(place: Path, tmp_path: Path) -> None:
+    """A folder with either package's names, and MediaPipe's .task; their contents are not ours to check."""
+    (tmp_path / "pose_solution_packed_assets.data").write_bytes(b"one")
+    (tmp_path / "pose_landmark_lite.tflite").write_bytes(b"two")
+    assert models.models_at(tmp_path, "lite") == models.Models(b"one", b"two")
+    task = tmp_path / "pose_landmarker.task"
+    with zipfile.ZipFile(task, "w") as archive:
+        archive.writestr("pose_detector.tflite", b"three")
+        archive.writestr("pose_landmarks_detector.tflite", b"four")
+    assert models.models_at(task, "full") == models.Models(b"three", b"four")
+    task.write_bytes(b"no zip")
+    with pytest.raises(ValueError, match=r"pose_landmarker.task: expected MediaPipe's pose_landmarker in a .task file"):
+        models.models_at(task, "full")
+    assert not place.exists()
+
+
+@pytest.mark.slow
+def test_the_packages_models_have_the_known_contents(camera_models: Path) -> None:
+    """What npm or pip brings is what is checked for."""
+    assert (camera_models / _DETECTOR).stat().st_size > 2_900_000
+    assert len(models.models_at(None, "full").landmarks) == 6_440_512

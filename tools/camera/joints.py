@@ -1,0 +1,87 @@
+"""The joints of a body that a camera sees, and a film read as a recording of them."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.timed_frames import evened
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.landmark_body import JOINTS, LandmarkBody
+from kinespace.tools.camera.bodies import Bodies
+from kinespace.tools.camera.models import models_at
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+    from kinespace.tools.camera.bodies import Seen
+    from kinespace.tools.camera.film import Picture
+    from kinespace.tools.camera.region import Landmarks
+
+#: The presence from which on a landmark is taken to be inside of the picture.
+_PRESENT = 0.5
+
+
+def require_extra() -> None:
+    """Refuse to go on without the libraries that a camera needs; ImportError says how to get them."""
+    try:
+        import_module("kinespace.tools.camera.vision")
+    except ImportError as error:
+        raise ImportError(f"a camera needs OpenCV and LiteRT ({error}): pip install 'kinespace[camera]'") from error
+
+
+class SeenJoints:
+    """Makes joints of landmarks, by the same names as the preset `mediapipe`."""
+
+    def __init__(self) -> None:
+        preset = builtin_preset("mediapipe")
+        self._body = LandmarkBody([preset.joint_map[name] for name in preset.order])
+
+    def of(self, seen: Seen, picture: Picture) -> NDArray[np.float64]:
+        """Give positions of `JOINTS`, (joints, 3), metres; NaN for those that are not in the picture."""
+        height, width = picture.pixels.shape[:2]
+        return self._body.of(upright(seen.landmarks, width, height))
+
+
+def upright(landmarks: Landmarks, width: int, height: int) -> NDArray[np.float64]:
+    """Give landmarks as positions (33, 3) with y up and z towards the camera; NaN for those outside of the picture."""
+    turned: NDArray[np.float64] = landmarks.world * np.array([1.0, -1.0, -1.0])
+    inside = (landmarks.picture[:, :2] >= 0).all(axis=1) & (landmarks.picture[:, :2] < (width, height)).all(axis=1)
+    turned[~inside | (landmarks.present < _PRESENT)] = np.nan
+    return turned
+
+
+def film_clip(path: Path) -> Clip:
+    """Read a film as a recording of one body, which begins with the film; joints that were not seen are on lines.
+
+    Raises
+    ------
+    ImportError
+        The extra is not installed.
+    OSError
+        Models or film cannot be opened.
+    ValueError
+        A body is in fewer than two pictures, or a joint is missing for long.
+    """
+    require_extra()
+    from kinespace.tools.camera import film, networks  # noqa: PLC0415 - need an extra
+
+    bodies, joints = Bodies(networks.Networks(models_at(None, "full")), 1, "camera"), SeenJoints()
+    times, positions = [], []
+    with closing(film.Film(str(path), lambda: False, paced=False)) as pictures:
+        for picture in pictures:
+            for each in bodies.seen(picture.pixels, picture.time):
+                times.append(picture.time)
+                positions.append(joints.of(each, picture))
+    if len(times) < 2:
+        raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
+    even = evened(np.array(times), np.array(positions), begin=film.FIRST)
+    return replace(clip_of_markers(path, JOINTS, even.positions, even.rate, ()), gaps=even.gaps)

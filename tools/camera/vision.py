@@ -1,0 +1,141 @@
+"""The thin file in front of OpenCV and LiteRT: pictures opened, cut out and drawn on, and networks run.
+
+Nothing here decides anything; no other file needs either library (the extra `camera`).
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+# Both libraries write their own notes to the terminal, past ours, unless told otherwise before they are loaded.
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+os.environ.setdefault("OPENCV_FFMPEG_CAPTURE_OPTIONS", "rtsp_transport;tcp")
+
+import cv2
+import numpy as np
+from ai_edge_litert.interpreter import Interpreter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+cv2.setNumThreads(1)
+_GREEN, _WHITE = (80, 220, 80), (255, 255, 255)
+#: Quality of the pictures that are shown, 0 to 100.
+_QUALITY = 80
+
+
+class Network:
+    """A network: a square picture in, arrays out, found by their sizes because their order differs between files.
+
+    Parameters
+    ----------
+    model
+        The bytes of its file.
+    side
+        Pixels of its picture, on each side.
+    sizes
+        How many numbers each output has that is wanted, in the order in which they are given.
+
+    Raises
+    ------
+    ValueError
+        It is another network, or none.
+    """
+
+    def __init__(self, model: bytes, side: int, sizes: Sequence[int]) -> None:
+        with _silent():
+            self._network = Interpreter(model_content=model, num_threads=1)
+            self._network.allocate_tensors()
+        (taken,) = self._network.get_input_details()
+        given = {int(np.prod(each["shape"])): each["index"] for each in self._network.get_output_details()}
+        if taken["shape"].tolist() != [1, side, side, 3] or not given.keys() >= {*sizes}:
+            raise ValueError("models: expected BlazePose's detector and landmark network, got another network")
+        self._taken, self._given = taken["index"], [given[size] for size in sizes]
+
+    def run(self, square: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Give the flat outputs for a picture (side, side, 3)."""
+        self._network.set_tensor(self._taken, square[None])
+        self._network.invoke()
+        return [self._network.get_tensor(index).ravel() for index in self._given]
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Let nothing be written to standard error by C: LiteRT says there how it calculates."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def cut_out(picture: NDArray[np.uint8], matrix: NDArray[np.float64], side: int, *, black: bool) -> NDArray[np.float32]:
+    """Cut a square (side, side, 3), red, green and blue, out of a picture, by the map from its pixels to the picture's.
+
+    Beyond the picture's edge it is black, or goes on as at the edge.
+    """
+    flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_CONSTANT if black else cv2.BORDER_REPLICATE
+    square = cv2.warpAffine(picture, matrix, (side, side), flags=flags, borderMode=border)
+    return np.asarray(cv2.cvtColor(square, cv2.COLOR_BGR2RGB), dtype=np.float32)
+
+
+class Capture:
+    """A camera (by its number), a film or a stream (by its address); `is_open` says whether there is one."""
+
+    def __init__(self, source: str | int) -> None:
+        self._capture = cv2.VideoCapture(source)
+        if isinstance(source, int):
+            # The newest picture only, and in a form that 30 a second get through a USB cable.
+            self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        self.is_open = bool(self._capture.isOpened())
+        self.rate = float(self._capture.get(cv2.CAP_PROP_FPS))
+        self.pictures = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
+
+    def read(self) -> tuple[NDArray[np.uint8], float] | None:
+        """Wait for the next picture (height, width, 3) and its time, seconds as the source says; None at the end."""
+        there, picture = self._capture.read()
+        if not there:
+            return None
+        return np.asarray(picture, dtype=np.uint8), float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000
+
+    def skip(self) -> bool:
+        """Pass over the next picture, which is quicker than to read it; False at the end."""
+        return bool(self._capture.grab())
+
+    def close(self) -> None:
+        """Give the camera back."""
+        self._capture.release()
+
+
+def drawn(picture: NDArray[np.uint8], bodies: Iterable[tuple[str, Any, Any]], width: int) -> bytes:
+    """Draw bodies into a copy of a picture, `width` wide at most, and give it as a JPEG.
+
+    Parameters
+    ----------
+    picture
+        (height, width, 3).
+    bodies
+        Of each its name, joints as (joints, 2) in pixels, NaN where there is none, and lines as pairs of joints.
+    width
+        Pixels.
+    """
+    shrunk = min(1.0, width / picture.shape[1])
+    shown = cv2.resize(picture, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)
+    for name, joints, lines in bodies:
+        places = [None if np.isnan(each).any() else tuple((each * shrunk).astype(int).tolist()) for each in joints]
+        for first, second in lines:
+            if places[first] and places[second]:
+                cv2.line(shown, places[first], places[second], _GREEN, 2, cv2.LINE_AA)
+        seen = [each for each in places if each]
+        if seen:
+            top = min(seen, key=lambda place: place[1])
+            cv2.putText(shown, name, (top[0], max(top[1] - 12, 16)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, _WHITE, 2)
+    return bytes(cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1])

@@ -1,0 +1,1 @@
+"""`kinespace camera`: a camera's bodies sent as frames."""

@@ -1,0 +1,160 @@
+"""One run of `kinespace camera`: pictures in, frames out, until the film ends or the end is wanted."""
+
+from __future__ import annotations
+
+import csv
+import time
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, TextIO
+
+import numpy as np
+
+from kinespace.stream.feeds.landmark_body import JOINTS
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.camera.bodies import Bodies
+from kinespace.tools.camera.joints import SeenJoints, require_extra
+from kinespace.tools.camera.models import models_at
+from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, OscFrameSender, ZmqFrameSender
+from kinespace.tools.programs.camera.show import Show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from kinespace.tools.camera.bodies import Seen
+    from kinespace.tools.camera.film import Film, Picture
+    from kinespace.tools.feeding.feed import FrameSender
+
+#: Joints that a frame needs at least.
+_MIN_JOINTS = 5
+#: Pixels of the pictures that are shown, across.
+_SHOWN = 640
+#: Landmarks between which a line is drawn: arms, hands, legs, feet, and the trunk around.
+_LIMBS = ((11, 13, 15, 19), (12, 14, 16, 20), (23, 25, 27, 29, 31, 27), (24, 26, 28, 30, 32, 28), (11, 12, 24, 23, 11))
+LINES = tuple(line for limb in _LIMBS for line in pairwise(limb))
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPlan:
+    """What is to be watched, and where frames go; as the options of `kinespace camera` say."""
+
+    source: str
+    osc: str | None = None
+    zmq: str | None = None
+    performer: str = "camera"
+    people: int = 1
+    models: Path | None = None
+    size: str = "full"
+    fast: bool = False
+    record: Path | None = None
+    show: str | None = None
+
+
+@dataclass(slots=True)
+class Watched:
+    """Counts of pictures (all, and those with a body), frames sent and failed, pictures left out, and seconds."""
+
+    pictures: int = 0
+    found: int = 0
+    frames: int = 0
+    failed: int = 0
+    lost: int = 0
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        often = self.pictures / self.seconds if self.seconds else 0.0
+        share = self.found / max(self.pictures, 1)
+        return (
+            f"{self.pictures} pictures, {often:.1f} a second, a body in {self.found} ({share:.1%}); {self.lost} "
+            f"left out because they came too fast; {self.frames} frames sent, {self.failed} failed"
+        )
+
+
+def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callable[[], bool]) -> Watched:
+    """Send a frame for each body in each picture; `started` gets a line once the first picture is there.
+
+    Raises
+    ------
+    ImportError
+        The extra is not installed.
+    OSError
+        Models, camera, film or address cannot be opened, or a camera has stopped.
+    ValueError
+        An option cannot be used, or a whole film showed no body.
+    """
+    require_extra()
+    from kinespace.tools.camera.film import Film  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.camera.networks import Networks  # noqa: PLC0415 - as above
+
+    bodies = Bodies(Networks(models_at(plan.models, plan.size)), plan.people, plan.performer)
+    with ExitStack() as opened:
+        sender = opened.enter_context(closing(_sender(plan)))
+        show = opened.enter_context(Show(plan.show)) if plan.show else None
+        record = opened.enter_context(plan.record.open("w", newline="", encoding="utf-8")) if plan.record else None
+        film = opened.enter_context(closing(Film(plan.source, wants_end, paced=not plan.fast)))
+        started(f"{plan.source} to {sender}{f'; picture: {show.address}' if show else ''}; Ctrl-C ends")
+        counts = _watched(film, bodies, _Out(sender, record), show)
+    counts.failed = sender.failed
+    if not counts.found and counts.pictures and not film.is_live and not wants_end():
+        raise ValueError(f"{plan.source}: no body in any of {counts.pictures} pictures")
+    return counts
+
+
+def _watched(film: Film, bodies: Bodies, out: _Out, show: Show | None) -> Watched:
+    counts, begun = Watched(), time.perf_counter()
+    for picture in film:
+        seen = bodies.seen(picture.pixels, picture.time)
+        counts.pictures += 1
+        counts.found += bool(seen)
+        counts.frames += sum(out.send(each, picture) for each in seen)
+        if show:
+            show.put(lambda picture=picture, seen=seen: _drawn(picture, seen))  # type: ignore[misc]
+    counts.lost, counts.seconds = film.lost, time.perf_counter() - begun
+    return counts
+
+
+class _Out:
+    """Sends bodies as frames, announces their joints, and keeps them in a table if one is given."""
+
+    def __init__(self, sender: FrameSender, record: TextIO | None) -> None:
+        self._joints = SeenJoints()
+        self._sender = sender
+        self._announced: dict[str, float] = {}
+        self._count = 0
+        self._rows = csv.writer(record) if record else None
+        if self._rows:
+            self._rows.writerow(["time", *(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")])
+
+    def send(self, seen: Seen, picture: Picture) -> bool:
+        """Send one body; False where too little of it is seen."""
+        positions = self._joints.of(seen, picture)
+        if np.isfinite(positions).all(axis=1).sum() < _MIN_JOINTS:
+            return False
+        if picture.time >= self._announced.get(seen.name, 0.0) + ANNOUNCE_EVERY:
+            self._announced[seen.name] = picture.time
+            self._sender.announce(Announcement(seen.name, JOINTS))
+        frame = Frame(seen.name, picture.time, positions.astype(np.float32))
+        self._sender.send(self._sender.encode(Cue(picture.time, frame, self._count)))
+        self._count += 1
+        if self._rows:
+            numbers = ("" if np.isnan(number) else f"{number:.4f}" for number in positions.ravel().tolist())
+            self._rows.writerow([f"{picture.time:.4f}", *numbers])
+        return True
+
+
+def _drawn(picture: Picture, seen: Sequence[Seen]) -> bytes:
+    from kinespace.tools.camera.vision import drawn  # noqa: PLC0415 - needs an extra
+
+    return drawn(picture.pixels, [(each.name, each.landmarks.picture[:, :2], LINES) for each in seen], _SHOWN)
+
+
+def _sender(plan: CameraPlan) -> FrameSender:
+    if plan.zmq:
+        with opening("--zmq"):
+            return ZmqFrameSender(Endpoint.parse(plan.zmq, bind=False))
+    with opening("--osc"):
+        return OscFrameSender(*host_and_port(plan.osc or ""))

@@ -53,6 +53,7 @@ EXPERIMENTS: Programs = {
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
+    "done": ("evaluation.evaluate_done", "play takes, and count the motions that were done and the false alarms"),
 }
 
 

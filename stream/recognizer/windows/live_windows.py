@@ -174,6 +174,12 @@ class LiveWindows:
         point: NDArray[np.float64] = self._window.points[-1] / self._body.size(self._window.rows[-1])
         return point
 
+    def path(self, since: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give the times after one, and the rows' points as `place` does; all rows of the longest window for NaN."""
+        times = self._window.times
+        some = slice(0 if math.isnan(since) else int(np.searchsorted(times, since, side="right")), None)
+        return times[some], self._window.points[some] / self._body.size(self._window.rows[some])[:, None]
+
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""
         return self._window.times, self._window.rows

@@ -1,0 +1,140 @@
+"""Motions that were really done: windows that end now against whole motions of the library.
+
+Fifteen times a second the body's last points are compared, by windows of several lengths, with every whole motion
+(`library.progress.whole_motions`). The most evident class and length wait for a moment: when nothing more evident
+follows, the motion was done. The next motion may begin where this one ended.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library.motion_library import NOTHING
+from kinespace.library.progress.whole_motions import STEP, limit_at
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.progress.whole_motions import Judged, WholeMotions
+
+#: Seconds for which a motion waits for one that is more evident.
+_WAITS = 0.2
+#: The share of a motion that may overlap with the motion before.
+_OVERLAPS = 0.35
+#: Classes and lengths that are judged at a moment, at most.
+_JUDGED = 8
+#: Tolerance, as a share of a step, because times are rounded.
+_ROUNDING = 1e-3
+#: The memory is moved back each time so many windows' points have come.
+_ROOM = 4
+
+
+class Found(NamedTuple):
+    """A motion that was done: its class, when it began and ended, seconds, and the judgement."""
+
+    class_name: str
+    start: float
+    end: float
+    judged: Judged
+
+
+class DoneFollower:
+    """Finds the motions that one performer has done.
+
+    Parameters
+    ----------
+    whole
+        The library's whole motions.
+    false_alarms
+        Motions an hour that may be found though they were not done.
+
+    Attributes
+    ----------
+    time
+        The time of the newest step, seconds; NaN before the first.
+    """
+
+    def __init__(self, whole: WholeMotions, false_alarms: float) -> None:
+        self._limit = limit_at(false_alarms)
+        self.exchange(whole)
+
+    def exchange(self, whole: WholeMotions) -> None:
+        """Find the motions of another library from now on."""
+        self._whole = whole
+        self._longest = whole.lengths[-1] if whole.lengths else 0
+        self._points = np.zeros((_ROOM * self._longest, whole.spreads.shape[0]), dtype=np.float32)
+        self._lengths = np.array(whole.lengths)
+        self._seconds = (self._lengths - 1) * STEP
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the body's past."""
+        self._count, self.time, self._over = 0, math.nan, -math.inf
+        self._waiting: Found | None = None
+
+    def push_all(self, times: NDArray[np.float64], points: NDArray[np.float64]) -> Found | None:
+        """Take in the body's positions.
+
+        Parameters
+        ----------
+        times
+            Seconds, on the clock of the frames, later than before; shape (points,).
+        points
+            The body in the library's basis, relative to its size, shape (points, directions).
+
+        Returns
+        -------
+        The motion that was done; None where none is found now.
+        """
+        if not self._longest or not len(times):
+            return None
+        begun = math.isnan(self.time)
+        self.time = float(times[0]) - STEP if begun else self.time
+        steps = int((float(times[-1]) - self.time) / STEP + _ROUNDING)
+        if not steps:
+            return None
+        self._extend(times, points, self.time + STEP * np.arange(1, steps + 1))
+        self.time += steps * STEP
+        return self._look()
+
+    def _extend(self, times: NDArray[np.float64], points: NDArray[np.float64], at: NDArray[np.floating]) -> None:
+        """Keep the points at some times; between two frames the body is assumed to move in a straight line."""
+        if self._count + len(at) > len(self._points):
+            self._points[: self._longest] = self._points[self._count - self._longest : self._count]
+            self._count = self._longest
+        places = np.interp(at, times, np.arange(len(times)))
+        before = places.astype(np.intp)
+        after, share = np.minimum(before + 1, len(times) - 1), (places - before)[:, None]
+        self._points[self._count : self._count + len(at)] = points[before] * (1 - share) + points[after] * share
+        self._count += len(at)
+
+    def _look(self) -> Found | None:
+        """Compare the windows that end now."""
+        whole, now, count = self._whole, self.time, self._count
+        points = self._points[max(count - self._longest, 0) : count]
+        if len(points) < self._longest:
+            points = np.vstack([np.zeros((self._longest - count, points.shape[1]), dtype=np.float32), points])
+        evidence = whole.likely(points)
+        # A window must lie in what was seen, and behind the motion before.
+        seen = (self._lengths <= count) & (now - self._seconds >= self._over - _OVERLAPS * self._seconds)
+        evidence[~seen] = -np.inf
+        waiting = self._waiting
+        best = max(self._limit, waiting.judged.evidence if waiting else -math.inf)
+        flat = evidence.ravel()
+        likely = np.flatnonzero(flat > best)
+        for place in likely[np.argsort(-flat[likely])][:_JUDGED].tolist():
+            if flat[place] <= best:
+                break
+            length, of_class = divmod(place, len(whole.classes))
+            judged = whole.judged(points, length, of_class, float(flat[place]))
+            if judged.evidence > best:
+                best = judged.evidence
+                waiting = Found(whole.classes[of_class], now - float(self._seconds[length]), now, judged)
+        self._waiting = waiting
+        if waiting is None or now - waiting.end < _WAITS - _ROUNDING:
+            return None
+        self._waiting, self._over = None, waiting.end
+        return None if waiting.class_name == NOTHING else waiting

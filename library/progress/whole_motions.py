@@ -50,9 +50,12 @@ _STILL_WAY = 0.04
 _SAME, _MIN_ROUND, _ROUNDS, _ROUNDS_OF_CLASS = 0.6, 0.3, 1.7, 1.3
 #: Rounds begin at so many moments of a round, because a stranger may begin anywhere.
 _BEGINNINGS = 4
-#: Swing, relative to the body's size, below which a motion is one posture.
-_MIN_SWING = 0.02
+#: Swing below which a motion is one posture, relative to the library's: every pair of joints varies by 1 in the basis.
+_MIN_SWING = 0.07
 _SHRINKAGE, _AXES = 0.3, 64
+#: The mean squared distance of courses from their mean below which they teach no metric, and the squared distance of
+#: two people's nearest courses of one class in HDM05, which counts as 1 then.
+_ALIKE, _USUAL = 0.05, 0.42
 #: Added to squared distances of courses and of spreads before the logarithm.
 _NEAREST_COURSE, _NEAREST_SPREAD = 0.02, 0.5
 _MAX_LEAD = 2.0
@@ -63,23 +66,24 @@ _MAX_SIZE = 2.0
 class Weights(NamedTuple):
     """The evidence that a motion was done is the sum of these times its numbers.
 
-    Fitted as a logistic function (`tests/figures.toml` names the takes): known motions of one half of the persons
-    against what they and strangers did besides.
+    Fitted as a logistic function: motions of three persons of HDM05 by a library of the others, against all windows
+    that were nearest to a class while the class was not performed, also in takes of nine subjects of CMU's and of three
+    persons of UI-PRMD.
     """
 
-    offset: float = 0.0
+    offset: float = 8.27
     #: Log distance of the nearest course, and of the nearest spread; log distance by which other spreads are farther.
-    course: float = -1.0
-    spread: float = -1.0
-    lead: float = 1.0
+    course: float = -2.81
+    spread: float = -2.41
+    lead: float = 1.48
     #: Absolute logarithms of speed and of amplitude.
-    speed: float = -1.0
-    amplitude: float = -1.0
+    speed: float = -1.32
+    amplitude: float = -1.31
 
 
 WEIGHTS = Weights()
 #: False alarms an hour, and the evidence above which so many happen.
-_PROMISED, _LIMITS = (1.0, 6.0, 60.0, 600.0), (4.0, 3.0, 1.5, 0.0)
+_PROMISED, _LIMITS = (1.0, 6.0, 60.0, 600.0), (3.7, 2.9, 1.7, 0.0)
 
 
 def limit_at(false_alarms: float) -> float:
@@ -148,25 +152,25 @@ class WholeMotions:
         cut = sorted(_cut(motions, body, basis), key=lambda each: each.class_name)
         taught = cut if teachers is motions else _cut(teachers, body, basis)
         width = basis.directions.shape[1]
-        numbers = np.array([_course(each.points) for each in taught]).reshape(-1, len(_ORDERS) * width)
-        if len(taught) > 1:
+        numbers = _stacked([_course(each.points) for each in taught], len(_ORDERS) * width)
+        if len(taught) > 1 and numbers.var(axis=0).sum() > _ALIKE:
             metric = learned_metric(numbers, _lessons(taught), shrinkage=_SHRINKAGE, kept=_AXES)
         else:
             origin = np.zeros(numbers.shape[1], dtype=np.float32)
-            metric = Metric(origin, np.eye(len(origin), dtype=np.float32))
+            metric = Metric(origin, np.eye(len(origin), dtype=np.float32) / np.float32(math.sqrt(_USUAL)))
         names = [each.class_name for each in cut]
         classes = tuple(sorted(set(names)))
         seconds = np.log([(len(each.points) - 1) * STEP for each in cut])
         lengths = _lengths(seconds)
-        own = np.array([_course(each.points) for each in cut]).reshape(-1, numbers.shape[1])
         longest = lengths[-1] if lengths else 0
         curves, means = np.zeros((len(lengths), len(_ORDERS), longest)), np.zeros((len(lengths), longest))
         for place, count in enumerate(lengths):
             curves[place, :, longest - count :], means[place, longest - count :] = _cosines(count), 1 / count
         logs = np.log((np.array(lengths) - 1) * STEP)[:, None] - seconds
         too_far = np.where(np.abs(logs) < math.log(_MAX_SPEED), 0.0, np.inf)
+        own = _stacked([_course(each.points) for each in cut], numbers.shape[1])
         courses = np.ascontiguousarray(metric.place(own).T)
-        spreads = np.array([_spread(each.points.var(axis=0)) for each in cut], np.float32).reshape(-1, width).T.copy()
+        spreads = _stacked([_spread(each.points.var(axis=0)) for each in cut], width).T.astype(np.float32, order="C")
         squares = [np.square(each).sum(axis=0) + too_far for each in (courses, spreads)]
         return cls(
             classes,
@@ -178,7 +182,7 @@ class WholeMotions:
             np.array([log_size(each.points.var(axis=0)) for each in cut]),
             lengths,
             tuple(sorted({each.class_name for each in motions} - {*classes, NOTHING})),
-            curves.reshape(-1, longest).astype(np.float32),
+            curves.reshape(len(lengths) * len(_ORDERS), longest).astype(np.float32),
             means.astype(np.float32),
             np.array(squares, dtype=np.float32),
         )
@@ -195,6 +199,8 @@ class WholeMotions:
         -------
         Shape (lengths, classes); -inf where no motion of the class is about as long.
         """
+        # Near 0 single precision holds the variances.
+        points = points - points[-1]
         numbers = (self._curves @ points).reshape(len(self.lengths), -1)
         numbers /= np.maximum(np.linalg.norm(numbers, axis=1, keepdims=True), _TINY)
         vectors = self.metric.place(numbers)
@@ -257,7 +263,8 @@ def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
     """Cut motions into courses: trimmed, or in rounds; without those too short or of one posture."""
     pieces = list[_Cut]()
     shown = [(clip, points_of(clip, body, basis)) for clip in motions if clip.duration >= SHORTEST]
-    shown = [(clip, points) for clip, points in shown if math.exp(log_size(points.var(axis=0))) > _MIN_SWING]
+    least = _MIN_SWING * math.sqrt(np.count_nonzero(basis.weights))
+    shown = [(clip, points) for clip, points in shown if math.exp(log_size(points.var(axis=0))) > least]
     rounds = [_round_of(points) if clip.class_name != NOTHING else 0 for clip, points in shown]
     usual = {
         name: int(np.median(own))
@@ -308,11 +315,9 @@ def _trimmed(points: Numbers) -> Numbers:
 
 def _everywhere(points: Numbers) -> list[Numbers]:
     """Cut a motion that must not be named into windows of several lengths."""
-    lengths = [each for each in _lengths(np.log([(len(points) - 1) * STEP])) if each <= len(points)]
+    steps = {each: max(1, each // _BEGINNINGS) for each in _between(SHORTEST, (len(points) - 1) * STEP)}
     return [
-        points[begin : begin + each]
-        for each in lengths
-        for begin in range(0, len(points) - each + 1, max(1, each // 3))
+        points[begin : begin + each] for each, step in steps.items() for begin in range(0, len(points) - each + 1, step)
     ]
 
 
@@ -320,7 +325,11 @@ def _lengths(seconds: Numbers) -> tuple[int, ...]:
     """Choose the points of the windows that are compared with motions of these lengths (logarithms of seconds)."""
     if not len(seconds):
         return ()
-    shortest, longest = max(SHORTEST, 0.75 * math.exp(seconds.min())), 1.3 * math.exp(seconds.max())
+    return _between(max(SHORTEST, 0.75 * math.exp(seconds.min())), 1.3 * math.exp(seconds.max()))
+
+
+def _between(shortest: float, longest: float) -> tuple[int, ...]:
+    """Give the points of windows from one length to another, seconds, each longer than the one before."""
     count = math.floor(math.log(longest / shortest) / math.log(_LONGER)) + 1
     return tuple(sorted({round(shortest * _LONGER**each / STEP) + 1 for each in range(count)}))
 
@@ -337,6 +346,10 @@ def _course(points: NDArray[np.floating]) -> Numbers:
     numbers = (_cosines(len(points)) @ points).ravel()
     numbers /= max(float(np.linalg.norm(numbers)), _TINY)
     return numbers
+
+
+def _stacked(rows: Sequence[NDArray[np.floating]], width: int) -> Numbers:
+    return np.array(rows, dtype=np.float64).reshape(len(rows), width)
 
 
 def _spread(variances: NDArray[np.floating]) -> NDArray[np.float32]:

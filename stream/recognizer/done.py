@@ -1,6 +1,6 @@
 """Motions that were really done: windows that end now against whole motions of the library.
 
-Fifteen times a second the body's last points are compared, by windows of several lengths, with every whole motion
+Some seven times a second the body's last points are compared, by windows of several lengths, with every whole motion
 (`library.progress.whole_motions`). The most evident class and length wait for a moment: when nothing more evident
 follows, the motion was done. The next motion may begin where this one ended.
 """
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from kinespace.library.progress.whole_motions import Judged, WholeMotions
 
+#: Steps from one look to the next: looking at every step finds no more motions at the same false alarms.
+_LOOKS_EVERY = 2
 #: Seconds for which a motion waits for one that is more evident.
 _WAITS = 0.2
 #: The share of a motion that may overlap with the motion before.
@@ -75,13 +77,17 @@ class DoneFollower:
         self._count, self.time, self._over = 0, math.nan, -math.inf
         self._waiting: Found | None = None
 
+    def is_due(self, time: float) -> bool:
+        """Whether a look is due at a time, seconds."""
+        return not time - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP
+
     def push_all(self, times: NDArray[np.float64], points: NDArray[np.float64]) -> Found | None:
         """Take in the body's positions.
 
         Parameters
         ----------
         times
-            Seconds, on the clock of the frames, later than before; shape (points,).
+            Seconds, on the clock of the frames, from `time` on where that is known; shape (points,).
         points
             The body in the library's basis, relative to its size, shape (points, directions).
 
@@ -89,12 +95,15 @@ class DoneFollower:
         -------
         The motion that was done; None where none is found now.
         """
-        if not self._longest or not len(times):
+        if not self._longest:
             return None
-        begun = math.isnan(self.time)
-        self.time = float(times[0]) - STEP if begun else self.time
+        if not float(times[-1]) - self.time < self._longest * STEP:
+            # At the beginning, and after a gap.
+            self.clear()
+            times, points = times[-self._longest :], points[-self._longest :]
+            self.time = max(float(times[0]), float(times[-1]) - self._longest * STEP) - STEP
         steps = int((float(times[-1]) - self.time) / STEP + _ROUNDING)
-        if not steps:
+        if steps < 1:
             return None
         self._extend(times, points, self.time + STEP * np.arange(1, steps + 1))
         self.time += steps * STEP

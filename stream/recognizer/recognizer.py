@@ -470,7 +470,7 @@ class Recognizer:
             going_on = self._decision.going_on
             motion = recognition.class_name or (going_on.label if going_on else None)
             progress = self._progress.push(frame.time, self._windows.place(), motion)
-        done = self._find_done(frame) if self._done else None
+        done = self._find_done(frame)
         if events or progress or done:
             return replace(recognition, events=events, progress=progress, done=done)
         return recognition
@@ -478,7 +478,10 @@ class Recognizer:
     def _find_done(self, frame: Frame) -> Done | None:
         """Find the motion that was done."""
         follower = self._done
-        if follower is None or (found := follower.push_all(*self._windows.path(since=follower.time))) is None:
+        if follower is None or not follower.is_due(frame.time):
+            return None
+        found = follower.push_all(*self._windows.path(since=follower.time))
+        if found is None:
             return None
         name, judged = found.class_name, found.judged
         score = 1 / (1 + math.exp(-judged.evidence))

@@ -175,9 +175,10 @@ class LiveWindows:
         return point
 
     def path(self, since: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Give the times after one, and the rows' points as `place` does; all rows of the longest window for NaN."""
+        """Give the times from a time on, and the points as `place` does; all in the longest window for NaN."""
         times = self._window.times
-        some = slice(0 if math.isnan(since) else int(np.searchsorted(times, since, side="right")), None)
+        first = 0 if math.isnan(since) else max(int(np.searchsorted(times, since, side="right")) - 1, 0)
+        some = slice(first, None)
         return times[some], self._window.points[some] / self._body.size(self._window.rows[some])[:, None]
 
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -14,7 +14,6 @@ from kinespace.library.kernels import plain
 from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import PhaseTable
-from kinespace.library.progress.whole_motions import WholeMotions
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.windows.comparer import Comparer, Laid
@@ -24,6 +23,7 @@ from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
 from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.segments import Segments
+from kinespace.library.windows.whole_motions import WholeMotions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,7 @@
 """Motions that were really done: windows that end now against whole motions of the library.
 
 Some seven times a second the body's last points are compared, by windows of several lengths, with every whole motion
-(`library.progress.whole_motions`). The most evident class and length wait for a moment: when nothing more evident
+(`library.windows.whole_motions`). The most evident class and length wait for a moment: when nothing more evident
 follows, the motion was done. The next motion may begin where this one ended.
 """
 
@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.progress.whole_motions import STEP, limit_at
+from kinespace.library.windows.whole_motions import STEP, limit_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kinespace.library.progress.whole_motions import Judged, WholeMotions
+    from kinespace.library.windows.whole_motions import Judged, WholeMotions
 
 #: Steps from one look to the next: looking at every step finds no more motions at the same false alarms.
 _LOOKS_EVERY = 2

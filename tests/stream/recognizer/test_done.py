@@ -12,8 +12,8 @@ import pytest
 
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import points_of
-from kinespace.library.progress.whole_motions import STEP, limit_at
 from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.whole_motions import STEP, limit_at
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.stream.recognizer.done import DoneFollower
 

@@ -12,8 +12,8 @@ from synthetic import stick_clip
 
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import points_of
-from kinespace.library.progress.whole_motions import WEIGHTS, WholeMotions, limit_at
 from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.whole_motions import WEIGHTS, WholeMotions, limit_at, without_course
 
 SQUAT, JOG, GRAB = "squat1Reps", "jogLeftCircle4StepsRstart", "grabHighR"
 
@@ -115,9 +115,9 @@ def test_classes_without_a_course_are_named() -> None:
     held = replace(bow.moved_to(bow.positions[:1] + shaken), class_name="held")
     index = WindowIndex.of(MotionLibrary.of_clips([bow, short, held]))
     assert index.whole.classes == ("bow",)
-    assert index.whole.without_course == ("held", "short")
+    assert without_course([bow, short, held, replace(short, class_name=NOTHING)]) == ["held", "short"]
     none = WholeMotions.of([short], [short], index.body, index.basis)
-    assert (none.classes, none.lengths, none.without_course) == ((), (), ("short",))
+    assert (none.classes, none.lengths) == ((), ())
 
 
 def test_nothing_is_cut_everywhere(index: WindowIndex) -> None:
@@ -126,7 +126,6 @@ def test_nothing_is_cut_everywhere(index: WindowIndex) -> None:
     whole = WholeMotions.of([squat, replace(squat, class_name=NOTHING)], [squat], index.body, index.basis)
     assert whole.classes == (NOTHING, SQUAT)
     assert whole.starts[1] > 5
-    assert whole.without_course == ()
 
 
 def test_a_lower_promise_needs_more_evidence() -> None:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.progress.phase_table import MOMENTS_PER_SECOND, points_of
 from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
@@ -50,8 +51,8 @@ _STILL_WAY = 0.04
 _SAME, _MIN_ROUND, _ROUNDS, _ROUNDS_OF_CLASS = 0.6, 0.3, 1.7, 1.3
 #: Rounds begin at so many moments of a round, because a stranger may begin anywhere.
 _BEGINNINGS = 4
-#: Swing below which a motion is one posture, relative to the library's: every pair of joints varies by 1 in the basis.
-_MIN_SWING = 0.07
+#: Deviation of the distances, relative to their size, below which a motion is one posture, and moments that show it.
+_MIN_MOVEMENT, _SHOWN = 0.02, 16
 _SHRINKAGE, _AXES = 0.3, 64
 #: The mean squared distance of courses from their mean below which they teach no metric, and the squared distance of
 #: two people's nearest courses of one class in HDM05, which counts as 1 then.
@@ -91,6 +92,20 @@ def limit_at(false_alarms: float) -> float:
     return float(np.interp(math.log(false_alarms), np.log(_PROMISED), _LIMITS))
 
 
+def has_course(clip: Clip) -> bool:
+    """Say whether a motion has a course: it is long enough, and more than one posture."""
+    if clip.duration < SHORTEST:
+        return False
+    rows = distance_rows(clip.positions[:: max(clip.frames // _SHOWN, 1)], clip.skeleton)
+    return bool(rows.var(axis=0).sum() >= _MIN_MOVEMENT**2 * np.square(rows.mean(axis=0)).sum())
+
+
+def without_course(motions: Sequence[Clip]) -> list[str]:
+    """Give the classes of which no motion has a course: they have starts and ends, and are never done."""
+    names = {clip.class_name for clip in motions} - {NOTHING}
+    return sorted(names - {clip.class_name for clip in motions if has_course(clip)})
+
+
 class Judged(NamedTuple):
     """The evidence that a motion was done, and its speed and amplitude relative to the nearest motion's."""
 
@@ -117,8 +132,6 @@ class WholeMotions:
         Logarithms of each motion's length and swing, shape (motions,).
     lengths
         Points in the windows that are compared, ascending.
-    without_course
-        Classes whose motions are too short to have a course, or are one posture.
     """
 
     classes: tuple[str, ...]
@@ -129,7 +142,6 @@ class WholeMotions:
     seconds: Numbers = field(repr=False)
     swings: Numbers = field(repr=False)
     lengths: tuple[int, ...]
-    without_course: tuple[str, ...]
     _curves: NDArray[np.float32] = field(repr=False)
     _means: NDArray[np.float32] = field(repr=False)
     #: Squared lengths of courses and of spreads, infinite where a motion is much shorter or longer than a window:
@@ -181,7 +193,6 @@ class WholeMotions:
             seconds,
             np.array([log_size(each.points.var(axis=0)) for each in cut]),
             lengths,
-            tuple(sorted({each.class_name for each in motions} - {*classes, NOTHING})),
             curves.reshape(len(lengths) * len(_ORDERS), longest).astype(np.float32),
             means.astype(np.float32),
             np.array(squares, dtype=np.float32),
@@ -262,9 +273,7 @@ class _Cut(NamedTuple):
 def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
     """Cut motions into courses: trimmed, or in rounds; without those too short or of one posture."""
     pieces = list[_Cut]()
-    shown = [(clip, points_of(clip, body, basis)) for clip in motions if clip.duration >= SHORTEST]
-    least = _MIN_SWING * math.sqrt(np.count_nonzero(basis.weights))
-    shown = [(clip, points) for clip, points in shown if math.exp(log_size(points.var(axis=0))) > least]
+    shown = [(clip, points_of(clip, body, basis)) for clip in motions if has_course(clip)]
     rounds = [_round_of(points) if clip.class_name != NOTHING else 0 for clip, points in shown]
     usual = {
         name: int(np.median(own))

@@ -84,7 +84,7 @@ class Weights(NamedTuple):
 
 WEIGHTS = Weights()
 #: False alarms an hour, and the evidence above which so many happen.
-_PROMISED, _LIMITS = (1.0, 6.0, 60.0, 600.0), (3.7, 2.9, 1.7, 0.0)
+_PROMISED, _LIMITS = (1.0, 6.0, 60.0, 600.0), (3.4, 2.7, 1.65, -0.3)
 
 
 def limit_at(false_alarms: float) -> float:
@@ -213,7 +213,7 @@ class WholeMotions:
         # Near 0 single precision holds the variances.
         points = points - points[-1]
         numbers = (self._curves @ points).reshape(len(self.lengths), -1)
-        numbers /= np.maximum(np.linalg.norm(numbers, axis=1, keepdims=True), _TINY)
+        numbers /= np.sqrt(np.square(numbers).sum(axis=1))[:, None] + _TINY
         vectors = self.metric.place(numbers)
         away = self._nearest(vectors, self.courses, self._squares[0], _NEAREST_COURSE)
         means = self._means @ points
@@ -230,8 +230,7 @@ class WholeMotions:
         self, vectors: NDArray[np.float32], motions: NDArray[np.float32], squares: NDArray[np.float32], least: float
     ) -> Numbers:
         """Give the log distance of each class's nearest motion of about a window's length, (lengths, classes)."""
-        away = vectors @ motions
-        away *= -2.0
+        away = (-2.0 * vectors) @ motions
         away += squares
         nearest: Numbers = np.minimum.reduceat(away, self.starts[:-1], axis=1).astype(np.float64)
         nearest += np.square(vectors).sum(axis=1)[:, None]

@@ -1,6 +1,6 @@
 """Motions that were really done: windows that end now against whole motions of the library.
 
-Some seven times a second the body's last points are compared, by windows of several lengths, with every whole motion
+Five times a second the body's last points are compared, by windows of several lengths, with every whole motion
 (`library.windows.whole_motions`). The most evident class and length wait for a moment: when nothing more evident
 follows, the motion was done. The next motion may begin where this one ended.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.whole_motions import Judged, WholeMotions
 
 #: Steps from one look to the next: looking at every step finds no more motions at the same false alarms.
-_LOOKS_EVERY = 2
+_LOOKS_EVERY = 3
 #: Seconds for which a motion waits for one that is more evident.
 _WAITS = 0.2
 #: The share of a motion that may overlap with the motion before.
@@ -30,6 +30,8 @@ _OVERLAPS = 0.35
 _JUDGED = 8
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
+#: A size that divides nothing by 0, metres.
+_TINY = 1e-6
 #: The memory is moved back each time so many windows' points have come.
 _ROOM = 4
 
@@ -67,7 +69,8 @@ class DoneFollower:
         """Find the motions of another library from now on."""
         self._whole = whole
         self._longest = whole.lengths[-1] if whole.lengths else 0
-        self._points = np.zeros((_ROOM * self._longest, whole.spreads.shape[0]), dtype=np.float32)
+        # The body's size stands behind each point.
+        self._points = np.zeros((_ROOM * self._longest, whole.spreads.shape[0] + 1))
         self._lengths = np.array(whole.lengths)
         self._seconds = (self._lengths - 1) * STEP
         self.clear()
@@ -81,15 +84,17 @@ class DoneFollower:
         """Whether a look is due at a time, seconds."""
         return not time - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP
 
-    def push_all(self, times: NDArray[np.float64], points: NDArray[np.float64]) -> Found | None:
+    def push_all(
+        self, times: NDArray[np.float64], points: NDArray[np.float64], sizes: NDArray[np.float64]
+    ) -> Found | None:
         """Take in the body's positions.
 
         Parameters
         ----------
         times
             Seconds, on the clock of the frames, from `time` on where that is known; shape (points,).
-        points
-            The body in the library's basis, relative to its size, shape (points, directions).
+        points, sizes
+            The body in the library's basis, shape (points, directions), and its size, metres, shape (points,).
 
         Returns
         -------
@@ -100,30 +105,30 @@ class DoneFollower:
         if not float(times[-1]) - self.time < self._longest * STEP:
             # At the beginning, and after a gap.
             self.clear()
-            times, points = times[-self._longest :], points[-self._longest :]
+            times, points, sizes = (each[-self._longest :] for each in (times, points, sizes))
             self.time = max(float(times[0]), float(times[-1]) - self._longest * STEP) - STEP
         steps = int((float(times[-1]) - self.time) / STEP + _ROUNDING)
         if steps < 1:
             return None
-        self._extend(times, points, self.time + STEP * np.arange(1, steps + 1))
+        self._extend(times, np.column_stack([points, sizes]), self.time + STEP * np.arange(1, steps + 1))
         self.time += steps * STEP
         return self._look()
 
     def _extend(self, times: NDArray[np.float64], points: NDArray[np.float64], at: NDArray[np.floating]) -> None:
-        """Keep the points at some times; between two frames the body is assumed to move in a straight line."""
+        """Keep the points at some times: the first frame from each of them on."""
         if self._count + len(at) > len(self._points):
             self._points[: self._longest] = self._points[self._count - self._longest : self._count]
             self._count = self._longest
-        places = np.interp(at, times, np.arange(len(times)))
-        before = places.astype(np.intp)
-        after, share = np.minimum(before + 1, len(times) - 1), (places - before)[:, None]
-        self._points[self._count : self._count + len(at)] = points[before] * (1 - share) + points[after] * share
+        places = np.minimum(np.searchsorted(times, at - _ROUNDING * STEP), len(times) - 1)
+        self._points[self._count : self._count + len(at)] = points[places]
         self._count += len(at)
 
     def _look(self) -> Found | None:
         """Compare the windows that end now."""
         whole, now, count = self._whole, self.time, self._count
-        points = self._points[max(count - self._longest, 0) : count]
+        some = self._points[max(count - self._longest, 0) : count]
+        # The mean size, as of a motion: without known segments a body's size changes with its posture.
+        points = (some[:, :-1] / max(float(some[:, -1].mean()), _TINY)).astype(np.float32)
         if len(points) < self._longest:
             points = np.vstack([np.zeros((self._longest - count, points.shape[1]), dtype=np.float32), points])
         evidence = whole.likely(points)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.index import opened
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer
@@ -103,12 +102,19 @@ def done_take(asked: Asked, settings: Settings, *, starts: bool = False) -> Done
     take, library = asked.take, asked.library
     known = set(library.classes)
     said = played(take.clip, library, settings, starts=starts, delivered=take.delivered)
-    motions = [motion for motion in take.motions() if motion.class_name in known - {NOTHING}] if take.is_known else []
-    broken = [
-        any(each.class_name == motion.class_name for each in played(_half(motion), library, settings, starts=starts))
-        for motion in motions
+    whole = DoneTake(take, known, said)
+    # Half of several rounds holds whole ones.
+    often = {segment for segment, own in zip(whole.segments, whole.shared()[0], strict=True) if len(own) > 1}
+    halves = [
+        replace(motion, positions=motion.positions[: max(motion.frames // 2, 2)])
+        for segment, motion in zip(take.segments, take.motions() if take.is_known else (), strict=False)
+        if segment.label in known and segment not in often
     ]
-    return DoneTake(take, known, said, broken)
+    broken = [
+        any(each.class_name == half.class_name for each in played(half, library, settings, starts=starts))
+        for half in halves
+    ]
+    return replace(whole, broken=broken)
 
 
 def played(
@@ -134,8 +140,3 @@ def played(
         elif answer and (done := answer.done):
             found.append(Said(done.label, done.start, done.end, time))
     return found
-
-
-def _half(motion: Clip) -> Clip:
-    """Break a motion off at half."""
-    return replace(motion, positions=motion.positions[: max(motion.frames // 2, 2)])

@@ -175,7 +175,7 @@ class LiveWindows:
         return point
 
     def path(self, since: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Give the times from a time on, of all rows for NaN, and the points in the basis and the body's sizes, metres."""
+        """Give times from a time on, of all rows for NaN, points in the basis, and the body's sizes, metres."""
         times = self._window.times
         first = 0 if math.isnan(since) else int(np.searchsorted(times, since, side="right")) - 1
         some = slice(max(first, 0), None)

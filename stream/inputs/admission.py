@@ -123,7 +123,7 @@ class Admission:
         admitted: list[Admitted] = []
         for event in events:
             if isinstance(event, CountReset):
-                let_in.append(event)
+                admitted.append(event)
             elif self._allowed and event.performer not in self._allowed:
                 self.counts.not_allowed += 1
             elif isinstance(event, Announcement):

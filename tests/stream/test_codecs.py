@@ -254,7 +254,7 @@ def test_a_motion_done_is_byte_for_byte_python_oscs(done: Done, since: float) ->
     numbers = done.start - since, done.duration, done.score, done.speed, done.amplitude
     arguments = [("s", done.label), ("i", done.index), ("i", done.count), *(("f", each) for each in numbers)]
     address = f"/motion/{osc.address_part(done.performer)}/done"
-    assert osc.encode_done(done, since) == by_python_osc(address, *arguments)
+    assert osc_answers.encode_done(done, since) == by_python_osc(address, *arguments)
 
 
 _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))

@@ -1,4 +1,8 @@
-"""`kinespace evaluate done`: motions found that were really done, counted, and the false alarms an hour."""
+"""`kinespace evaluate done`: motions found that were really done, counted, and the false alarms an hour.
+
+Takes are replayed through the recogniser that runs live, and the motions said to be done are compared with the labels.
+Every motion that was said once is also played to its half only, and must not be done then.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +15,11 @@ import numpy as np
 from kinespace.library.windows.index import opened
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer
-from kinespace.tools.cli.arguments import add_shared, settings_of
+from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.done_score import DoneTake, Said, by_class, score_done
 from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
@@ -38,18 +43,19 @@ _COLUMNS = (
     ("delay", "{delay_s:.2f} s"),
     ("broken off, done", "{broken_done:.1%}"),
 )
+_OF_CLASSES = (
+    ("class", "{name}"),
+    ("motions", "{segments:.0f}"),
+    ("found", "{found:.0f}"),
+    ("false", "{false:.0f}"),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Replays takes through the recogniser that runs live, and compares the motions said to be done with the "
-        "labels: how many are found, counted right, and how many are said an hour that were not done. Every motion is "
-        "also played to its half only. A motion longer than one round may be said once for each round."
-    )
     harness.add_sources(parser, "the library's own motions")
     text = "recordings in which nothing known happens, or folders of them"
-    parser.add_argument("--unknown", nargs="+", action="extend", type=Path, default=[], metavar="TAKE", help=text)
+    parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
     harness.add_protocol(parser)
     text = "compare the promises 1, 6, 60 and 600 an hour: a picture of found against false an hour"
     parser.add_argument("--promises", action="store_true", help=text)
@@ -79,18 +85,14 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         harness.print_json({**last, "classes": classes, "persons": persons, "promises": list(scores.values())})
         return 0
-    harness.print_scores(
+    print_scores(
         [{"name": name} | each for name, each in (scores | persons).items()],
         _COLUMNS,
         title=f"{last['segments']} motions, {last['takes']} takes with a motion; "
         f"{last['hours'] * 60:.1f} minutes, {last['unknown_hours'] * 60:.1f} unknown",  # type: ignore[operator]
         caption=f"false an hour, 95 %: {' to '.join(f'{each:.1f}' for each in last['false_interval'] or ())}",  # type: ignore[attr-defined]
     )
-    harness.print_table(
-        ("class", "motions", "found", "false"),
-        [(name, *(f"{each[key]:.0f}" for key in ("segments", "found", "false"))) for name, each in classes.items()],
-        "by class",
-    )
+    print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
     for name, each in scores.items() if options.promises else ():
         found = each["found"] if each["found"] is not None else each["takes_found"]
         console.print(f"{name:>7} {'█' * round(_WIDTH * float(found or 0)):<{_WIDTH}} {each['false_per_hour']:6.1f}/h")  # type: ignore[arg-type]

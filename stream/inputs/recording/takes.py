@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.frame import Input
+    from kinespace.stream.frame import Frame, Input
     from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.inputs.recording.kinerec import RawHeader, RawPacket
     from kinespace.stream.packet import Sender

@@ -73,7 +73,7 @@ def test_an_event_is_json_under_its_performers_topic() -> None:
 
 def test_a_motion_done_is_json_under_its_performers_topic() -> None:
     """A motion that was done is a topic of its own and JSON that says all of it."""
-    topic, body = zeromq.encode_done(Done("Ada 1", "wäve", 2, 4.5, 1.5, 0.875, 1.25, 0.75, 3))
+    topic, body = zeromq_answers.encode_done(Done("Ada 1", "wäve", 2, 4.5, 1.5, 0.875, 1.25, 0.75, 3))
     assert topic == b"done/Ada 1/"
     told = {"v": 1, "performer": "Ada 1", "class": "wäve", "index": 2, "start": 4.5, "duration": 1.5, "score": 0.875}
     assert json.loads(body) == told | {"speed": 1.25, "amplitude": 0.75, "count": 3}

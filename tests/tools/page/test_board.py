@@ -66,7 +66,7 @@ def _board(*messages: list[bytes], now: float = 0.0) -> Board:
 def test_motions_that_were_done_are_shown_once() -> None:
     """A page gets each with its count, and with its span on our clock."""
     done = Done("ann", "bow", 0, 7.0, 1.5, 0.9, 1.0, 1.0, 4)
-    board = _board(_answer("ann"), zeromq.encode_done(done), now=10.0)
+    board = _board(_answer("ann"), zeromq_answers.encode_done(done), now=10.0)
     told, _ = _told(board)
     assert told["done"] == [["ann", "bow", 4, 8.5, 10.0]]
     assert "done" not in _told(board, seen=told["number"])[0]

@@ -73,12 +73,12 @@ class DoneFollower:
         self._points = np.zeros((_ROOM * self._longest, whole.spreads.shape[0] + 1))
         self._lengths = np.array(whole.lengths)
         self._seconds = (self._lengths - 1) * STEP
+        self._waiting: Found | None = None
         self.clear()
 
     def clear(self) -> None:
-        """Forget the body's past."""
+        """Forget the body's past; a motion that waits is said when the body is seen again."""
         self._count, self.time, self._over = 0, math.nan, -math.inf
-        self._waiting: Found | None = None
 
     def is_due(self, time: float) -> bool:
         """Whether a look is due at a time, seconds."""
@@ -126,6 +126,9 @@ class DoneFollower:
     def _look(self) -> Found | None:
         """Compare the windows that end now."""
         whole, now, count = self._whole, self.time, self._count
+        if self._waiting and not 0 <= now - self._waiting.end < 2 * _WAITS:
+            # The body is seen again after a gap, or the sender's clock began again.
+            return self._said()
         some = self._points[max(count - self._longest, 0) : count]
         # The mean size, as of a motion: without known segments a body's size changes with its posture.
         points = (some[:, :-1] / max(float(some[:, -1].mean()), _TINY)).astype(np.float32)
@@ -148,7 +151,10 @@ class DoneFollower:
                 best = judged.evidence
                 waiting = Found(whole.classes[of_class], now - float(self._seconds[length]), now, judged)
         self._waiting = waiting
-        if waiting is None or now - waiting.end < _WAITS - _ROUNDING:
-            return None
-        self._waiting, self._over = None, waiting.end
-        return None if waiting.class_name == NOTHING else waiting
+        return self._said() if waiting and now - waiting.end >= _WAITS - _ROUNDING else None
+
+    def _said(self) -> Found | None:
+        """Give the motion that waits, unless it is like an example of nothing."""
+        said, self._waiting = self._waiting, None
+        self._over = min(said.end, self.time) if said else self._over
+        return said if said and said.class_name != NOTHING else None

@@ -282,6 +282,8 @@ class Recognizer:
         """
         with self._alone():
             self._clear()
+            if self._done:
+                self._done.exchange(self._windows.index.whole)
             self._fitting = Fitting(self._windows.index.segments)
             self._performer = None
 

@@ -146,12 +146,15 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
 
 
 def test_a_gap_and_another_library(index: WindowIndex) -> None:
-    """After a gap of seconds, and with another library, a motion is found again from its beginning on."""
+    """After a gap of seconds, and with another library, a motion is found again from its beginning on.
+
+    A motion behind which the feed pauses is said when it goes on; after a reset another performer may follow.
+    """
     clip = clips_of(SQUAT)[0]
     recognizer = Recognizer(index, Settings(false_alarms=60.0))
 
-    def pushed(since: float) -> list[str]:
-        still = np.repeat(clip.positions[-1:], 60, axis=0)
+    def pushed(since: float, stands: int = 60) -> list[str]:
+        still = np.repeat(clip.positions[-1:], stands, axis=0)
         answers = [
             recognizer.push(Frame("p", since + place / 60, each))
             for place, each in enumerate(np.concatenate([clip.positions, still]))
@@ -160,6 +163,13 @@ def test_a_gap_and_another_library(index: WindowIndex) -> None:
 
     assert pushed(0.0) == [SQUAT]
     assert pushed(100.0) == [SQUAT]
+    assert pushed(110.0, 0) == []
+    assert pushed(120.0) == [SQUAT, SQUAT]
+    assert pushed(130.0, 0) == []
+    assert pushed(20.0) == [SQUAT, SQUAT]
+    assert pushed(140.0, 0) == []
+    recognizer.reset()
+    assert pushed(150.0) == [SQUAT]
     recognizer.exchange(index.library.without(classes=[ARMS]))
     assert pushed(200.0) == [SQUAT]
     recognizer.exchange(index.library.without(classes=[SQUAT]))

@@ -363,7 +363,7 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
         zmq_sink.close()
         service.step(0.0)
         status = service.status()
-    # Each failed to send the classes, the first status, every answer, the start of the one motion, and that it was done.
+    # Each failed to send the classes, the first status, every answer, the start of the one motion, and the bows done.
     done = sum(bool(each.done) for each in _expected(library, _frames("bow")))
     assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1 + done)
 

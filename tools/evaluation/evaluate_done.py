@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,13 +18,14 @@ from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.done_score import DoneTake, Said, by_class, score_done
+from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
 
-    from kinespace.library import Clip, MotionLibrary
+    from kinespace.library import MotionLibrary
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.evaluation.harness import Asked
 
@@ -43,12 +44,7 @@ _COLUMNS = (
     ("delay", "{delay_s:.2f} s"),
     ("broken off, done", "{broken_done:.1%}"),
 )
-_OF_CLASSES = (
-    ("class", "{name}"),
-    ("motions", "{segments:.0f}"),
-    ("found", "{found:.0f}"),
-    ("false", "{false:.0f}"),
-)
+_OF_CLASSES = (("class", "{name}"), *((each, f"{{{each}:.0f}}") for each in ("segments", "found", "false")))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,36 +62,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay takes, score what was said, and print the results; return the exit status."""
-    settings = settings_of(options)
+    settings, scores, takes = settings_of(options), list[dict[str, Any]](), list[DoneTake]()
     asked, _ = harness.asked_of(options)
-    scores = dict[str, dict[str, object]]()
-    takes = list[DoneTake]()
     for promised in _PROMISED if options.promises else (settings.false_alarms,):
-        changed = replace(settings, false_alarms=promised)
-        takes = [
-            done_take(each, changed, starts=options.starts) for each in progress(asked, f"{promised:g}/h", len(asked))
-        ]
-        scores[f"{promised:g}/h"] = {"promised_per_hour": promised, **score_done(takes)}
-    persons = {
-        person: score_done([each for each in takes if each.take.person == person])
-        for person in sorted({each.take.person for each in takes} - {""})
-    }
-    classes = by_class(takes)
-    last = next(reversed(scores.values()))
+        changed, name = replace(settings, false_alarms=promised), f"{promised:g}/h"
+        takes = [done_take(each, changed, starts=options.starts) for each in progress(asked, name, len(asked))]
+        scores.append({"name": name, "promised_per_hour": promised, **score_done(takes)})
+    people = sorted({each.take.person for each in takes} - {""})
+    persons = {name: score_done([each for each in takes if each.take.person == name]) for name in people}
+    classes, last = by_class(takes), scores[-1]
     if options.json:
-        harness.print_json({**last, "classes": classes, "persons": persons, "promises": list(scores.values())})
+        harness.print_json({**last, "classes": classes, "persons": persons, "promises": scores})
         return 0
+    low, high = last["false_interval"]
     print_scores(
-        [{"name": name} | each for name, each in (scores | persons).items()],
+        [*scores, *({"name": name, **each} for name, each in persons.items())],
         _COLUMNS,
         title=f"{last['segments']} motions, {last['takes']} takes with a motion; "
-        f"{last['hours'] * 60:.1f} minutes, {last['unknown_hours'] * 60:.1f} unknown",  # type: ignore[operator]
-        caption=f"false an hour, 95 %: {' to '.join(f'{each:.1f}' for each in last['false_interval'] or ())}",  # type: ignore[attr-defined]
+        f"{last['hours'] * 60:.1f} minutes, {last['unknown_hours'] * 60:.1f} unknown",
+        caption=f"false an hour, 95 %: {low:.1f} to {high:.1f}",
     )
     print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
-    for name, each in scores.items() if options.promises else ():
-        found = each["found"] if each["found"] is not None else each["takes_found"]
-        console.print(f"{name:>7} {'█' * round(_WIDTH * float(found or 0)):<{_WIDTH}} {each['false_per_hour']:6.1f}/h")  # type: ignore[arg-type]
+    for each in scores if options.promises else ():
+        found = each["takes_found"] if each["found"] is None else each["found"]
+        console.print(
+            f"{each['name']:>7} {'█' * round(_WIDTH * (found or 0)):<{_WIDTH}} {each['false_per_hour']:6.1f}/h"
+        )
     return 0
 
 
@@ -103,33 +95,26 @@ def done_take(asked: Asked, settings: Settings, *, starts: bool = False) -> Done
     """Play a take, and each of its known motions to its half."""
     take, library = asked.take, asked.library
     known = set(library.classes)
-    said = played(take.clip, library, settings, starts=starts, delivered=take.delivered)
-    whole = DoneTake(take, known, said)
+    whole = DoneTake(take, known, played(take, library, settings, starts=starts))
     # Half of several rounds holds whole ones.
     often = {segment for segment, own in zip(whole.segments, whole.shared()[0], strict=True) if len(own) > 1}
+    motions = zip(take.segments, take.motions() if take.is_known else (), strict=False)
     halves = [
-        replace(motion, positions=motion.positions[: max(motion.frames // 2, 2)])
-        for segment, motion in zip(take.segments, take.motions() if take.is_known else (), strict=False)
+        Take(motion.moved_to(motion.positions[: max(motion.frames // 2, 2)]), (segment,))
+        for segment, motion in motions
         if segment.label in known and segment not in often
     ]
     broken = [
-        any(each.class_name == half.class_name for each in played(half, library, settings, starts=starts))
+        any(each.class_name == half.segments[0].label for each in played(half, library, settings, starts=starts))
         for half in halves
     ]
     return replace(whole, broken=broken)
 
 
-def played(
-    clip: Clip,
-    library: MotionLibrary,
-    settings: Settings,
-    *,
-    starts: bool = False,
-    delivered: object = None,
-) -> list[Said]:
-    """Push a clip through a recogniser of its own; give what it said was done, or the starts of motions."""
-    feed = harness.Feed.of(clip, library.skeleton, delivered)  # type: ignore[arg-type]
-    stands = np.arange(1, round(_STANDS * clip.frame_rate) + 1) / clip.frame_rate
+def played(take: Take, library: MotionLibrary, settings: Settings, *, starts: bool = False) -> list[Said]:
+    """Push a take through a recogniser of its own; give what it said was done, or the starts of motions."""
+    feed = harness.Feed.of(take.clip, library.skeleton, take.delivered)
+    stands = np.arange(1, round(_STANDS * take.clip.frame_rate) + 1) / take.clip.frame_rate
     feed = feed._replace(
         times=np.concatenate([feed.times, feed.times[-1] + stands]),
         positions=np.concatenate([feed.positions, np.repeat(feed.positions[-1:], len(stands), axis=0)]),

@@ -14,7 +14,7 @@ A motion is trimmed to the part in which the body moves. A motion that repeats i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -87,9 +87,9 @@ WEIGHTS = Weights()
 _PROMISED, _LIMITS = (1.0, 6.0, 60.0, 600.0), (3.4, 2.7, 1.65, -0.3)
 
 
-def limit_at(false_alarms: float) -> float:
-    """Give the evidence from which a motion is done, for a number of false alarms an hour that is accepted."""
-    return float(np.interp(math.log(false_alarms), np.log(_PROMISED), _LIMITS))
+#: The share of a library's own motions whose evidence for another class than theirs lies below this in the built-in
+#: library, for which the limits were chosen; and how far a library's limits may lie from those, either way.
+_SHARE, _OF_BUILTIN, _MAX_RAISED = 0.8, -1.5, (-1.0, 2.0)
 
 
 def has_course(clip: Clip) -> bool:
@@ -132,6 +132,8 @@ class WholeMotions:
         Logarithms of each motion's length and swing, shape (motions,).
     lengths
         Points in the windows that are compared, ascending.
+    raised
+        How much more evidence is needed than in the built-in library.
     """
 
     classes: tuple[str, ...]
@@ -147,6 +149,7 @@ class WholeMotions:
     #: Squared lengths of courses and of spreads, infinite where a motion is much shorter or longer than a window:
     #: shape (2, lengths, motions).
     _squares: NDArray[np.float32] = field(repr=False)
+    raised: float = 0.0
 
     @classmethod
     def of(cls, motions: Sequence[Clip], teachers: Sequence[Clip], body: Body, basis: Basis) -> Self:
@@ -196,7 +199,29 @@ class WholeMotions:
             curves.reshape(len(lengths) * len(_ORDERS), longest).astype(np.float32),
             means.astype(np.float32),
             np.array(squares, dtype=np.float32),
+        ).calibrated()
+
+    def limit_at(self, false_alarms: float) -> float:
+        """Give the evidence from which a motion is done, for a number of false alarms an hour that is accepted.
+
+        Where a library's classes are more alike than the built-in library's, unknown movement is so, too.
+        """
+        return self.raised + float(np.interp(math.log(false_alarms), np.log(_PROMISED), _LIMITS))
+
+    def calibrated(self) -> Self:
+        """Raise the limits by the evidence that most of the motions have for another class, their own left out."""
+        if len(self.classes) < 2:
+            return self
+        own = np.arange(len(self.seconds)), np.repeat(np.arange(len(self.classes)), np.diff(self.starts))
+        apart = np.abs(self.seconds[:, None] - self.seconds) < math.log(_MAX_SPEED)
+        away, nearest = (
+            self._nearest(motions.T, motions, np.where(apart, np.square(motions).sum(axis=0), np.inf), least)
+            for motions, least in ((self.courses, _NEAREST_COURSE), (self.spreads, _NEAREST_SPREAD))
         )
+        away[own] = nearest[own] = np.inf
+        evidence = self._evidence(away, nearest, np.array([_others(each) for each in nearest]))
+        most = float(np.quantile(np.maximum(evidence.max(axis=1), 2 * _OF_BUILTIN), _SHARE))
+        return replace(self, raised=min(max(most - _OF_BUILTIN, _MAX_RAISED[0]), _MAX_RAISED[1]))
 
     def likely(self, points: NDArray[np.float32]) -> Numbers:
         """Give the evidence for each class by each window that ends now, as if speed and amplitude were as usual.
@@ -220,14 +245,20 @@ class WholeMotions:
         variances = self._means @ np.square(points) - np.square(means)
         spreads = _spread(np.maximum(variances, 0.0))
         apart = self._nearest(spreads, self.spreads, self._squares[1], _NEAREST_SPREAD)
-        weights = WEIGHTS
-        evidence: Numbers = weights.offset + weights.course * away + weights.spread * apart
-        if len(self.classes) > 1:
-            evidence += weights.lead * np.clip(_others(apart.min(axis=0)) - apart, -_MAX_LEAD, _MAX_LEAD)
-        return np.where(np.isfinite(away), evidence, -np.inf)
+        others = _others(apart.min(axis=0)) if len(self.classes) > 1 else apart
+        return self._evidence(away, apart, others)
+
+    @staticmethod
+    def _evidence(away: Numbers, apart: Numbers, others: Numbers) -> Numbers:
+        """Weigh log distances of the nearest course and spread, and of the nearest spread of other classes."""
+        there = np.isfinite(away)
+        away, apart = np.where(there, away, 0.0), np.where(there, apart, 0.0)
+        lead = np.clip(others - apart, -_MAX_LEAD, _MAX_LEAD)
+        evidence = WEIGHTS.offset + WEIGHTS.course * away + WEIGHTS.spread * apart + WEIGHTS.lead * lead
+        return np.where(there, evidence, -np.inf)
 
     def _nearest(
-        self, vectors: NDArray[np.float32], motions: NDArray[np.float32], squares: NDArray[np.float32], least: float
+        self, vectors: NDArray[np.float32], motions: NDArray[np.float32], squares: NDArray[np.floating], least: float
     ) -> Numbers:
         """Give the log distance of each class's nearest motion of about a window's length, (lengths, classes)."""
         away = (-2.0 * vectors) @ motions

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.windows.whole_motions import STEP, limit_at
+from kinespace.library.windows.whole_motions import STEP
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,12 +62,12 @@ class DoneFollower:
     """
 
     def __init__(self, whole: WholeMotions, false_alarms: float) -> None:
-        self._limit = limit_at(false_alarms)
+        self._false_alarms = false_alarms
         self.exchange(whole)
 
     def exchange(self, whole: WholeMotions) -> None:
         """Find the motions of another library from now on."""
-        self._whole = whole
+        self._whole, self._limit = whole, whole.limit_at(self._false_alarms)
         self._longest = whole.lengths[-1] if whole.lengths else 0
         # The body's size stands behind each point.
         self._points = np.zeros((_ROOM * self._longest, whole.spreads.shape[0] + 1))

@@ -13,7 +13,7 @@ from synthetic import stick_clip
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import points_of
 from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.library.windows.whole_motions import WEIGHTS, WholeMotions, limit_at, without_course
+from kinespace.library.windows.whole_motions import WEIGHTS, WholeMotions, without_course
 
 SQUAT, JOG, GRAB = "squat1Reps", "jogLeftCircle4StepsRstart", "grabHighR"
 
@@ -128,8 +128,20 @@ def test_nothing_is_cut_everywhere(index: WindowIndex) -> None:
     assert whole.starts[1] > 5
 
 
-def test_a_lower_promise_needs_more_evidence() -> None:
+def test_a_lower_promise_needs_more_evidence(index: WindowIndex) -> None:
     """The fewer false alarms are accepted, the higher the limit; beyond the last ones it stays."""
-    limits = [limit_at(each) for each in (0.1, 1, 3, 6, 60, 600, 1e4)]
+    limits = [index.whole.limit_at(each) for each in (0.1, 1, 3, 6, 60, 600, 1e4)]
     assert limits == sorted(limits, reverse=True)
     assert limits[0] == limits[1] > limits[2]
+
+
+def test_limits_are_higher_where_classes_are_alike(index: WindowIndex) -> None:
+    """A library with one motion under two names needs more evidence, one without others as much as the built-in one."""
+    clips = [each for each in index.library.motions if each.class_name == SQUAT]
+    names = {"sit": clips[::2], "squat": clips[1::2]}
+    alike = [replace(clip, class_name=name) for name, own in names.items() for clip in own]
+    of_two, of_one = (WholeMotions.of(each, each, index.body, index.basis) for each in (alike, clips))
+    assert of_two.raised == 2.0
+    assert of_one.raised == 0.0
+    assert of_two.limit_at(6.0) - of_one.limit_at(6.0) == pytest.approx(2.0)
+    assert abs(opened(MotionLibrary.builtin()).whole.raised) < 0.1

@@ -13,7 +13,7 @@ import pytest
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import points_of
 from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.library.windows.whole_motions import STEP, limit_at
+from kinespace.library.windows.whole_motions import STEP
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.stream.recognizer.done import DoneFollower
 
@@ -138,7 +138,7 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
         for step in range(0, len(points) - 1, 2)
     ]
     found: list[Found] = [each for each in looked if each]
-    expected = by_definition(index, points, limit_at(60.0))
+    expected = by_definition(index, points, index.whole.limit_at(60.0))
     assert len(expected) >= 8
     assert [each.class_name for each in found] == [name for name, _, _ in expected]
     for each, (_, begin, end) in zip(found, expected, strict=True):

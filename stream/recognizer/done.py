@@ -114,6 +114,11 @@ class DoneFollower:
         self.time += steps * STEP
         return self._look()
 
+    def look_back(self, times: NDArray[np.float64], points: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
+        """Look at the last positions before a gap; a motion that was done waits. The arguments are as in `push_all`."""
+        if len(times) and not math.isnan(self.time):
+            self._waiting = self.push_all(times, points, sizes) or self._waiting
+
     def _extend(self, times: NDArray[np.float64], points: NDArray[np.float64], at: NDArray[np.floating]) -> None:
         """Keep the points at some times: the first frame from each of them on."""
         if self._count + len(at) > len(self._points):

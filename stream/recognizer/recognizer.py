@@ -377,7 +377,9 @@ class Recognizer:
         self._times.clear()
 
     def _begin_again(self) -> None:
-        """Forget the rows, and what was read off them; a motion that goes on stays."""
+        """Forget the rows, and what was read off them; a motion that goes on stays, and one that is done waits."""
+        if self._done:
+            self._done.look_back(*self._windows.path(since=self._done.time))
         for each in (self._windows, self._smoother, self._decision, self._fewer, self._progress, self._done):
             if each:
                 each.clear()

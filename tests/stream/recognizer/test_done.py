@@ -148,7 +148,7 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
 def test_a_gap_and_another_library(index: WindowIndex) -> None:
     """After a gap of seconds, and with another library, a motion is found again from its beginning on.
 
-    A motion behind which the feed pauses is said when it goes on; after a reset another performer may follow.
+    A motion at whose end the feed pauses is said when it goes on; after a reset another performer may follow.
     """
     clip = clips_of(SQUAT)[0]
     recognizer = Recognizer(index, Settings(false_alarms=60.0))

@@ -2,11 +2,12 @@
 
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
+from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 
 __all__ = [
     "Announcement",
+    "Done",
     "Event",
     "EventKind",
     "Evidence",

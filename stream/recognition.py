@@ -62,6 +62,42 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
+class Done:
+    """A motion was really done: its whole course was seen, from its beginning to its end.
+
+    Attributes
+    ----------
+    performer
+        The performer's name.
+    label, index
+        Class name and index.
+    start, duration
+        When it began, seconds, on the clock of the frames, and for how many seconds it went on.
+    score
+        0 to 1, how sure it is; the limit follows from the false alarms that are accepted.
+    speed, amplitude
+        1 as fast, and as large, as the nearest motion of the library; 2 twice as fast, twice as large.
+    count
+        Its number among the performer's motions of this class, from 1; 0 before it is counted.
+    """
+
+    performer: str
+    label: str
+    index: int
+    start: float
+    duration: float
+    score: float
+    speed: float
+    amplitude: float
+    count: int = 0
+
+    @property
+    def end(self) -> float:
+        """When it ended, seconds, on the clock of the frames."""
+        return self.start + self.duration
+
+
+@dataclass(frozen=True, slots=True)
 class Progress:
     """How far in a motion a performer is.
 
@@ -134,6 +170,8 @@ class Recognition:
         The events of this recognition: a motion's end, a motion's start, or none.
     doubted
         Names of the joints that cannot be believed; the class is named without them.
+    done
+        The motion that was found just now to have been done; None for none.
     """
 
     performer: str
@@ -152,6 +190,7 @@ class Recognition:
     progress: Progress | None = None
     events: tuple[Event, ...] = ()
     doubted: tuple[str, ...] = ()
+    done: Done | None = None
 
     @property
     def is_doubted(self) -> bool:

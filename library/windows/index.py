@@ -23,6 +23,7 @@ from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
 from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.segments import Segments
+from kinespace.library.windows.whole_motions import WholeMotions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -163,6 +164,14 @@ class WindowIndex:
         named = [motion for motion in self.framed.motions if motion.class_name != NOTHING]
         known = self.origin.source.__dict__.get("phases") if self.origin else None
         return PhaseTable.of(named, self.body, self.basis, known)
+
+    @cached_property
+    def whole(self) -> WholeMotions:
+        """The whole motions, and the guests where they are compared, by which motions are found that were done."""
+        framed = self.framed
+        motions = (*framed.motions, *framed.guests) if (self.motions < 0).any() else framed.motions
+        teacher = teacher_of(framed)
+        return WholeMotions.of(motions, motions if teacher is framed else teacher.motions, self.body, self.basis)
 
     @cached_property
     def segments(self) -> Segments:
@@ -329,7 +338,7 @@ class WindowIndex:
 
     def prepared(self) -> Self:
         """Compute now what is otherwise computed at first use, so that the first hop need not wait; give itself."""
-        _ = self.laid, self.segments, self.rejection if self.comparison.weighing.judges else None
+        _ = self.laid, self.segments, self.whole, self.rejection if self.comparison.weighing.judges else None
         return self
 
     def asking(self) -> Callable[[int, NDArray[np.bool_]], NDArray[np.float64]]:

@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.frame import Announcement, CountReset, Frame, NewSender
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.packet import sender_name
 from kinespace.stream.status import AdmissionCounts
@@ -122,7 +122,9 @@ class Admission:
         host, port = sender or ("", 0)
         admitted: list[Admitted] = []
         for event in events:
-            if self._allowed and event.performer not in self._allowed:
+            if isinstance(event, CountReset):
+                admitted.append(event)
+            elif self._allowed and event.performer not in self._allowed:
                 self.counts.not_allowed += 1
             elif isinstance(event, Announcement):
                 admitted += self._announcement(event, arrival, host, port)

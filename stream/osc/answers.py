@@ -28,7 +28,7 @@ from kinespace.stream.recognition import GONE, Answer
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Done, Event, Recognition
     from kinespace.stream.status import Status
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
@@ -110,6 +110,23 @@ def encode_event(event: Event, since: float = 0.0) -> bytes:
     elapsed = min(max(event.time - since, -_MAX_FLOAT), _MAX_FLOAT)
     numbers = _EVENT.pack(event.index, event.score, elapsed)
     return b"".join([padded(address), b",ssiff\0\0", padded(event.kind), padded(event.label), numbers])
+
+
+def encode_done(done: Done, since: float = 0.0) -> bytes:
+    """Encode `/motion/<performer>/done s label i index i count f start f duration f score f speed f amplitude`.
+
+    Parameters
+    ----------
+    done
+        The motion.
+    since
+        As in `encode_event`.
+    """
+    start = min(max(done.start - since, -_MAX_FLOAT), _MAX_FLOAT)
+    numbers = done.duration, done.score, done.speed, done.amplitude
+    return encode_message(
+        f"/motion/{address_part(done.performer)}/done", done.label, done.index, done.count, start, *numbers
+    )
 
 
 def encode_classes(classes: Sequence[str]) -> bytes:

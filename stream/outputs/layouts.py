@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.inputs.admission import Admission
     from kinespace.stream.osc.udp import OscReceiver, OscSender
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Done, Event, Recognition
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
@@ -57,6 +57,9 @@ class Layout:
 
     def event(self, event: Event) -> bytes | None:
         """Encode that a motion started or ended."""
+
+    def done(self, done: Done) -> bytes | None:
+        """Encode that a motion was done."""
 
     def gone(self, performer: str) -> bytes | None:
         """Encode that a performer has left."""
@@ -92,6 +95,10 @@ class NativeLayout(Layout):
     def event(self, event: Event) -> bytes | None:
         """`/motion/<performer>/event s s i f f`, the time in seconds since the performer's first answer."""
         return answers.encode_event(event, self._since.get(event.performer, event.time))
+
+    def done(self, done: Done) -> bytes | None:
+        """`/motion/<performer>/done s i i f f f f f`, the start in seconds since the performer's first answer."""
+        return answers.encode_done(done, self._since.get(done.performer, done.start))
 
     def gone(self, performer: str) -> bytes | None:
         """Class -1, guess -1 and label "gone"."""
@@ -140,6 +147,11 @@ class TouchDesignerLayout(NativeLayout):
         """`/motion/<performer>/going i index`, -1 when a motion ended."""
         index = event.index if event.kind is EventKind.START else -1
         return encode_message(f"/motion/{answers.address_part(event.performer)}/going", index)
+
+    def done(self, done: Done) -> bytes | None:
+        """`/motion/<performer>/done i index i count f duration f score f speed f amplitude`."""
+        numbers = done.index, done.count, done.duration, done.score, done.speed, done.amplitude
+        return encode_message(f"/motion/{answers.address_part(done.performer)}/done", *numbers)
 
     def gone(self, performer: str) -> bytes | None:
         """Class -1, and -1 going on."""
@@ -295,6 +307,10 @@ class LayoutSink(Sink):
     def publish_event(self, event: Event) -> None:
         """Send one event."""
         self._send(self.layout.event(event), event.performer)
+
+    def publish_done(self, done: Done) -> None:
+        """Send a motion that was done."""
+        self._send(self.layout.done(done), done.performer)
 
     def publish_gone(self, performer: str) -> None:
         """Send that a performer has left."""

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Done, Event, Recognition
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
@@ -26,6 +26,9 @@ class Sink:
 
     def publish_event(self, event: Event) -> None:
         """Pass on that a motion started or ended."""
+
+    def publish_done(self, done: Done) -> None:
+        """Pass on that a motion was done."""
 
     def publish_gone(self, performer: str) -> None:
         """Pass on that a performer has left: nothing more is answered."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Done, Event, Recognition
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
     from kinespace.stream.workers.gateway import Recognising
@@ -63,6 +63,10 @@ class ZmqSink(Sink):
     def publish_event(self, event: Event) -> None:
         """Send one event."""
         self.sender.send(answers.encode_event(event))
+
+    def publish_done(self, done: Done) -> None:
+        """Send a motion that was done."""
+        self.sender.send(answers.encode_done(done))
 
     def publish_gone(self, performer: str) -> None:
         """Send that a performer has left."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Announcement, NewSender
+from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.skeleton import Skeleton
-    from kinespace.stream.frame import Admitted, Frame
+    from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Event, Recognition
     from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.recognizer.recognizer import Views
@@ -374,7 +374,7 @@ class Performers(Following[_Performer]):
             elif isinstance(event, NewSender):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
-            else:
+            elif isinstance(event, Frame):
                 answer = self.push(event, arrival)
             answers.append(answer)
         return answers

@@ -1,9 +1,9 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
 There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts again after
-gaps, and keeps the hops. At a hop it asks four others: which joints can be believed (`joints.mending`), what the
-windows show and how near the library's are (`windows`), what that means (`decision`), and how far the motion is
-(`progress`).
+gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`joints.mending`), what the
+windows show and how near the library's are (`windows`), what that means (`decision`), how far the motion is
+(`progress`), and whether a motion was really done (`done`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from kinespace.library.distances import measure_into
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.signature.body import Body
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognition import Done, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.done import DoneFollower
 from kinespace.stream.recognizer.joints.fitting import Fitting
 from kinespace.stream.recognizer.joints.mending import Joints
 from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for
@@ -134,6 +135,8 @@ class Recognizer:
         self.counts = RecognizerCounts()
         self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
+        promises = self.settings.signature is LiveSignature.WINDOWS and self.settings.false_alarms > 0
+        self._done = DoneFollower(index.whole, self.settings.false_alarms) if promises else None
         self._answer_with(index, classes)
         skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)
@@ -226,6 +229,8 @@ class Recognizer:
             self._fewer, self._asked_for = None, ()
             if self._progress:
                 self._progress.exchange(index.phases)
+            if self._done:
+                self._done.exchange(index.whole)
             return self._decision.exchange(index, self.classes, needed_lead(index.library, self.settings), self._last)
 
     @property
@@ -277,6 +282,8 @@ class Recognizer:
         """
         with self._alone():
             self._clear()
+            if self._done:
+                self._done.exchange(self._windows.index.whole)
             self._fitting = Fitting(self._windows.index.segments)
             self._performer = None
 
@@ -370,8 +377,10 @@ class Recognizer:
         self._times.clear()
 
     def _begin_again(self) -> None:
-        """Forget the rows, and what was read off them; a motion that goes on stays."""
-        for each in (self._windows, self._smoother, self._decision, self._fewer, self._progress):
+        """Forget the rows, and what was read off them; a motion that goes on stays, and one that is done waits."""
+        if self._done:
+            self._done.look_back(*self._windows.path(since=self._done.time))
+        for each in (self._windows, self._smoother, self._decision, self._fewer, self._progress, self._done):
             if each:
                 each.clear()
 
@@ -465,7 +474,23 @@ class Recognizer:
             going_on = self._decision.going_on
             motion = recognition.class_name or (going_on.label if going_on else None)
             progress = self._progress.push(frame.time, self._windows.place(), motion)
-        return replace(recognition, events=events, progress=progress) if events or progress else recognition
+        done = self._find_done(frame)
+        if events or progress or done:
+            return replace(recognition, events=events, progress=progress, done=done)
+        return recognition
+
+    def _find_done(self, frame: Frame) -> Done | None:
+        """Find the motion that was done."""
+        follower = self._done
+        if follower is None or not follower.is_due(frame.time):
+            return None
+        found = follower.push_all(*self._windows.path(since=follower.time))
+        if found is None:
+            return None
+        name, judged = found.class_name, found.judged
+        score = 1 / (1 + math.exp(-judged.evidence))
+        index, seconds = self.classes.index(name), found.end - found.start
+        return Done(frame.performer, name, index, found.start, seconds, score, judged.speed, judged.amplitude)
 
     def end(self) -> Event | None:
         """End the motion that goes on, because no frame will come, or none came for `MAX_PAUSE` seconds.

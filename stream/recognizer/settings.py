@@ -18,6 +18,8 @@ LEAD_USUAL = 3.0
 #: The same in a library of one person that learned what is unknown from its own classes: one example of each shows less
 #: surely what is unknown.
 LEAD_ONE = 3.6
+#: Motions an hour that may be found to be done though they were not.
+FALSE_ALARMS = 6.0
 #: Seconds between answers, at most.
 MAX_HOP = 60.0
 #: Seconds between two answers, at least, unless every frame is answered (0).
@@ -62,6 +64,9 @@ class Settings:
         adult: a tenth of the quietest motion of the built-in library, twenty times a marker's noise.
     progress
         Whether to say with each answer how far in its motion the performer is, how fast and how large. WINDOWS only.
+    false_alarms
+        Motions an hour that may be found to be done though they were not (`stream.recognizer.done`): a limit learned
+        from strangers' movement. 0 looks for none. WINDOWS only; with the paper's signature none is looked for.
     plausibility
         Whether joints that cannot be believed are left out, and windows begin again after a jump of the body
         (`stream.recognizer.joints.mending`). Without it every joint of every frame is believed.
@@ -82,6 +87,7 @@ class Settings:
     longest_gap: float = 0.5
     stillness: float = 0.01
     progress: bool = False
+    false_alarms: float = FALSE_ALARMS
     plausibility: bool = True
 
     def __post_init__(self) -> None:
@@ -95,7 +101,7 @@ class Settings:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: expected a positive number of seconds, got {value}")
-        for name in ("sensitivity", "lead", "hop", "stillness"):
+        for name in ("sensitivity", "lead", "hop", "stillness", "false_alarms"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: expected a number not below 0, got {value}")

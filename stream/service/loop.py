@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 import numpy as np
 import zmq
 
-from kinespace.stream.frame import Frame
+from kinespace.stream.frame import CountReset, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.osc.answers import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Event
+    from kinespace.stream.recognition import Done, Event
     from kinespace.stream.workers.gateway import Recognising
 
 #: Seconds between two statuses, and between two lists of classes.
@@ -156,6 +158,8 @@ class Service:
         self._held: dict[str, Recognition] = {}
         #: The motions whose starts were published: performer and class.
         self._begun: set[tuple[str, str]] = set()
+        #: How often each performer has done a motion: performer and class.
+        self._done = Counter[tuple[str, str]]()
         #: When the loop last looked at its sources.
         self._looked = clock()
         self._stale = 0
@@ -232,7 +236,9 @@ class Service:
                 wanted, self._together = 0, max(self._together // 2, 1)
                 break
             for event in events:
-                if not isinstance(event, Asked):
+                if isinstance(event, CountReset):
+                    self._forget_counts(event.performer)
+                elif not isinstance(event, Asked):
                     taken.append(event)
                     begun.append(_Begun(started, source.waited))
                 elif self._control:
@@ -288,6 +294,8 @@ class Service:
             else:
                 self._publish(recognition)
             self._publish_events(recognition.events)
+            if recognition.done:
+                self._publish_done(recognition.done)
             self._hop_times.append(time.perf_counter() - started + waited)
 
     def _publish_events(self, events: Sequence[Event]) -> None:
@@ -299,6 +307,18 @@ class Service:
             (self._begun.add if event.kind is EventKind.START else self._begun.discard)(motion)
             for sink in self.sinks:
                 sink.publish_event(event)
+
+    def _publish_done(self, done: Done) -> None:
+        """Count a motion that was done, and publish it."""
+        self._done[done.performer, done.label] += 1
+        counted = replace(done, count=self._done[done.performer, done.label])
+        for sink in self.sinks:
+            sink.publish_done(counted)
+
+    def _forget_counts(self, performer: str) -> None:
+        """Count a performer's motions from 1 again, by the name that stands in addresses; all performers' for none."""
+        for motion in [each for each in self._done if performer in ("", address_part(each[0]))]:
+            del self._done[motion]
 
     def _publish(self, recognition: Recognition) -> None:
         for sink in self.sinks:
@@ -314,6 +334,7 @@ class Service:
         gone = {*performers}
         self._begun = {motion for motion in self._begun if motion[0] not in gone}
         for performer in performers:
+            self._forget_counts(address_part(performer))
             for sink in self.sinks:
                 sink.publish_gone(performer)
 

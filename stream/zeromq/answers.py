@@ -1,7 +1,7 @@
 """Answers as ZeroMQ messages: a topic and a JSON object.
 
-`[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"classes/"][JSON]`, `[b"status/"][JSON]`. NaN and
-infinity are null, because JSON has neither.
+`[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"done/<performer>/"][JSON]`,
+`[b"classes/"][JSON]`, `[b"status/"][JSON]`. NaN and infinity are null, because JSON has neither.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from kinespace.stream.zeromq.frames import VERSION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kinespace.stream.recognition import Event, Progress, Recognition
+    from kinespace.stream.recognition import Done, Event, Progress, Recognition
     from kinespace.stream.status import Status
 
 #: Digits of a class's score.
@@ -108,6 +108,13 @@ def encode_event(event: Event) -> list[bytes]:
         "t": float(event.time),
     }
     return [f"event/{event.performer}/".encode(), _encode(described)]
+
+
+def encode_done(done: Done) -> list[bytes]:
+    """Encode that a motion was done."""
+    described: dict[str, object] = {"v": VERSION, **asdict(done)}
+    described["class"] = described.pop("label")
+    return [f"done/{done.performer}/".encode(), _encode(described)]
 
 
 def decode_answer(parts: Sequence[bytes]) -> Answer | None:

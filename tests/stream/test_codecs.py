@@ -32,7 +32,7 @@ from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPac
 from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc.frames import _layouts as remembered  # its size cannot be seen from outside
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
-from kinespace.stream.recognition import Answer, Event, EventKind, Outcome, Progress, Recognition
+from kinespace.stream.recognition import Answer, Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq import answers as zeromq_answers
@@ -210,7 +210,7 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
     }
     topic, encoded = zeromq.encode_recognition(recognition)
     assert topic == f"class/{recognition.performer}/".encode()
-    unsaid = {"time", "classes", "events", "lead", "evidence"}
+    unsaid = {"time", "classes", "events", "lead", "evidence", "done"}
     assert {each.name for each in fields(Recognition)} - unsaid <= set(expected)
     assert list(json.loads(encoded).items()) == list(json.loads(json.dumps(expected)).items())
 
@@ -232,6 +232,29 @@ def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> No
     arguments = [("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score)]
     address = f"/motion/{osc.address_part(event.performer)}/event"
     assert osc_answers.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
+
+
+@given(
+    done=st.builds(
+        Done,
+        performer=_TEXT,
+        label=_TEXT,
+        index=st.integers(0, 2**31 - 1),
+        start=st.floats(-1e30, 1e30),
+        duration=st.floats(0, 100),
+        score=st.floats(0, 1),
+        speed=st.floats(0, 10),
+        amplitude=st.floats(0, 10),
+        count=st.integers(0, 2**31 - 1),
+    ),
+    since=st.floats(-1e30, 1e30),
+)
+def test_a_motion_done_is_byte_for_byte_python_oscs(done: Done, since: float) -> None:
+    """The packet of any motion that was done equals python-osc's."""
+    numbers = done.start - since, done.duration, done.score, done.speed, done.amplitude
+    arguments = [("s", done.label), ("i", done.index), ("i", done.count), *(("f", each) for each in numbers)]
+    address = f"/motion/{osc.address_part(done.performer)}/done"
+    assert osc_answers.encode_done(done, since) == by_python_osc(address, *arguments)
 
 
 _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))

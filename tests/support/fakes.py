@@ -8,7 +8,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from kinespace.stream.outputs import Sink
-from kinespace.stream.recognition import Event, Recognition
+from kinespace.stream.recognition import Done, Event, Recognition
 from kinespace.stream.service.loop import Service
 from kinespace.stream.status import InputCounts, Status
 
@@ -65,7 +65,7 @@ class FakeSink(Sink):
     """Keeps everything it gets, in order."""
 
     def __init__(self) -> None:
-        self.told: list[Recognition | Event | Status | tuple[str, ...]] = []
+        self.told: list[Recognition | Event | Done | Status | tuple[str, ...]] = []
         self.gone: list[str] = []
         self.closed = False
 
@@ -76,6 +76,10 @@ class FakeSink(Sink):
     def publish_event(self, event: Event) -> None:
         """Keep an event."""
         self.told.append(event)
+
+    def publish_done(self, done: Done) -> None:
+        """Keep a motion that was done."""
+        self.told.append(done)
 
     def publish_gone(self, performer: str) -> None:
         """Keep who has left."""

@@ -233,6 +233,14 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         help="say with each answer how far the motion is, how fast, how large; windows only",
     )
     parser.add_argument(
+        "--false-alarms",
+        type=per_hour,
+        default=_DEFAULTS.false_alarms,
+        metavar="N/h",
+        help="motions an hour that may be said to be done though they were not, like 1/h or 60/h; 0 says none "
+        f"(default {_DEFAULTS.false_alarms:g}/h); windows only",
+    )
+    parser.add_argument(
         "--no-plausibility",
         dest="plausibility",
         action="store_false",
@@ -256,6 +264,7 @@ def settings_of(parsed: argparse.Namespace) -> Settings:
         hop=parsed.hop,
         sensitivity=parsed.sensitivity,
         progress=parsed.progress,
+        false_alarms=parsed.false_alarms,
         plausibility=parsed.plausibility,
     )
 
@@ -265,6 +274,7 @@ def arguments_of(settings: Settings) -> list[str]:
     numbers = {"--sensitivity": settings.sensitivity, "--window": settings.window, "--hop": settings.hop}
     words = ["--signature", str(settings.signature), *(["--progress"] if settings.progress else [])]
     words += [] if settings.plausibility else ["--no-plausibility"]
+    words += [] if settings.false_alarms == _DEFAULTS.false_alarms else ["--false-alarms", f"{settings.false_alarms}/h"]
     return words + [word for name, number in numbers.items() if number is not None for word in (name, str(number))]
 
 
@@ -286,6 +296,13 @@ def _number(expected: str, fits: Callable[[float], bool]) -> Callable[[str], flo
 positive = _number("a positive number", lambda number: 0 < number < math.inf)
 not_negative = _number("a number not below 0", lambda number: 0 <= number < math.inf)
 share = _number("a share from 0 to 1", lambda number: 0 <= number <= 1)
+
+
+def per_hour(text: str) -> float:
+    """Read a number of times an hour, like `6/h`."""
+    return not_negative(text.removesuffix("/h"))
+
+
 _whole = _number("a whole number above 0", lambda number: number >= 1 and number.is_integer())
 
 

@@ -56,6 +56,7 @@ EXPERIMENTS: Programs = {
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
     "discover": ("evaluation.evaluate_discover", "find motions in takes with their labels hidden"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
+    "done": ("evaluation.evaluate_done", "play takes, and count the motions that were done and the false alarms"),
 }
 
 

@@ -30,7 +30,7 @@ SHOWN = 60.0
 _SILENT = 10.0
 #: Seconds for which entries are kept: longer than they are shown, so that they leave by the edge.
 _KEPT = SHOWN + 5.0
-_MAX_NOTICES = 32
+_MAX_NOTICES, _MAX_DONE = 32, 64
 
 
 class _Answer(msgspec.Struct, rename={"label": "class"}):
@@ -48,6 +48,13 @@ class _Event(msgspec.Struct, rename={"label": "class"}):
     performer: str
     event: str
     label: str
+
+
+class _Done(msgspec.Struct, rename={"label": "class"}):
+    performer: str
+    label: str
+    count: int
+    duration: float
 
 
 class _Classes(msgspec.Struct):
@@ -82,6 +89,7 @@ class _Notice(msgspec.Struct):
 _decoders: dict[str, msgspec.json.Decoder[Any]] = {
     "class": msgspec.json.Decoder(_Answer),
     "event": msgspec.json.Decoder(_Event),
+    "done": msgspec.json.Decoder(_Done),
     "classes": msgspec.json.Decoder(_Classes),
     "status": msgspec.json.Decoder(_Status),
     "teach": msgspec.json.Decoder(_Notice),
@@ -117,6 +125,8 @@ class _Performer:
     carried: _Noted = field(default_factory=_Noted)
     answer: _Noted = field(default_factory=_Noted)
     motions: deque[_Motion] = field(default_factory=deque)
+    #: Motions that were done: the number of the message, the class, its count, begin and end in seconds on our clock.
+    done: deque[tuple[int, str, int, float, float]] = field(default_factory=lambda: deque(maxlen=_MAX_DONE))
     #: The beginnings of the guesses: seconds, the class or None.
     guesses: deque[tuple[int, float, str | None]] = field(default_factory=deque)
     #: When a lesson's recording began, and the span of the last one.
@@ -167,7 +177,7 @@ class Board:
                 self._take_body(name, header, positions, now)
             case _Answer():
                 self._take_answer(message, now)
-            case _Event():
+            case _Event() | _Done():
                 self._take_event(message, now)
             case _Classes():
                 if message.classes != self._classes.shown:
@@ -225,9 +235,12 @@ class Board:
         while len(performer.guesses) > 1 and performer.guesses[1][1] < now - _KEPT:
             performer.guesses.popleft()
 
-    def _take_event(self, event: _Event, now: float) -> None:
+    def _take_event(self, event: _Event | _Done, now: float) -> None:
         performer = self._performer(event.performer, now)
         if performer is None:
+            return
+        if isinstance(event, _Done):
+            performer.done.append((self.number, event.label, event.count, now - event.duration, now))
             return
         performer.close(now, self.number)
         if event.event == EventKind.START:
@@ -302,6 +315,9 @@ class Board:
         shown["motions"] = list(self._motions(seen))
         shown["guesses"] = [
             (name, *guess[1:]) for name, each in self._performers.items() for guess in each.guesses if guess[0] > seen
+        ]
+        shown["done"] = [
+            (name, *done[1:]) for name, each in self._performers.items() for done in each.done if done[0] > seen
         ]
         shown["notices"] = [notice for number, notice in self._notices if number > seen]
         bodies = {name: each.body.shown for name, each in self._performers.items() if each.body.number > seen}

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from kinespace.stream.zeromq import Endpoint, Keyring
 
 #: The messages that a page always needs, and the messages that only an open page needs.
-_TOPICS = (b"event/", b"class/", b"classes/", b"status/", b"teach/")
+_TOPICS = (b"event/", b"done/", b"class/", b"classes/", b"status/", b"teach/")
 _BODIES = b"body/"
 #: Messages taken in one turn, at most, so that a flood leaves turns for the pages.
 _MAX_IN_TURN = 512

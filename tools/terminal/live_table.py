@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Done, Event, Recognition
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
 
@@ -122,6 +122,15 @@ class PlainLines(Sink):
         moment = max(event.time, last) - began
         say(f"{moment:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}")
 
+    def publish_done(self, done: Done) -> None:
+        """Print the motion that was done, at the time of the performer's last answer."""
+        _, began, last = self._last.get(done.performer, ("", done.start, done.end))
+        console.print(
+            f"{last - began:10.3f} s  {printable(done.performer)}  done: {done.label} {done.count}, "
+            f"{done.duration:.1f} s, speed {done.speed:.2f}, amplitude {done.amplitude:.2f}",
+            soft_wrap=True,
+        )
+
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed."""
         self._last = {name: last for name, last in self._last.items() if name in status.performers}
@@ -154,6 +163,8 @@ class LiveTable(Sink):
         self._silence = _Silence()
         #: For each performer the last ended motions, with their lengths.
         self._over: dict[str, tuple[str, ...]] = {}
+        #: For each performer the motions that were done, by class, the last ones last.
+        self._done: dict[str, dict[str, int]] = {}
         self._status: Status | None = None
         #: The line below the table while `live` can be taught.
         self.hint = ""
@@ -182,6 +193,12 @@ class LiveTable(Sink):
             over = f"{shortened(event.label, _PERFORMER)} {event.time - begun.time:.1f} s"
             self._over[event.performer] = (*self._over.get(event.performer, ()), over)[-_MOTIONS:]
 
+    def publish_done(self, done: Done) -> None:
+        """Keep how often the class was done."""
+        counts = self._done.setdefault(done.performer, {})
+        counts.pop(done.label, None)
+        counts[done.label] = done.count
+
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Keep the classes."""
         self._classes = classes
@@ -197,6 +214,7 @@ class LiveTable(Sink):
         self._latest = {name: last for name, last in self._latest.items() if name in here}
         self._going_on = {name: event for name, event in self._going_on.items() if name in here}
         self._over = {name: over for name, over in self._over.items() if name in here}
+        self._done = {name: done for name, done in self._done.items() if name in here}
 
     def drawn(self) -> Table:
         """Draw the current table; from any thread."""
@@ -232,6 +250,9 @@ class LiveTable(Sink):
         if status is None:
             return f"{len(self._classes)} classes"
         lines = [f"{printable(name)} before: {', '.join(over)}" for name, over in list(self._over.items())]
+        for name, done in list(self._done.items()):
+            last = list(done.items())[-_MOTIONS:]
+            lines.append(f"{printable(name)} done: {', '.join(f'{label} {count}' for label, count in last)}")
         lines += [f"performer {printable(name)}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
         lines += [*said_of(status), *map(printable, status.notes)]
         lines += [*(printable(as_line(each)) for each in self._taught), *([self.hint] if self.hint else ())]

@@ -15,7 +15,7 @@ from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.preset import builtin_preset, parse_preset
-from kinespace.stream.frame import Announcement
+from kinespace.stream.frame import Announcement, CountReset
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.recording.kinerec import RawFile
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
     from kinespace.stream.feeds import Preset
-    from kinespace.stream.frame import Input
+    from kinespace.stream.frame import Frame, Input
     from kinespace.stream.inputs.decoder import Decoder
     from kinespace.stream.inputs.recording.kinerec import RawHeader, RawPacket
     from kinespace.stream.packet import Sender
@@ -124,12 +124,13 @@ class Seen:
         return Skeleton(few([f"joint{number}" for number in range(1, size + 1)]))
 
 
-def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Input]]:
+def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
     """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
-    return decoded(recording.header, recording.packets(), preset)
+    events = decoded(recording.header, recording.packets(), preset)
+    return ((arrival, event) for arrival, event in events if not isinstance(event, CountReset))
 
 
-def seen_in(events: Iterator[tuple[float, Input]]) -> dict[str, Seen]:
+def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
     """List the performers of a recording."""
     seen: dict[str, Seen] = {}
     for arrival, event in events:

@@ -174,6 +174,13 @@ class LiveWindows:
         point: NDArray[np.float64] = self._window.points[-1] / self._body.size(self._window.rows[-1])
         return point
 
+    def path(self, since: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Give times from a time on, of all rows for NaN, points in the basis, and the body's sizes, metres."""
+        times = self._window.times
+        first = 0 if math.isnan(since) else int(np.searchsorted(times, since, side="right")) - 1
+        some = slice(max(first, 0), None)
+        return times[some], self._window.points[some], self._body.size(self._window.rows[some])
+
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""
         return self._window.times, self._window.rows

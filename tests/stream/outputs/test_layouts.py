@@ -15,7 +15,7 @@ from kinespace.stream import Frame, osc
 from kinespace.stream.inputs import Admission, OscDecoder, Source
 from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
-from kinespace.stream.recognition import Event, EventKind, Outcome, Progress, Recognition
+from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step, wire
@@ -23,6 +23,7 @@ from kinespace.stream.teaching import State, Step, wire
 LOOPBACK = "127.0.0.1"
 CLASSES = ("bow", "jump", "wave")
 START = Event("Ada L", EventKind.START, "jump", 1, 0.75, 4.0)
+DONE = Done("Ada L", "jump", 1, 6.0, 1.5, 0.875, 1.25, 0.75, 3)
 STATUS = Status(InputCounts(), PerformerCounts(), 0, {"Ada L": 30.0}, 0.0, 0.0)
 
 
@@ -47,7 +48,13 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
     """Every message is valid OSC of at most 1200 bytes, for three classes and for a thousand."""
     layout = LAYOUTS[name]()
     told = [layout.recognition(recognition(classes=classes)) for classes in (3, 1000)]
-    told += [layout.event(START), layout.classes(CLASSES), layout.status(STATUS), layout.gone("Ada L")]
+    told += [
+        layout.event(START),
+        layout.done(DONE),
+        layout.classes(CLASSES),
+        layout.status(STATUS),
+        layout.gone("Ada L"),
+    ]
     assert told[0] is not None
     for packet in told:
         if packet is not None:
@@ -71,19 +78,21 @@ def test_the_native_sink_sends_the_osc_answers() -> None:
         sink = LayoutSink(layout, sender)  # type: ignore[arg-type]  # not all of a sender is used
         sink.publish(recognition())
         sink.publish_event(START)
+        sink.publish_done(DONE)
         sink.publish_gone("Ada L")
         sink.publish_classes(CLASSES)
         sink.publish_status(STATUS)
         sink.publish_notice(told)
-    assert sent[:6] == [
+    assert sent[:7] == [
         osc.encode_recognition(recognition()),
         osc_answers.encode_event(START, recognition().time),
+        osc_answers.encode_done(DONE, recognition().time),
         osc_answers.encode_gone("Ada L"),
         osc_answers.encode_classes(CLASSES),
         osc_answers.encode_status(STATUS),
         wire.encode(told),
     ]
-    assert len(sent) == 8
+    assert len(sent) == 9
     sink.close()
     assert (sink.failed, sent[-1]) == (2, b"closed")
 
@@ -99,6 +108,7 @@ def test_touchdesigner_gets_numbers_only() -> None:
     assert left == {"/motion/Ada_L/class": [-1, 0.0, 0.0, 0], "/motion/Ada_L/going": [-1]}
     assert read(layout.event(START)) == {"/motion/Ada_L/going": [1]}
     assert read(layout.event(dataclasses.replace(START, kind=EventKind.END))) == {"/motion/Ada_L/going": [-1]}
+    assert read(layout.done(DONE)) == {"/motion/Ada_L/done": [1, 3, 1.5, 0.875, 1.25, 0.75]}
     assert layout.classes(CLASSES) is None
     for told in (first, again, unknown, read(layout.status(STATUS))):
         assert all(type(value) in (int, float) for values in told.values() for value in values)

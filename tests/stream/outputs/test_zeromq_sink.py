@@ -13,7 +13,7 @@ from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -68,9 +68,11 @@ def test_everything_is_published() -> None:
     sink = ZmqSink(sender)  # type: ignore[arg-type]  # not all of a sender is used
     answer = Recognition("ann", 1.0, Outcome.NAMED, ("bow",), np.ones(1), 0.1)
     event = Event("ann", EventKind.START, "bow", 0, 0.5, 1.0)
+    done = Done("ann", "bow", 0, 0.0, 1.0, 0.9, 1.0, 1.0, 2)
     status = Status(InputCounts(), PerformerCounts(), 0, {"ann": 30.0}, 0.0, 0.0)
     sink.publish(answer)
     sink.publish_event(event)
+    sink.publish_done(done)
     sink.publish_gone("ann")
     sink.publish_classes(("bow",))
     sink.publish_status(status)
@@ -78,6 +80,7 @@ def test_everything_is_published() -> None:
     assert sender.sent == [
         zeromq.encode_recognition(answer),
         zeromq_answers.encode_event(event),
+        zeromq_answers.encode_done(done),
         zeromq_answers.encode_gone("ann"),
         zeromq_answers.encode_classes(("bow",)),
         zeromq_answers.encode_status(status),

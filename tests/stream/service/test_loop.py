@@ -19,7 +19,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
-from kinespace.stream.recognition import Event, Recognition
+from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.loop import STATUS_EVERY, Service
@@ -128,6 +128,38 @@ def test_what_is_due_by_the_clock_is_recognised_too(bench: Bench, library: Motio
         bench.step()
         assert source.arrivals == [1000.0]
     assert [each.time for each in bench.sink.recognitions] == [each.time for each in _expected(library, _frames("bow"))]
+
+
+def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, bench: Bench) -> None:
+    """For each performer and class from 1, until somebody resets the count, by OSC, or the performer leaves."""
+
+    def pushed(_: Recognizer, frame: Frame) -> Recognition:
+        done = Done(frame.performer, "bow" if frame.time < 4 else "wave", 0, 0.0, 1.0, 0.9, 1.0, 1.0)
+        return Recognition(frame.performer, frame.time, Outcome.STILL, ("bow", "wave"), np.ones(2), 0.0, done=done)
+
+    monkeypatch.setattr(Recognizer, "push", pushed)
+
+    def perform(performer: str, *times: float) -> None:
+        bench.perform([Frame(performer, time, _frames("bow")[0].positions) for time in times])
+
+    def reset(address: str) -> None:
+        (received,) = osc.decode(osc.encode_message(address), 0.0).events
+        bench.sources[0].waiting.append([received])
+        bench.step()
+
+    perform("Ada 1", 1.0, 2.0, 5.0)
+    perform("bob", 1.0)
+    reset("/motion/Ada_1/count/reset")
+    perform("Ada 1", 3.0)
+    perform("bob", 2.0)
+    reset("/motion/*/count/reset")
+    perform("bob", 3.0)
+    bench.step(6.0)
+    perform("bob", 3.5)
+    told = [(each.performer, each.label, each.count) for each in bench.sink.told if isinstance(each, Done)]
+    ada = [("Ada 1", "bow", 1), ("Ada 1", "bow", 2), ("Ada 1", "wave", 1)]
+    again = [("Ada 1", "bow", 1), ("bob", "bow", 2), ("bob", "bow", 1), ("bob", "bow", 1)]
+    assert told == [*ada, ("bob", "bow", 1), *again]
 
 
 @pytest.mark.parametrize(("waited", "held"), [(1.0, False), (1.01, True)])
@@ -331,8 +363,9 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
         zmq_sink.close()
         service.step(0.0)
         status = service.status()
-    # Each failed to send the classes, the first status, every answer and the start of the one motion.
-    assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1)
+    # Each failed to send the classes, the first status, every answer, the start of the one motion, and the bows done.
+    done = sum(bool(each.done) for each in _expected(library, _frames("bow")))
+    assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1 + done)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when a datagram arrived")

@@ -18,7 +18,7 @@ from performed import NAMED
 
 from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Answer, Event, EventKind
+from kinespace.stream.recognition import Answer, Done, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
@@ -69,6 +69,14 @@ def test_an_event_is_json_under_its_performers_topic() -> None:
     assert topic == b"event/Ada Lovelace/1/"
     told = {"v": 1, "performer": "Ada Lovelace/1", "event": "end", "class": "wäve", "index": 2, "score": 0.125}
     assert json.loads(body) == told | {"t": 1_763_726_400.25}
+
+
+def test_a_motion_done_is_json_under_its_performers_topic() -> None:
+    """A motion that was done is a topic of its own and JSON that says all of it."""
+    topic, body = zeromq_answers.encode_done(Done("Ada 1", "wäve", 2, 4.5, 1.5, 0.875, 1.25, 0.75, 3))
+    assert topic == b"done/Ada 1/"
+    told = {"v": 1, "performer": "Ada 1", "class": "wäve", "index": 2, "start": 4.5, "duration": 1.5, "score": 0.875}
+    assert json.loads(body) == told | {"speed": 1.25, "amplitude": 0.75, "count": 3}
 
 
 def test_classes_and_status_are_json() -> None:

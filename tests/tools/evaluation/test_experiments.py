@@ -37,6 +37,10 @@ RUNS = {
     "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
     "teach beside": ("teach --beside --draws 1 --examples 1 --teachers mm", "1 person, 1 draw each"),
     "discover": ("discover", "18 takes, "),
+    "done": (
+        "done {takes} --protocol leave-one-take-out --promises --false-alarms 60/h",
+        "6 motions, 0 takes with a motion",
+    ),
     "progress": ("progress --every 3", "6 motions of 3 persons"),
     "retrieval": ("retrieval {clips} --protocol split", "18 s, 2 known persons; 95 %: by motions"),
 }
@@ -52,6 +56,7 @@ REFUSED = {
     "stream {clips} --page {clips}/no/x.html": "no: No such file or directory",
     "faults": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
+    "done": "expected takes with --protocol library, got none",
     "noise --groups 1": "--groups: expected 2 to 18, the motions there are, got 1",
     "noise --groups 19": "--groups: expected 2 to 18, the motions there are, got 19",
     "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching.notices import State, Step, Taught
@@ -61,6 +61,15 @@ def _board(*messages: list[bytes], now: float = 0.0) -> Board:
         board.take(message, now)
     assert board.unread == 0
     return board
+
+
+def test_motions_that_were_done_are_shown_once() -> None:
+    """A page gets each with its count, and with its span on our clock."""
+    done = Done("ann", "bow", 0, 7.0, 1.5, 0.9, 1.0, 1.0, 4)
+    board = _board(_answer("ann"), zeromq_answers.encode_done(done), now=10.0)
+    told, _ = _told(board)
+    assert told["done"] == [["ann", "bow", 4, 8.5, 10.0]]
+    assert "done" not in _told(board, seen=told["number"])[0]
 
 
 def test_bodies_and_answers_are_the_newest() -> None:

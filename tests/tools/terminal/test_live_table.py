@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from kinespace.stream import Outcome, Recognition
-from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognition import Done, Event, EventKind
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -184,6 +184,20 @@ def test_the_last_motions_are_listed() -> None:
     assert "me before: wave 1.5 s, jump 1.5 s, bow 1.5 s" in shown(table)
     table.publish_status(status())
     assert "before" not in shown(table)
+
+
+def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """Their counts stand below the table, the last three classes of each performer; in lines each has its own."""
+    table, lines = LiveTable(CLASSES), PlainLines()
+    for sink in (table, lines):
+        sink.publish(recognition("me", "bow", time=2.0))
+        for name, count in (("bow", 1), ("wave", 1), ("jump", 1), ("bow", 2), ("hop", 7)):
+            sink.publish_done(Done("me", name, 0, 1.0, 1.5, 0.9, 1.25, 0.5, count))
+        sink.publish_status(status("me"))
+    assert "me done: jump 1, bow 2, hop 7" in shown(table)
+    assert "me  done: hop 7, 1.5 s, speed 1.25, amplitude 0.50" in capsys.readouterr().out
+    table.publish_status(status())
+    assert "done" not in shown(table)
 
 
 def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> None:

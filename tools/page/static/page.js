@@ -86,6 +86,11 @@ function take(news) {
   for (const [name, answer] of Object.entries(news.answer ?? {})) takeAnswer(page.performers.get(name), answer);
   for (const [name, at, guess] of news.guesses ?? []) page.performers.get(name)?.guesses.push([at, guess]);
   for (const motion of news.motions ?? []) takeMotion(motion);
+  for (const [name, className, count, begin, end] of news.done ?? []) {
+    const performer = page.performers.get(name);
+    performer?.counts.set(className, count);
+    if (performer) performer.done = [...performer.done, { begin, end, className }].filter((each) => each.end > page.now - SHOWN);
+  }
   (news.notices ?? []).forEach(takeNotice);
   (news.replies ?? []).forEach(takeReply);
 }
@@ -128,7 +133,7 @@ function enter(name) {
   canvas.addEventListener("focus", () => choose(name));
   byId("stages").append(card);
   page.performers.set(name, { name, card, doing, moment, lesson, carriedBy: carried, stage: new Stage(canvas), carried: null,
-    seen: performance.now(), answer: null, motions: new Map(), guesses: [], scores: [] });
+    seen: performance.now(), answer: null, motions: new Map(), guesses: [], done: [], counts: new Map(), scores: [] });
   arrange();
 }
 
@@ -191,7 +196,10 @@ function carriedInWords(stage, carried) {
 function drawScores() {
   const chosen = page.performers.get(page.chosen);
   const answer = chosen?.card.classList.contains("silent") ? null : chosen?.answer;
-  page.rows?.forEach(({ row, fill, score, name }, index) => {
+  page.rows?.forEach(({ row, fill, score, name, done }, index) => {
+    const count = chosen?.counts.get(name);
+    const counted = count ? ` ✓ ${count}` : "";
+    if (done.textContent !== counted) done.textContent = counted;
     const value = answer?.scores[index] ?? null;
     fill.style.transform = `scaleX(${value === null ? 0 : Math.max(0, Math.min(value, 1)).toFixed(3)})`;
     score.textContent = value === null ? "" : value.toFixed(2);
@@ -214,7 +222,8 @@ function rowOf(performer) {
     colour: colourOf(page.classes.indexOf(motion.className)) }));
   const guesses = performer.guesses.map(([begin, guess], place, all) => ({ begin, end: all[place + 1]?.[0] ?? until,
     colour: guess ? colourOf(page.classes.indexOf(guess)) : "transparent" }));
-  return { name: performer.name, key: performer.name, lanes: [{ height: 24, bars }, { height: 7, bars: guesses }],
+  const done = performer.done.map((each) => ({ ...each, colour: colourOf(page.classes.indexOf(each.className)) }));
+  return { name: performer.name, key: performer.name, lanes: [{ height: 24, bars }, { height: 7, bars: guesses }, { height: 4, bars: done }],
     line: page.performers.size <= 2 ? performer.scores : null };
 }
 
@@ -230,6 +239,9 @@ function listClasses() {
     const score = made("span", { className: "score" });
     const examples = page.control?.taught[name];
     const named = made("span", { className: "name", text: name }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
+    const done = made("small", { className: "done" });
+    done.title = "how often it was done, from beginning to end";
+    named.append(done);
     const row = made("button", {}, named, score, made("span", { className: "track" }, fill));
     row.disabled = !teaches();
     row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
@@ -240,7 +252,7 @@ function listClasses() {
     again.title = `another example of ${name}`;
     again.addEventListener("click", () => teach(name));
     list.append(made("li", {}, row, again));
-    return { row, fill, score, name };
+    return { row, fill, score, name, done };
   });
   if (!page.classes.length) list.append(made("li", { className: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
   byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));

@@ -25,6 +25,7 @@ from kinespace.library.recordings import (
 )
 from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.library.windows.segments import mirrored
+from kinespace.library.windows.whole_motions import without_course
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_labels,
@@ -114,9 +115,14 @@ def run(options: argparse.Namespace) -> int:
     merged.save(output)
     made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
     say(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB")
-    for line in (*read.notes, *_unshared(libraries, merged), *_short(merged), *_long(read.uncut)):
+    for line in (*read.notes, *_unshared(libraries, merged), *_short(merged), *_never_done(merged), *_long(read.uncut)):
         say(line)
     return 0
+
+
+def _never_done(library: MotionLibrary) -> Iterator[str]:
+    if lacking := without_course(library.motions):
+        yield f"too short, or one posture, to be found done: {', '.join(lacking)}"
 
 
 def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, str]) -> MotionLibrary:

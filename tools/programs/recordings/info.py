@@ -15,6 +15,7 @@ import numpy as np
 
 from kinespace.library import distance_rows, find_recordings, kernels
 from kinespace.library.recordings import is_recording, labelled
+from kinespace.library.windows.whole_motions import without_course
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.recording import decoded
@@ -233,6 +234,7 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
         "licence": library.licence,
         "attribution": library.attribution,
         "guests": len(library.guests),
+        "without_course": without_course(kept),
     }
     return described | ({"clips": motions} if clips else {})
 
@@ -246,6 +248,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
     _show_sums("", described["persons"], "person", "classes")
     classes = sum(row["index"] is not None for row in described["classes"])
     persons = [row["person"] for row in described["persons"] if row["person"]]
+    lacking = described["without_course"]
     guests = {"guests": f"{described['guests']}, for bodies of few joints"} if described["guests"] else {}
     _say_each(
         {
@@ -258,6 +261,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
             "attribution": described["attribution"] or "none",
         }
         | guests
+        | ({"too short, or one posture, to be found done": ", ".join(lacking)} if lacking else {})
     )
 
 

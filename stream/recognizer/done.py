@@ -1,0 +1,165 @@
+"""Motions that were really done: windows that end now against whole motions of the library.
+
+Five times a second the body's last points are compared, by windows of several lengths, with every whole motion
+(`library.windows.whole_motions`). The most evident class and length wait for a moment: when nothing more evident
+follows, the motion was done. The next motion may begin where this one ended.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library.motion_library import NOTHING
+from kinespace.library.windows.whole_motions import STEP
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.windows.whole_motions import Judged, WholeMotions
+
+#: Steps from one look to the next: looking at every step finds no more motions at the same false alarms.
+_LOOKS_EVERY = 3
+#: Seconds for which a motion waits for one that is more evident.
+_WAITS = 0.2
+#: The share of a motion that may overlap with the motion before.
+_OVERLAPS = 0.35
+#: Classes and lengths that are judged at a moment, at most.
+_JUDGED = 8
+#: Tolerance, as a share of a step, because times are rounded.
+_ROUNDING = 1e-3
+#: A size that divides nothing by 0, metres.
+_TINY = 1e-6
+#: The memory is moved back each time so many windows' points have come.
+_ROOM = 4
+
+
+class Found(NamedTuple):
+    """A motion that was done: its class, when it began and ended, seconds, and the judgement."""
+
+    class_name: str
+    start: float
+    end: float
+    judged: Judged
+
+
+class DoneFollower:
+    """Finds the motions that one performer has done.
+
+    Parameters
+    ----------
+    whole
+        The library's whole motions.
+    false_alarms
+        Motions an hour that may be found though they were not done.
+
+    Attributes
+    ----------
+    time
+        The time of the newest step, seconds; NaN before the first.
+    """
+
+    def __init__(self, whole: WholeMotions, false_alarms: float) -> None:
+        self._false_alarms = false_alarms
+        self.exchange(whole)
+
+    def exchange(self, whole: WholeMotions) -> None:
+        """Find the motions of another library from now on."""
+        self._whole, self._limit = whole, whole.limit_at(self._false_alarms)
+        self._longest = whole.lengths[-1] if whole.lengths else 0
+        # The body's size stands behind each point.
+        self._points = np.zeros((_ROOM * self._longest, whole.spreads.shape[0] + 1))
+        self._lengths = np.array(whole.lengths)
+        self._seconds = (self._lengths - 1) * STEP
+        self._waiting: Found | None = None
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the body's past; a motion that waits is said when the body is seen again."""
+        self._count, self.time, self._over = 0, math.nan, -math.inf
+
+    def is_due(self, time: float) -> bool:
+        """Whether a look is due at a time, seconds."""
+        return not time - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP
+
+    def push_all(
+        self, times: NDArray[np.float64], points: NDArray[np.float64], sizes: NDArray[np.float64]
+    ) -> Found | None:
+        """Take in the body's positions.
+
+        Parameters
+        ----------
+        times
+            Seconds, on the clock of the frames, from `time` on where that is known; shape (points,).
+        points, sizes
+            The body in the library's basis, shape (points, directions), and its size, metres, shape (points,).
+
+        Returns
+        -------
+        The motion that was done; None where none is found now.
+        """
+        if not self._longest:
+            return None
+        if not float(times[-1]) - self.time < self._longest * STEP:
+            # At the beginning, and after a gap.
+            self.clear()
+            times, points, sizes = (each[-self._longest :] for each in (times, points, sizes))
+            self.time = max(float(times[0]), float(times[-1]) - self._longest * STEP) - STEP
+        steps = int((float(times[-1]) - self.time) / STEP + _ROUNDING)
+        if steps < 1:
+            return None
+        self._extend(times, np.column_stack([points, sizes]), self.time + STEP * np.arange(1, steps + 1))
+        self.time += steps * STEP
+        return self._look()
+
+    def look_back(self, times: NDArray[np.float64], points: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
+        """Look at the last positions before a gap; a motion that was done waits. The arguments are as in `push_all`."""
+        if len(times) and not math.isnan(self.time):
+            self._waiting = self.push_all(times, points, sizes) or self._waiting
+
+    def _extend(self, times: NDArray[np.float64], points: NDArray[np.float64], at: NDArray[np.floating]) -> None:
+        """Keep the points at some times: the first frame from each of them on."""
+        if self._count + len(at) > len(self._points):
+            self._points[: self._longest] = self._points[self._count - self._longest : self._count]
+            self._count = self._longest
+        places = np.minimum(np.searchsorted(times, at - _ROUNDING * STEP), len(times) - 1)
+        self._points[self._count : self._count + len(at)] = points[places]
+        self._count += len(at)
+
+    def _look(self) -> Found | None:
+        """Compare the windows that end now."""
+        whole, now, count = self._whole, self.time, self._count
+        if self._waiting and not 0 <= now - self._waiting.end < 2 * _WAITS:
+            # The body is seen again after a gap, or the sender's clock began again.
+            return self._said()
+        some = self._points[max(count - self._longest, 0) : count]
+        # The mean size, as of a motion: without known segments a body's size changes with its posture.
+        points = (some[:, :-1] / max(float(some[:, -1].mean()), _TINY)).astype(np.float32)
+        if len(points) < self._longest:
+            points = np.vstack([np.zeros((self._longest - count, points.shape[1]), dtype=np.float32), points])
+        evidence = whole.likely(points)
+        # A window must lie in what was seen, and behind the motion before.
+        seen = (self._lengths <= count) & (now - self._seconds >= self._over - _OVERLAPS * self._seconds)
+        evidence[~seen] = -np.inf
+        waiting = self._waiting
+        best = max(self._limit, waiting.judged.evidence if waiting else -math.inf)
+        flat = evidence.ravel()
+        likely = np.flatnonzero(flat > best)
+        for place in likely[np.argsort(-flat[likely])][:_JUDGED].tolist():
+            if flat[place] <= best:
+                break
+            length, of_class = divmod(place, len(whole.classes))
+            judged = whole.judged(points, length, of_class, float(flat[place]))
+            if judged.evidence > best:
+                best = judged.evidence
+                waiting = Found(whole.classes[of_class], now - float(self._seconds[length]), now, judged)
+        self._waiting = waiting
+        return self._said() if waiting and now - waiting.end >= _WAITS - _ROUNDING else None
+
+    def _said(self) -> Found | None:
+        """Give the motion that waits, unless it is like an example of nothing."""
+        said, self._waiting = self._waiting, None
+        self._over = min(said.end, self.time) if said else self._over
+        return said if said and said.class_name != NOTHING else None

@@ -1,0 +1,147 @@
+"""Whole motions: cut, compared and judged by definition."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from naive_done import COURSE, SPREAD, course_of, fits, size_of, spread_of
+from synthetic import stick_clip
+
+from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.progress.phase_table import points_of
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.whole_motions import WEIGHTS, WholeMotions, without_course
+
+SQUAT, JOG, GRAB = "squat1Reps", "jogLeftCircle4StepsRstart", "grabHighR"
+
+
+@pytest.fixture(scope="module")
+def index() -> WindowIndex:
+    """Open three classes of HDM05 by four actors."""
+    builtin = MotionLibrary.builtin()
+    some = [each for each in builtin.motions if each.class_name in {SQUAT, JOG, GRAB} and each.actor != "bd"]
+    return opened(replace(builtin, motions=tuple(some), guests=()))
+
+
+def points_before(index: WindowIndex, nth: int = 0) -> np.ndarray:
+    """Give the points of a squat of an actor who is not in the library, with zeros before, as for the first looks."""
+    clip = [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (SQUAT, "bd")][nth]
+    points = points_of(clip, index.body, index.basis)
+    longest = index.whole.lengths[-1]
+    return np.vstack([np.zeros((longest - 1, points.shape[1])), points]).astype(np.float32)
+
+
+def nearest_by_definition(whole: WholeMotions, points: np.ndarray, window: int) -> dict[str, tuple[float, float]]:
+    """Give each class's squared distances of the nearest course and of the nearest spread, where one fits."""
+    some, found = points[-window:].astype(np.float64), dict[str, tuple[float, float]]()
+    vector = (course_of(some) - whole.metric.origin) @ whole.metric.axes
+    for place, name in enumerate(whole.classes):
+        own = [k for k in range(whole.starts[place], whole.starts[place + 1]) if fits(window, float(whole.seconds[k]))]
+        if own:
+            away = min(float(np.sum((whole.courses[:, k] - vector) ** 2)) for k in own)
+            apart = min(float(np.sum((whole.spreads[:, k] - spread_of(some)) ** 2)) for k in own)
+            found[name] = away, apart
+    return found
+
+
+def test_evidence_by_definition(index: WindowIndex) -> None:
+    """Evidence for each class and length at every second look of a squat, as its definition says."""
+    whole, past = index.whole, points_before(index)
+    longest, compared = whole.lengths[-1], 0
+    for begin in range(8, len(past) - longest + 1, 2):
+        points = past[begin : begin + longest]
+        likely = whole.likely(points)
+        found = [nearest_by_definition(whole, points, window) for window in whole.lengths]
+        best = {
+            name: min((math.log(each[name][1] + SPREAD) for each in found if name in each), default=math.inf)
+            for name in whole.classes
+        }
+        for length, each in enumerate(found):
+            for place, name in enumerate(whole.classes):
+                if name not in each:
+                    assert likely[length, place] == -math.inf
+                    continue
+                away, apart = math.log(each[name][0] + COURSE), math.log(each[name][1] + SPREAD)
+                lead = min(best[other] for other in whole.classes if other != name) - apart
+                expected = WEIGHTS.offset + WEIGHTS.course * away + WEIGHTS.spread * apart
+                expected += WEIGHTS.lead * min(max(lead, -2.0), 2.0)
+                assert likely[length, place] == pytest.approx(expected, abs=5e-3)
+                compared += 1
+    assert compared > 100
+
+
+def test_speed_and_amplitude_by_definition(index: WindowIndex) -> None:
+    """They are relative to the nearest course, and cost evidence whichever way they differ."""
+    whole, past = index.whole, points_before(index, 1)
+    points, place = past[-whole.lengths[-1] :], whole.classes.index(SQUAT)
+    length = int(np.argmax(whole.likely(points)[:, place]))
+    window = whole.lengths[length]
+    some = points[-window:].astype(np.float64)
+    vector = (course_of(some) - whole.metric.origin) @ whole.metric.axes
+    own = [k for k in range(whole.starts[place], whole.starts[place + 1]) if fits(window, float(whole.seconds[k]))]
+    nearest = min(own, key=lambda k: float(np.sum((whole.courses[:, k] - vector) ** 2)))
+    speed = float(whole.seconds[nearest]) - math.log((window - 1) / 15)
+    larger = size_of(some) - float(whole.swings[nearest])
+    judged = whole.judged(points, length, place, 5.0)
+    assert judged.speed == pytest.approx(math.exp(speed), rel=1e-4)
+    assert judged.amplitude == pytest.approx(math.exp(larger), rel=1e-3)
+    assert judged.evidence == pytest.approx(
+        5.0 + WEIGHTS.speed * abs(speed) + WEIGHTS.amplitude * abs(larger), abs=1e-3
+    )
+
+
+def test_motions_are_cut_into_rounds_and_trimmed(index: WindowIndex) -> None:
+    """Jogs become rounds of two steps; a squat stays whole, without the stillness before and behind it."""
+    jogs = index.whole.starts[index.whole.classes.index(JOG) :][:2]
+    seconds = np.exp(index.whole.seconds[jogs[0] : jogs[1]])
+    assert len(seconds) > sum(each.class_name == JOG for each in index.library.motions)
+    assert np.median(seconds) == pytest.approx(0.85, abs=0.1)
+    clip = next(each for each in index.library.motions if each.class_name == SQUAT)
+    still = [np.repeat(clip.positions[place : place + 1], 60, axis=0) for place in (0, -1)]
+    longer = clip.moved_to(np.concatenate([still[0], clip.positions, still[1]]))
+    two = WholeMotions.of([clip, longer], [clip, longer], index.body, index.basis)
+    assert np.ptp(np.exp(two.seconds)) <= 0.14
+    assert np.exp(two.seconds).max() <= clip.duration + 0.1
+
+
+def test_classes_without_a_course_are_named() -> None:
+    """A motion that is too short, or is one posture, has none; a library without any finds nothing."""
+    bow = stick_clip("bow", frames=121, rate=60.0)
+    short = replace(stick_clip("wave", frames=20, rate=60.0), class_name="short")
+    shaken = np.random.default_rng(0).normal(scale=1e-3, size=bow.positions.shape)
+    held = replace(bow.moved_to(bow.positions[:1] + shaken), class_name="held")
+    index = WindowIndex.of(MotionLibrary.of_clips([bow, short, held]))
+    assert index.whole.classes == ("bow",)
+    assert without_course([bow, short, held, replace(short, class_name=NOTHING)]) == ["held", "short"]
+    none = WholeMotions.of([short], [short], index.body, index.basis)
+    assert (none.classes, none.lengths) == ((), ())
+
+
+def test_nothing_is_cut_everywhere(index: WindowIndex) -> None:
+    """An example of nothing may be resembled by any of its parts."""
+    squat = next(each for each in index.library.motions if each.class_name == SQUAT)
+    whole = WholeMotions.of([squat, replace(squat, class_name=NOTHING)], [squat], index.body, index.basis)
+    assert whole.classes == (NOTHING, SQUAT)
+    assert whole.starts[1] > 5
+
+
+def test_a_lower_promise_needs_more_evidence(index: WindowIndex) -> None:
+    """The fewer false alarms are accepted, the higher the limit; beyond the last ones it stays."""
+    limits = [index.whole.limit_at(each) for each in (0.1, 1, 3, 6, 60, 600, 1e4)]
+    assert limits == sorted(limits, reverse=True)
+    assert limits[0] == limits[1] > limits[2]
+
+
+def test_limits_are_higher_where_classes_are_alike(index: WindowIndex) -> None:
+    """A library with one motion under two names needs more evidence, one without others as much as the built-in one."""
+    clips = [each for each in index.library.motions if each.class_name == SQUAT]
+    names = {"sit": clips[::2], "squat": clips[1::2]}
+    alike = [replace(clip, class_name=name) for name, own in names.items() for clip in own]
+    of_two, of_one = (WholeMotions.of(each, each, index.body, index.basis) for each in (alike, clips))
+    assert of_two.raised == 2.0
+    assert of_one.raised == 0.0
+    assert of_two.limit_at(6.0) - of_one.limit_at(6.0) == pytest.approx(2.0)
+    assert abs(opened(MotionLibrary.builtin()).whole.raised) < 0.1

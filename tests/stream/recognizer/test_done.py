@@ -1,0 +1,176 @@
+"""Motions that were really done: once each, at their end, none that was broken off."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.progress.phase_table import points_of
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.whole_motions import STEP
+from kinespace.stream import Frame, Recognizer, Settings
+from kinespace.stream.recognizer.done import DoneFollower
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from kinespace.library.clip import Clip
+    from kinespace.stream.recognition import Done
+    from kinespace.stream.recognizer.done import Found
+
+SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
+
+
+@pytest.fixture(scope="module")
+def index() -> WindowIndex:
+    """Open three classes of HDM05, without one actor."""
+    builtin = MotionLibrary.builtin()
+    some = [each for each in builtin.motions if each.class_name in {SQUAT, ARMS, DOWN} and each.actor != "bd"]
+    return opened(replace(builtin, motions=tuple(some), guests=()))
+
+
+def clips_of(class_name: str, actor: str = "bd") -> list[Clip]:
+    """Choose motions."""
+    return [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (class_name, actor)]
+
+
+def joined(clips: Sequence[Clip]) -> list[np.ndarray]:
+    """Put motions one behind the other on one spot, with half a second between two in which the body changes over."""
+    pieces = [clips[0].positions]
+    for clip in clips[1:]:
+        last = pieces[-1][-1]
+        here = clip.positions - clip.positions[0, 0] + last[0]
+        pieces += [last + (here[0] - last) * share for share in np.linspace(0, 1, 30)[None, :, None, None]]
+        pieces.append(here)
+    return pieces
+
+
+def said(index: WindowIndex, clips: Sequence[np.ndarray], rate: float = 60.0, **settings: float) -> list[Done]:
+    """Push pieces of positions, one behind the other and a second of stillness behind them; give what was done."""
+    positions = np.concatenate([*clips, np.repeat(clips[-1][-1:], round(rate), axis=0)])
+    recognizer = Recognizer(index, Settings(**settings))
+    answers = (recognizer.push(Frame("p", place / rate, each)) for place, each in enumerate(positions))
+    return [answer.done for answer in answers if answer and answer.done]
+
+
+def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
+    """Four squats one behind the other are four motions, each about where it was and as long as it was."""
+    clips = clips_of(SQUAT)[:4]
+    ends = np.cumsum([clip.frames for clip in clips]) / 60 + 0.5 * np.arange(4)
+    done = said(index, joined(clips), false_alarms=60.0)
+    assert [each.label for each in done] == [SQUAT] * 4
+    assert [each.index for each in done] == [index.classes.index(SQUAT)] * 4
+    for each, end, clip in zip(done, ends, clips, strict=True):
+        assert end - 0.7 < each.end < end + 0.3
+        assert 0.5 < each.duration / clip.duration < 1.5
+        assert 0.5 < each.speed < 2
+        assert 0.5 < each.amplitude < 2
+        assert 0.8 < each.score < 1
+
+
+def test_speed_and_size_are_those_of_the_performer(index: WindowIndex) -> None:
+    """A squat that is played faster is faster than before."""
+    clip = clips_of(SQUAT)[1]
+    (usual,), (faster,) = (said(index, [clip.positions], rate, false_alarms=60.0) for rate in (60.0, 72.0))
+    assert faster.speed > 1.05 * usual.speed
+
+
+@pytest.mark.parametrize("name", [SQUAT, ARMS])
+def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) -> None:
+    """Of the first halves of motions none is done, of whole ones most are."""
+    clips = clips_of(name)
+    whole = [bool(said(index, [clip.positions], false_alarms=60.0)) for clip in clips]
+    half = [bool(said(index, [clip.positions[: clip.frames // 2]])) for clip in clips]
+    assert sum(whole) > len(clips) / 2
+    assert sum(half) <= 0.05 * len(clips)
+
+
+def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
+    """A squat that is nearer to an example of nothing than to other squats is not said."""
+    clip, *_ = clips_of(SQUAT)
+    assert [each.label for each in said(index, [clip.positions])] == [SQUAT]
+    taught = index.with_motions([replace(clip, class_name=NOTHING)])
+    assert not said(taught, [clip.positions])
+
+
+def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) -> None:
+    """What is said with a strict promise is also said with a lax one; with none nothing is said."""
+    clips = [clip.positions for name in (ARMS, SQUAT, DOWN) for clip in clips_of(name)[:2]]
+    counts = [len(said(index, clips, false_alarms=each)) for each in (0.0, 1.0, 60.0)]
+    assert counts == sorted(counts)
+    assert counts[0] == 0 < counts[2]
+
+
+def by_definition(index: WindowIndex, points: np.ndarray, limit: float) -> list[tuple[str, float, float]]:
+    """Judge every class by every window at every second step, and let the most evident wait for a fifth of a second."""
+    whole, found, waiting, over = index.whole, [], None, -math.inf
+    longest, width = whole.lengths[-1], points.shape[1]
+    padded = np.vstack([np.zeros((longest, width)), points]).astype(np.float32)
+    for step in range(2, len(points) + 1, 2):
+        some, now = padded[step : step + longest], (step - 1) * STEP
+        likely = whole.likely(some)
+        for (length, count), place in itertools.product(enumerate(whole.lengths), range(len(whole.classes))):
+            begin = now - (count - 1) * STEP
+            if count > step or begin < over - 0.35 * (now - begin) or likely[length, place] == -math.inf:
+                continue
+            judged = whole.judged(some, length, place, float(likely[length, place]))
+            if judged.evidence > max(limit, waiting[3] if waiting else -math.inf):
+                waiting = whole.classes[place], begin, now, judged.evidence
+        if waiting and now - waiting[2] > 0.19:
+            found.append(waiting[:3])
+            over, waiting = waiting[2], None
+    return found
+
+
+def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None:
+    """The same motions, at the same times, on real motions one behind the other."""
+    clips = [clip for name in (SQUAT, ARMS, DOWN) for clip in clips_of(name)[:5]]
+    points = np.concatenate([points_of(clip, index.body, index.basis) for clip in clips])
+    follower = DoneFollower(index.whole, 60.0)
+    looked = [
+        follower.push_all(np.arange(step, step + 2) * STEP, points[step : step + 2], np.ones(2))
+        for step in range(0, len(points) - 1, 2)
+    ]
+    found: list[Found] = [each for each in looked if each]
+    expected = by_definition(index, points, index.whole.limit_at(60.0))
+    assert len(expected) >= 8
+    assert [each.class_name for each in found] == [name for name, _, _ in expected]
+    for each, (_, begin, end) in zip(found, expected, strict=True):
+        assert (each.start, each.end) == pytest.approx((begin, end), abs=1e-6)
+
+
+def test_a_gap_and_another_library(index: WindowIndex) -> None:
+    """After a gap of seconds, and with another library, a motion is found again from its beginning on.
+
+    A motion at whose end the feed pauses is said when it goes on; after a reset another performer may follow.
+    """
+    clip = clips_of(SQUAT)[0]
+    recognizer = Recognizer(index, Settings(false_alarms=60.0))
+
+    def pushed(since: float, stands: int = 60) -> list[str]:
+        still = np.repeat(clip.positions[-1:], stands, axis=0)
+        answers = [
+            recognizer.push(Frame("p", since + place / 60, each))
+            for place, each in enumerate(np.concatenate([clip.positions, still]))
+        ]
+        return [answer.done.label for answer in answers if answer and answer.done]
+
+    assert pushed(0.0) == [SQUAT]
+    assert pushed(100.0) == [SQUAT]
+    assert pushed(110.0, 0) == []
+    assert pushed(120.0) == [SQUAT, SQUAT]
+    assert pushed(130.0, 0) == []
+    assert pushed(20.0) == [SQUAT, SQUAT]
+    assert pushed(140.0, 0) == []
+    recognizer.reset()
+    assert pushed(150.0) == [SQUAT]
+    recognizer.exchange(index.library.without(classes=[ARMS]))
+    assert pushed(200.0) == [SQUAT]
+    recognizer.exchange(index.library.without(classes=[SQUAT]))
+    assert pushed(300.0) == []

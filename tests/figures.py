@@ -42,7 +42,10 @@ _SOME_PERSONS = tuple(
 
 
 #: The evaluations that the tests measure: one of each kind.
-QUICK = ("own_takes", "builtin", "noise", "faults", "teach", "progress", "done", "retrieval_spread_split")
+QUICK = (
+    *("own_takes", "builtin", "noise", "faults", "teach", "discover", "progress", "done"),
+    "retrieval_spread_split",
+)
 
 #: The arguments of `kinespace evaluate` for each evaluation; `{data}` is the folder of recordings.
 RUNS: Mapping[str, tuple[str, ...]] = {
@@ -67,6 +70,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "noise": ("noise", "--noise", "0", "20", "--groups", "3", "--every", "4"),
     "faults": ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
     "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
+    "discover": ("discover", *_OWN_TAKES[:2]),
     "progress": ("progress", "--every", "16"),
     # Squats of the other persons are in the library.
     "done": ("done", *(f"{{data}}/uiprmd/takes/s0{person}_m01.npz" for person in (4, 5)), "--actor-in", "name"),

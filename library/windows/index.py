@@ -167,9 +167,10 @@ class WindowIndex:
 
     @cached_property
     def whole(self) -> WholeMotions:
-        """The whole motions, and the guests where they are compared, by which motions are found that were done."""
+        """The whole motions that have windows here, by which motions are found that were done."""
         framed = self.framed
-        motions = (*framed.motions, *framed.guests) if (self.motions < 0).any() else framed.motions
+        compared = (*framed.motions, *framed.guests)
+        motions = tuple(compared[place] for place in np.unique(self.motions % len(compared)))
         teacher = teacher_of(framed)
         return WholeMotions.of(motions, motions if teacher is framed else teacher.motions, self.body, self.basis)
 

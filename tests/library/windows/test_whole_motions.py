@@ -145,3 +145,10 @@ def test_limits_are_higher_where_classes_are_alike(index: WindowIndex) -> None:
     assert of_one.raised == 0.0
     assert of_two.limit_at(6.0) - of_one.limit_at(6.0) == pytest.approx(2.0)
     assert abs(opened(MotionLibrary.builtin()).whole.raised) < 0.1
+
+
+def test_only_motions_with_windows_are_found(index: WindowIndex) -> None:
+    """A class whose windows are left out is not said to be done: answers do not know it."""
+    jogs = [place for place, motion in enumerate(index.library.motions) if motion.class_name == JOG]
+    assert index.whole.classes == (GRAB, JOG, SQUAT)
+    assert index.without(jogs).whole.classes == (GRAB, SQUAT)

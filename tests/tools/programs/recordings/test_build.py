@@ -161,7 +161,7 @@ def test_motions_too_short_for_a_window_are_named_and_kept(tmp_path: Path, capsy
     assert build(tmp_path / "cut", "-o", tmp_path / "mine.npz") == 0
     assert [motion.frames for motion in MotionLibrary.load(tmp_path / "mine.npz").motions] == [15, 14]
     message = "1 of 2 motions shorter than 0.25 s, too short for any window, and kept for playback alone: "
-    assert capsys.readouterr().out.splitlines()[1:] == [message + path.stem]
+    assert message + path.stem in capsys.readouterr().out.splitlines()
 
 
 def test_long_takes_without_labels_cause_a_remark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

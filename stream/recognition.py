@@ -172,6 +172,9 @@ class Recognition:
         Names of the joints that cannot be believed; the class is named without them.
     done
         The motion that was found just now to have been done; None for none.
+    ended_at
+        When a motion that went on ended before this window, seconds: its body stood elsewhere, or the feed paused; else
+        None.
     """
 
     performer: str
@@ -191,6 +194,7 @@ class Recognition:
     events: tuple[Event, ...] = ()
     doubted: tuple[str, ...] = ()
     done: Done | None = None
+    ended_at: float | None = None
 
     @property
     def is_doubted(self) -> bool:

@@ -261,6 +261,7 @@ class Decision:
 
     def events(self, recognition: Recognition) -> tuple[Event, ...]:
         """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start."""
+        before = self.ends(recognition)
         elapsed = recognition.time - self._event_at
         self._event_at = recognition.time
         if not 0 <= elapsed <= _MAX_HOP:
@@ -270,10 +271,16 @@ class Decision:
         if named == _NONE:
             pace = self._event.needed / (_ENDED_AFTER[recognition.outcome] * _PER_SECOND)
         if not self._event.push(named, pace, elapsed):
-            return ()
+            return before
         ended = [_event(EventKind.END, recognition, self._active.index)] if self._active else []
         self._active = _event(EventKind.START, recognition, recognition.class_index) if named else None
-        return (*ended, self._active) if self._active else tuple(ended)
+        started = [self._active] if self._active else []
+        return (*before, *ended, *started)
+
+    def ends(self, recognition: Recognition) -> tuple[Event, ...]:
+        """End a motion that goes on where the recognition says that it has ended before."""
+        ended = None if recognition.ended_at is None else self.end(recognition.ended_at)
+        return (ended,) if ended else ()
 
     def end(self, time: float) -> Event | None:
         """End the motion that is going on, at a time in seconds; None when none is."""

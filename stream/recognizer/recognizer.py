@@ -151,8 +151,8 @@ class Recognizer:
         self._early = _EARLY * self.settings.hop
         self._clear()
         self._last = -math.inf
-        #: The end of a motion by a pause in the feed, until the next answer contains it.
-        self._ended: Event | None = None
+        #: When a motion that goes on has ended, seconds, until the next answer says it; None while it goes on.
+        self._ended_at: float | None = None
         self._busy = False
         #: The performer who is followed; None before the first frame.
         self._performer: str | None = None
@@ -231,7 +231,8 @@ class Recognizer:
                 self._progress.exchange(index.phases)
             if self._done:
                 self._done.exchange(index.whole)
-            return self._decision.exchange(index, self.classes, needed_lead(index.library, self.settings), self._last)
+            lead = needed_lead(index.library, self.settings)
+            return self._decision.exchange(index, self.classes, lead, self._end_time)
 
     @property
     def doubt(self) -> str:
@@ -261,6 +262,8 @@ class Recognizer:
         hop = self.settings.hop
         hops = math.floor((self._newest - answered) / hop + _SAME_HOP) + 1 if self._newest >= answered else 0
         self._due = answered + hops * hop
+        # The other one has said it.
+        self._ended_at = None
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
@@ -365,7 +368,7 @@ class Recognizer:
         self._measure_rows(len(times))
         if begun is not None:
             # Another body may stand elsewhere: the motion was not its own.
-            self._ended = self._end() if self._joints.is_elsewhere else self._ended
+            self._ended_at = self._end_time if self._joints.is_elsewhere else self._ended_at
             self._begin_again()
             times, rows = times[begun:], rows[begun:]
         if self._joints.left_out or self._without:
@@ -409,7 +412,7 @@ class Recognizer:
         behind = self._newest - time
         if behind < -self._longest_gap:
             if behind < -MAX_PAUSE:
-                self._ended = self._end()
+                self._ended_at = self._end_time
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
@@ -465,10 +468,9 @@ class Recognizer:
             gap=seen.gap,
             evidence=decided.evidence,
             doubted=doubted,
+            ended_at=self._ended_at,
         )
-        events = self._decision.events(recognition)
-        if self._ended:
-            events, self._ended = (self._ended, *events), None
+        events, self._ended_at = self._decision.events(recognition), None
         progress = None
         if self._progress:
             going_on = self._decision.going_on
@@ -500,11 +502,13 @@ class Recognizer:
         The end, at the time of the newest frame; None when no motion goes on.
         """
         with self._alone():
-            return self._end()
+            time, self._ended_at = self._end_time, None
+            return self._decision.end(time)
 
-    def _end(self) -> Event | None:
-        ended, self._ended = self._ended, None
-        return ended or self._decision.end(self._last)
+    @property
+    def _end_time(self) -> float:
+        """When a motion that goes on ends if nothing more comes, seconds."""
+        return self._last if self._ended_at is None else self._ended_at
 
 
 def require_order(order: Sequence[str], library: MotionLibrary) -> None:

@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
-#: Seconds between two performers that move to another worker: it recognises the last seconds of one in some 20 ms, for
-#: which its other performers wait.
-_MOVE_EVERY = 0.04
 #: Seconds in which the last frames are answered at the end.
 _MAX_ENDING = 0.5
 #: Seconds between two messages of frames to a worker, at least, where its frames come closer together than `_SPARSE` on
@@ -62,11 +59,15 @@ class _Member:
         Sends frames; drops them if the way is full.
     newest
         When its last message came.
+    leaves, let_go
+        Whether it wants to end, and whether it knows that it may.
     """
 
     membership: str
     sends: Any
     newest: float
+    leaves: bool = False
+    let_go: bool = False
     #: Frames that wait for the next message, when the last message was sent, and how many messages were sent.
     held: list[SentFrame] = field(default_factory=list)
     sent_at: float = -math.inf
@@ -102,7 +103,7 @@ class Gateway(Router):
     connect
         The endpoints to which the session connects.
     show
-        Prints a line for a person: a worker has come or is gone.
+        Prints a line for a person: a worker has come, leaves, or is gone.
     pack
         Writes a library for workers, which must read it alike.
 
@@ -130,7 +131,7 @@ class Gateway(Router):
         self.inbox = Inbox()
         self.source = GatewaySource(self)
         self._session, self._connect, self._show, self._pack = session, connect, show, pack
-        self._looked = self._moved = time.monotonic()
+        self._looked = time.monotonic()
         self._members: dict[str, _Member] = {}
         self._lost, self._last_lost = 0, ""
         self._joined = set[str]()
@@ -161,8 +162,13 @@ class Gateway(Router):
 
     @property
     def ready(self) -> list[str]:
-        """The workers that recognise."""
-        return [*self._members]
+        """The workers that recognise, and do not want to end."""
+        return [name for name, member in self._members.items() if not member.leaves]
+
+    @property
+    def _alive(self) -> list[str]:
+        """The workers that recognise, or that wait until others have their performers."""
+        return [name for name, member in self._members.items() if not member.let_go]
 
     @property
     def notes(self) -> list[str]:
@@ -191,11 +197,9 @@ class Gateway(Router):
 
     def end(self) -> list[Event]:
         """Give the last events, and the ends of all motions going on, because no more frames will come."""
-        self._asked = {*self.ready}
-        for worker in self.ready:
-            self._send(worker, Orders(asks=True))
+        asked = {worker: self._ask(worker) for worker in self.ready}
         until = time.monotonic() + _MAX_ENDING
-        while time.monotonic() < until and self._asked:
+        while time.monotonic() < until and any(self._last.get(name, 0) < number for name, number in asked.items()):
             time.sleep(0.001)
             self.inbox.deal()
         last = [event for recognition, _ in self.source.answers for event in recognition.events]
@@ -228,9 +232,10 @@ class Gateway(Router):
     def _drop(self, worker: str, why: str) -> None:
         if member := self._members.pop(worker, None):
             member.sends.undeclare()
-            self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
-            self._say(worker, why)
-            self._remove(worker, self.ready)
+            if not member.let_go:
+                self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
+                self._say(worker, why)
+            self._remove(worker, self.ready, self._alive)
 
     def _take_in(self, worker: str, message: bytes) -> None:
         """Read a worker's message."""
@@ -244,18 +249,31 @@ class Gateway(Router):
             self.outdated += len(back.answered)
             self._drop(worker, "began again")
             self._put(worker, Orders(back.member, self.terms, begins=True))
-            if back.report:
+            if back.report and not back.report.leaves:
                 self._welcome(worker, back.member)
             return
         member.newest = time.monotonic()
         self.source.answers += self.accept(worker, back)
+        if back.report and back.report.leaves:
+            self._let_go(worker, member)
 
     def _welcome(self, worker: str, membership: str) -> None:
         congestion = self._zenoh.CongestionControl.DROP
         sends = self._session.declare_publisher(key(self.name, "to", worker), congestion_control=congestion)
         self._members[worker] = _Member(membership, sends, time.monotonic())
         self._say(worker, "works")
-        self._balance(self.ready)
+        self._balance(self.ready, self._alive)
+
+    def _let_go(self, worker: str, member: _Member) -> None:
+        """Give the performers of a worker that wants to end to others, as long as there are any; then let it end."""
+        if not member.leaves:
+            member.leaves = True
+            self._say(worker, "leaves")
+            self._balance(self.ready, self._alive)
+        has_performers = any(each.worker == worker for each in self._performers.values())
+        if not member.let_go and not (has_performers and self.ready):
+            member.let_go = True
+            self._send(worker, Orders(let_go=True))
 
     def _say(self, worker: str, what: str) -> None:
         new = joined(self._session, self._joined)
@@ -268,13 +286,10 @@ class Gateway(Router):
         return max(min(sent) + _MIN_APART - time.monotonic(), 0.0) if sent else TENDING
 
     def tend(self, now: float) -> None:
-        """Send the frames that have waited long enough; move a performer; drop the workers that do not report."""
+        """Send the frames that have waited long enough; drop the workers that do not report."""
         for member in self._members.values():
             if member.held and member.is_due(now):
                 self._flush(member)
-        if now - self._moved >= _MOVE_EVERY:
-            self._moved = now
-            self._move_one()
         if now - self._looked > _STOPPED:
             for member in self._members.values():
                 member.newest = max(member.newest, now - MAX_SILENT / 2)

@@ -42,6 +42,8 @@ _MAX_AGE = 1.0
 _MAX_WARMING = 4.0
 #: Maximum seconds for which an answer waits for further answers, to travel with them.
 _MAX_TOGETHER = 0.002
+#: Seconds within which a worker that leaves hands its performers over.
+_MAX_LEAVING = 10.0
 #: Seconds after which a gateway that has not sent its library is asked again.
 _FETCH_AGAIN = 20.0
 #: Seconds after which a worker says that it sees no gateway.
@@ -115,9 +117,23 @@ class Node:
         self._stopped = True
 
     def run(self) -> None:
-        """Work until stopped."""
+        """Work until stopped, and then until other workers have the performers."""
         while not self._stopped:
             self.step(max(self._next_report - time.monotonic(), 0.0))
+        self.leave()
+        until = time.monotonic() + _MAX_LEAVING
+        while not self.has_left and time.monotonic() < until:
+            self.step(max(min(self._next_report, until) - time.monotonic(), 0.0))
+
+    def leave(self) -> None:
+        """Ask the gateways to give the performers to other workers."""
+        for membership in self._memberships.values():
+            membership.leave_in_order()
+
+    @property
+    def has_left(self) -> bool:
+        """Whether no gateway needs this worker any more, once it was asked to leave."""
+        return all(membership.has_left for membership in self._memberships.values())
 
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for messages, and deal with them; report when it is time."""
@@ -165,6 +181,11 @@ class Membership:
         The worker.
     gateway
         The gateway's name.
+
+    Attributes
+    ----------
+    has_left
+        Whether the gateway has let the worker go.
     """
 
     def __init__(self, node: Node, gateway: str) -> None:
@@ -178,7 +199,7 @@ class Membership:
         self._worker: Worker | None = None
         #: The digest of the library that is being fetched and opened, and when it is fetched again.
         self._wanted, self._fetch_at = "", 0.0
-        self._is_refused = self._is_over = False
+        self._is_refused = self._is_over = self._leaves = self.has_left = False
         #: The number of the last message of frames, and how many such messages were dropped.
         self._number = self._dropped = 0
         #: Answers that wait for further answers, and when the first of them was made.
@@ -192,6 +213,11 @@ class Membership:
             key(gateway, "to", node.name),
             lambda sample: node.inbox.put(self._guarded, self._obey, bytes(sample.payload), time.monotonic()),
         )
+        self.report()
+
+    def leave_in_order(self) -> None:
+        """Go on until the gateway says that other workers have the performers."""
+        self._leaves, self.has_left = True, not self._worker
         self.report()
 
     def close(self) -> None:
@@ -227,8 +253,11 @@ class Membership:
             self._agree(orders.terms, begins=orders.begins)
         if orders.frames and self._worker:
             self._recognise(self._worker, orders, came)
-        if orders.asks:
-            self.report(answered_all=True)
+        if orders.question:
+            self.report(orders.question)
+        if orders.let_go or (orders.begins and self._leaves):
+            self.send_answers()
+            self.has_left = True
 
     def _agree(self, terms: Terms, *, begins: bool) -> None:
         """Work on terms, or on changed terms, if this worker can; fetch and open their library first."""
@@ -348,13 +377,13 @@ class Membership:
             answers, self._answers = self._answers, []
             self._back.put(encode(Answers(self._name, answers)))
 
-    def report(self, *, answered_all: bool = False) -> None:
-        """Send a report, which also shows that the worker is alive, or ask for terms."""
+    def report(self, question: int = 0) -> None:
+        """Send a report, which also shows that the worker is alive, or ask for terms, or answer a question."""
         self.send_answers()
         if self._terms and self._terms.digest != self._digest:
             self._open(self._terms)
         if self._worker:
-            report = self._worker.report(time.monotonic(), dropped=self._dropped)
-            self._back.put(encode(Answers(self._name, [], report, answered_all)))
+            report = self._worker.report(time.monotonic(), dropped=self._dropped, leaves=self._leaves)
+            self._back.put(encode(Answers(self._name, [], report, question)))
         elif not (self._terms or self._is_refused):
             self._back.put(encode(Answers(self._name)))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import abstractmethod
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -18,7 +19,7 @@ from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.limits import needed_lead, usual_sensitivity
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.workers.track import Track
+from kinespace.stream.workers.track import Move, Track
 from kinespace.stream.workers.wire import Orders, Report
 
 if TYPE_CHECKING:
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
     from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.workers.terms import Terms
     from kinespace.stream.workers.wire import Answered, Answers, SentFrame
+
+#: Frames that a worker gets at once of a performer who moves to it while the former worker answers, at least: a few
+#: milliseconds, for which its other performers wait.
+_PIECE = 16
 
 
 class Router(Following[Track]):
@@ -64,9 +69,10 @@ class Router(Following[Track]):
         self._know(library)
         #: The number of the last frame. None is used twice: who comes again is not taken for the former performer.
         self._number = 0
+        self._questions = itertools.count(1)
         self._reports: dict[str, Report] = {}
-        #: The workers that were asked to say when they have dealt with everything, and have not.
-        self._asked = set[str]()
+        #: The number of the last question that each worker has dealt with.
+        self._last: dict[str, int] = {}
         #: The workers that may get performers.
         self._ready: Collection[str] = ()
         #: The counts of workers that have ended.
@@ -163,9 +169,12 @@ class Router(Following[Track]):
             return
         self._number += 1
         sent = track.send(frame, self._number, arrival, self._announced_by(frame.performer))
-        if sent.go_on:
-            # It must arrive.
-            self._send(track.worker, Orders(frames=[sent]))
+        move = track.move
+        if move and move.waiting is not None:
+            move.waiting.append(sent)
+            move.came += 1
+        if move and move.is_last:
+            self._go_on(track, move)
         elif track.worker:
             for_worker.setdefault(track.worker, []).append(sent)
         else:
@@ -180,7 +189,7 @@ class Router(Following[Track]):
 
     def _load(self) -> Counter[str]:
         """Count the performers that each worker has, or will have soon."""
-        return Counter(each.to or each.worker for each in self._performers.values())
+        return Counter(each.move.to if each.move else each.worker for each in self._performers.values())
 
     def _announced_by(self, name: str) -> tuple[str, ...] | None:
         announced = self._announced.get(name)
@@ -238,47 +247,107 @@ class Router(Following[Track]):
                 news.append((recognition if same else replace(recognition, events=events), answer.at))
         if answers.report:
             self._reports[worker] = answers.report
-        if answers.answered_all:
-            self._asked.discard(worker)
+        if answers.question:
+            self._last[worker] = answers.question
+            self._go_on_with_moves()
         return news
 
-    def _balance(self, ready: Collection[str]) -> None:
+    def _ask(self, worker: str) -> int:
+        """Ask a worker to say when it has dealt with everything so far; give the question's number."""
+        question = next(self._questions)
+        self._send(worker, Orders(question=question))
+        return question
+
+    def _send_all(self, worker: str, frames: Sequence[SentFrame]) -> None:
+        if frames:
+            self._send(worker, Orders(frames=list(frames)))
+
+    def _balance(self, ready: Collection[str], alive: Collection[str]) -> None:
         """Give each performer a worker that is ready, and no worker two performers more than another.
 
-        A former worker that is ready answers until the performer's turn to move has come.
+        A former worker that is alive answers until the new one has caught up.
         """
         self._ready = ready
         for track in self._performers.values():
-            track.worker = track.worker if track.worker in ready else ""
-            track.to = track.to if track.to in ready else ""
+            if track.move and (track.move.to not in ready or track.worker not in alive):
+                self._stay(track, track.move, alive)
+            if track.worker not in alive:
+                track.worker = ""
         load = self._load()
         for name, track in self._performers.items() if ready else ():
-            least, owner = min(ready, key=lambda worker: load[worker]), track.to or track.worker
+            least = min(ready, key=lambda worker: load[worker])
+            owner = track.move.to if track.move else track.worker
             if owner not in ready or load[owner] > load[least] + 1:
+                if track.move:
+                    self._stay(track, track.move, alive)
                 load.subtract([owner])
                 load.update([least])
-                track.to = least if track.worker != least else ""
-            if not track.worker:
-                self._give(name, track, track.to)
+                self._move(name, track, least)
+        self._go_on_with_moves()
 
-    def _give(self, name: str, track: Track, worker: str) -> None:
-        """Let a worker answer a performer from now on; it gets the last seconds first."""
-        if frames := track.give_to(worker, self._announced_by(name)):
-            self._send(worker, Orders(frames=frames))
+    def _stay(self, track: Track, move: Move, alive: Collection[str]) -> None:
+        """Forget a move; the former worker gets the frames that wait for its last answers, and goes on."""
+        track.move = None
+        if track.worker == move.to:
+            track.worker = ""  # the former one is done, and the new one has not begun
+        elif move.is_last and track.worker in alive:
+            self._send_all(track.worker, [*(move.waiting or ())])
 
-    def _move_one(self) -> None:
-        """Give a performer that must move to its new worker; one at a time, because the worker's others wait."""
-        for name, track in self._performers.items():
-            if track.to:
-                self._give(name, track, track.to)
-                return
+    def _move(self, name: str, track: Track, worker: str) -> None:
+        """Begin to give a performer to a worker; at once if no other one answers."""
+        if track.worker == worker:
+            return
+        track.move = move = Move(worker)
+        if not track.worker:
+            done, due = track.recent(self._announced_by(name))
+            self._send_all(worker, done)
+            track.worker, move.waiting, move.is_last = worker, deque(due), True
+            self._go_on(track, move)
 
-    def _remove(self, worker: str, ready: Collection[str]) -> None:
+    def _go_on_with_moves(self) -> None:
+        """Take the next step of the moves whose question is answered, and begin with others.
+
+        Each worker takes in one performer after the other, so that its other performers wait for one piece only.
+        """
+        moves = [(name, each, each.move) for name, each in self._performers.items() if each.move]
+        for name, track, move in moves:
+            if move.question and self._last.get(move.asked, 0) >= move.question:
+                self._step(name, track, move)
+        busy = {move.to for _, track, move in moves if move.question and track.worker != move.to}
+        for name, track, move in moves:
+            if not move.question and move.to not in busy and track.worker != move.to:
+                busy.add(move.to)
+                self._step(name, track, move)
+
+    def _step(self, name: str, track: Track, move: Move) -> None:
+        """Send the next piece of the last seconds, and ask who has to deal with frames before the next step."""
+        if move.is_last:
+            track.worker = move.to
+            self._go_on(track, move)
+            return
+        if move.waiting is None:
+            done, due = track.recent(self._announced_by(name))
+            move.waiting = deque([*done, *due])
+        # More than have come meanwhile, so that the new worker catches up with any feed.
+        piece = min(max(_PIECE, 2 * move.came), len(move.waiting))
+        self._send_all(move.to, [move.waiting.popleft() for _ in range(piece)])
+        move.came, move.is_last = 0, not move.waiting
+        move.asked = track.worker if move.is_last else move.to
+        move.question = self._ask(move.asked)
+
+    def _go_on(self, track: Track, move: Move) -> None:
+        """Let the new worker answer the frames that wait, as soon as there is one, if the former one is done."""
+        if move.waiting and track.worker == move.to:
+            move.waiting[0] = msgspec.structs.replace(move.waiting[0], go_on=track.past)
+            self._send_all(move.to, [*move.waiting])
+            track.move = None
+
+    def _remove(self, worker: str, ready: Collection[str], alive: Collection[str]) -> None:
         """Give the performers of a worker that has ended to the others; keep its counts."""
-        self._asked.discard(worker)
+        self._last.pop(worker, None)
         if report := self._reports.pop(worker, None):
             self._past = _summed([self._past, report])
-        self._balance(ready)
+        self._balance(ready, alive)
 
 
 def _summed(reports: Sequence[Report]) -> Report:
@@ -295,7 +364,7 @@ def _is_whole(answer: Answered) -> bool:
     given, known = answer.recognition, answer.long_ago
     classes, progress, evidence = len(given.classes), given.progress, given.evidence
     numbers = (
-        *(given.time, given.movement, given.eigenvector_score, given.share, given.gap),
+        *(given.time, given.ended_at or 0.0, given.movement, given.eigenvector_score, given.share, given.gap),
         *((known.factor, known.tremble, known.last_jump or 0.0) if known else ()),
         *((progress.phase, progress.scrub, progress.speed, progress.amplitude, progress.sure) if progress else ()),
         *((*evidence.distances, *evidence.leads, evidence.noise) if evidence else ()),

@@ -33,6 +33,35 @@ _MAX_OWED = 2.5
 
 
 @dataclass(slots=True)
+class Move:
+    """A performer's way to a new worker, while the former one answers.
+
+    The new one gets the last seconds first, piece by piece. Then new frames wait until the former one has answered
+    those before, and the new one goes on with them.
+
+    Attributes
+    ----------
+    to
+        The new worker.
+    waiting
+        The frames that it has not been sent; None before it knows of the performer.
+    came
+        How many of them came since the last piece.
+    asked, question
+        Who must have dealt with what was sent before the next step, and the number of the question; 0 for nobody.
+    is_last
+        Whether the new worker has all frames that the former one must answer.
+    """
+
+    to: str
+    waiting: deque[SentFrame] | None = None
+    came: int = 0
+    asked: str = ""
+    question: int = 0
+    is_last: bool = False
+
+
+@dataclass(slots=True)
 class Track:
     """The frames that were sent to workers, and the answers that came back.
 
@@ -46,10 +75,8 @@ class Track:
         Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
     worker
         The worker that answers; empty for none.
-    to
-        The worker that answers soon in its place; empty for none.
-    taken_over
-        Whether the next frame is the first that the worker answers in another one's place.
+    move
+        The way to another worker.
     carried
         The joints that carried the last answer that was asked about.
     asks
@@ -61,8 +88,7 @@ class Track:
     number: int
     decision: Decision
     worker: str = ""
-    to: str = ""
-    taken_over: bool = False
+    move: Move | None = None
     carried: Carried | None = None
     asks: bool = False
     #: Seconds between two answers, and how many may come now.
@@ -101,8 +127,6 @@ class Track:
         self._recent.append(sent)
         while self._recent[0].at < now - KEPT:
             self._recent.popleft()
-        if self.taken_over:
-            sent, self.taken_over = msgspec.structs.replace(sent, go_on=self.past), False
         return sent
 
     def accept(self, answer: Answered, classes: Sequence[str]) -> tuple[Event, ...] | None:
@@ -131,11 +155,13 @@ class Track:
             return None
         self.number, self._answer, self._owed = answer.seq, answer, owed - 1
         self.carried = answer.carried or self.carried
-        ended = None
+        recognition = answer.recognition
         if self._pause and answer.seq >= self._pause[0]:
-            ended, self._pause = self.decision.end(self._pause[1]), None
-        events = self.decision.events(answer.recognition) if answer.recognition.classes == classes else ()
-        return (ended, *events) if ended else events
+            # A worker that took the performer over has perhaps not seen the pause.
+            if recognition.ended_at is None:
+                recognition = replace(recognition, ended_at=self._pause[1])
+            self._pause = None
+        return self.decision.events(recognition) if recognition.classes == classes else self.decision.ends(recognition)
 
     def end(self) -> Event | None:
         """End the motion that goes on."""
@@ -154,14 +180,11 @@ class Track:
         """What the last seconds need not show."""
         return Past(self._answer.recognition.time, self._answer.long_ago) if self._answer else Past()
 
-    def give_to(self, worker: str, joints: tuple[str, ...] | None) -> list[SentFrame]:
-        """Let a worker answer from now on; give the frames of the last seconds, answered or not, for it."""
+    def recent(self, joints: tuple[str, ...] | None) -> tuple[list[SentFrame], list[SentFrame]]:
+        """Give the last frames that need no answer any more, and those that need one, for a worker that takes over."""
         since = self._answer.at - HISTORY if self._answer else 0.0
         recent = [frame for frame in self._recent if frame.at >= since]
         if recent:
             recent[0] = msgspec.structs.replace(recent[0], begins=True, joints=joints, take_over=self.past)
-        answered = sum(frame.seq <= self.number for frame in recent)
-        self.worker, self.to, self.taken_over = worker, "", answered == len(recent)
-        if not self.taken_over:
-            recent[answered] = msgspec.structs.replace(recent[answered], go_on=self.past)
-        return recent
+        done = sum(frame.seq <= self.number for frame in recent)
+        return recent[:done], recent[done:]

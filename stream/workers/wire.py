@@ -4,7 +4,7 @@
 |---|---|---|
 | `kin/gateway/<gateway>`, `kin/worker/<worker>` | liveliness tokens | both |
 | `kin/<gateway>/library` | a query: the library | gateway |
-| `kin/<gateway>/to/<worker>` | `Orders`: terms and frames | gateway |
+| `kin/<gateway>/to/<worker>` | `Orders`: terms, frames, questions | gateway |
 | `kin/<gateway>/back/<worker>` | `Answers`: answers, reports | worker |
 
 Times named `at` are seconds on the gateway's clock.
@@ -128,8 +128,10 @@ class Orders(msgspec.Struct, omit_defaults=True):
         Frames, in order.
     number
         The number of a message that may be lost on the way, counted from 1; 0 for a message that must arrive.
-    asks
-        Whether a report must say when everything before is dealt with.
+    question
+        A number that a report must give back once all before it is dealt with; 0 for none.
+    let_go
+        Whether the worker, which wanted to end, may end.
     """
 
     member: str = ""
@@ -137,7 +139,8 @@ class Orders(msgspec.Struct, omit_defaults=True):
     begins: bool = False
     frames: list[SentFrame] = []
     number: _Count = 0
-    asks: bool = False
+    question: _Count = 0
+    let_go: bool = False
 
 
 class Answered(msgspec.Struct, array_like=True, frozen=True):
@@ -173,6 +176,8 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
         The same as in `Performers`.
     dropped
         Frames or messages that were lost on the way or dropped because the worker was busy.
+    leaves
+        Whether the worker wants to end: it goes on until its performers are with others.
     """
 
     counts: PerformerCounts
@@ -180,6 +185,7 @@ class Report(msgspec.Struct, array_like=True, frozen=True):
     doubted: dict[str, str] = {}
     compared: dict[str, str] = {}
     dropped: int = 0
+    leaves: bool = False
 
 
 class Answers(msgspec.Struct, array_like=True, frozen=True):
@@ -193,14 +199,14 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
         Answers, in order.
     report
         None where the worker has no library yet, and asks for terms.
-    answered_all
-        Whether it has dealt with everything, as it was asked to say.
+    question
+        The number of a question before which it has dealt with everything; 0 where there was no question.
     """
 
     member: str
     answered: list[Answered] = []
     report: Report | None = None
-    answered_all: bool = False
+    question: int = 0
 
 
 _Read = TypeVar("_Read", Orders, Answers)

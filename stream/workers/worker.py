@@ -86,11 +86,11 @@ class Worker:
             if recognizer and past.long_ago:
                 recognizer.go_on(past.long_ago)
 
-    def report(self, now: float, *, dropped: int = 0) -> Report:
+    def report(self, now: float, *, dropped: int = 0, leaves: bool = False) -> Report:
         """Forget silent performers, and give the counters."""
         performers = self.performers
         performers.drop_silent(now)
         self._warming.difference_update(performers.take_gone())
         counts = performers.counts
         counts.recognizers.add(self._warmed, -1)
-        return Report(counts, performers.refused, performers.doubted, performers.compared, dropped)
+        return Report(counts, performers.refused, performers.doubted, performers.compared, dropped, leaves)

@@ -334,7 +334,7 @@ def test_frames_of_a_moment_travel_together(
     for moment in range(4):
         gateway.push_all(feed[moment], 0.0)
     assert (sent, source.tended_within) == ([(1, 3)], pytest.approx(1000.0, abs=10.0))
-    gateway._send(node.name, Orders(asks=True))  # noqa: SLF001 - any order
+    gateway._send(node.name, Orders(question=5))  # noqa: SLF001 - any order
     assert (sent[1:], source.tended_within) == ([(2, 9), (0, 0)], TENDING)
     gateway.push_all(feed[4], 0.0)
     gateway.tend(time.monotonic() + 2000.0)
@@ -359,29 +359,35 @@ def test_frames_wait_for_others_only_where_many_come() -> None:
     assert waiting(0.0001, 1.0) == pytest.approx(19 / 20, abs=0.02)
 
 
-def test_no_answer_is_missing_when_workers_come_and_go(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
-    """The other worker takes the performers over, with the frames that nobody has answered."""
+def test_a_worker_leaves_in_good_order(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
+    """While it leaves it answers until the other worker does: no answer is missing. The last one is let go, too."""
     performers, frames = Performers(opened(on.library)), feed[:90]
     expected = {(each.performer, each.time) for now in frames for each in performers.push_all(now, now[0].time) if each}
     gateway, first = on.gateway(), on.node()
     on.until(lambda: on.has_workers(gateway, 1))
+    other = on.node()
+    on.until(lambda: on.has_workers(gateway, 2))
     for k, now in enumerate(frames):
         gateway.push_all(now, time.monotonic())
         on.turn()
-        if k == 30:
-            other = on.node()
-            on.until(lambda: on.has_workers(gateway, 2))
         if k == 60:
-            on.leave(first)
+            first.leave()
+            assert not first.has_left
+    on.until(lambda: first.has_left)
+    on.leave(first)
     heard = on.heard[gateway.name]
     on.until(lambda: {(each.performer, each.time) for each in heard} >= expected)
     assert len(heard) == len(expected)
+    on.until(lambda: len(gateway._members) == 1)  # noqa: SLF001 - its token has vanished
+    assert "lost" not in " ".join(gateway.notes)
     assert [line for line in on.shown if line.startswith("worker ")] == [
         f"worker {first.name} works; workers: 1",
         f"worker {other.name} works; workers: 2",
-        f"worker {first.name} is gone; workers: 1",
+        f"worker {first.name} leaves; workers: 1",
     ]
     assert on.shown[0].startswith(f"working for gateway {gateway.name}, library ")
+    on.nodes[0].leave()
+    on.until(lambda: on.nodes[0].has_left)
 
 
 def test_an_address_that_cannot_be_had_is_reported_in_one_line(tmp_path: Any) -> None:  # noqa: ANN401

@@ -12,6 +12,7 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.workers.router import Router
 from kinespace.stream.workers.terms import Terms
+from kinespace.stream.workers.wire import Answers
 
 if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
@@ -27,14 +28,17 @@ class Noted(Router):
         super().__init__(library, Terms(settings=Settings(), most=len(NAMES)))
         self.joints = len(library.skeleton.joints)
         self.workers: list[str] = []
+        self.leaving: list[str] = []
+        self.asked: dict[str, list[int]] = {}
         #: The numbers of each performer's frames, and of the last one that each worker got.
         self.sent: dict[str, list[int]] = {name: [] for name in NAMES}
         self.newest: dict[tuple[str, str], int] = {}
         #: Workers that have not been told to answer a performer whom they took over.
         self.warming = set[tuple[str, str]]()
         self.answered = dict.fromkeys(NAMES, 0)
-        #: How often a worker took a performer over.
-        self.takeovers = 0
+        #: The performers to whose frames a worker has not sent its answers yet.
+        self.owed: dict[str, set[str]] = {}
+        self.most_at_once = 0
         self.now = 1.0
 
     def _send_frames(self, worker: str, frames: list[SentFrame]) -> None:
@@ -53,30 +57,56 @@ class Noted(Router):
                 assert self.newest[worker, name] == self.sent[name][place - 1]
             if each.go_on:
                 self.warming.remove((worker, name))
+                assert not any(name in owed for other, owed in self.owed.items() if other != worker)
             self.newest[worker, name] = each.seq
             if (worker, name) not in self.warming:
                 self.answered[name] = max(self.answered[name], each.seq)
+                self.owed.setdefault(worker, set()).add(name)
 
     def _send(self, worker: str, orders: Orders) -> None:
-        self.takeovers += sum(each.take_over is not None for each in orders.frames)
+        self.most_at_once = max(self.most_at_once, len(orders.frames))
         self._take(worker, orders.frames)
+        if orders.question:
+            self.asked.setdefault(worker, []).append(orders.question)
+
+    @property
+    def alive(self) -> list[str]:
+        """The workers that have not gone."""
+        return [*self.workers, *self.leaving]
 
     def join(self, worker: str) -> None:
         """Let a worker come."""
         self.workers.append(worker)
-        self._balance(self.workers)
+        self._balance(self.workers, self.alive)
+
+    def leave(self, worker: str) -> None:
+        """Let a worker ask for leave."""
+        self.workers.remove(worker)
+        self.leaving.append(worker)
+        self._balance(self.workers, self.alive)
 
     def lose(self, worker: str) -> None:
-        """Let a worker go."""
-        self.workers.remove(worker)
-        self._remove(worker, self.workers)
+        """Let a worker go without a word, perhaps one that has asked for leave."""
+        (self.workers if worker in self.workers else self.leaving).remove(worker)
+        self.asked.pop(worker, None)
+        self.owed.pop(worker, None)
+        self._remove(worker, self.workers, self.alive)
 
-    def move_all(self) -> None:
-        """Let all performers move, one by one."""
-        while any(track.to for track in self._performers.values()):
-            before = self.takeovers
-            self._move_one()
-            assert self.takeovers == before + 1
+    def deal(self, worker: str) -> None:
+        """Let a worker answer the questions so far."""
+        self.owed.pop(worker, None)
+        if asked := self.asked.pop(worker, []):
+            self.accept(worker, Answers("", question=max(asked)))
+
+    def catch_up(self) -> None:
+        """Let all workers deal with everything."""
+        while self.asked:
+            self.catch_up_once()
+
+    def catch_up_once(self) -> None:
+        """Let all workers deal with the questions so far."""
+        for worker in [*self.asked]:
+            self.deal(worker)
 
     def frames(self) -> list[int]:
         """Send a frame of each performer; check that somebody answers it; give how many workers get each."""
@@ -85,49 +115,72 @@ class Noted(Router):
         before = dict(self.newest)
         self.push_all([Frame(name, self.now, positions) for name in NAMES], self.now)
         for name, numbers in self.sent.items() if self.workers else ():
-            assert numbers[-1] == self.answered[name]
+            move = self._performers[name].move
+            assert numbers[-1] == self.answered[name] or (move and move.is_last)
         changed = [name for (worker, name), number in self.newest.items() if before.get((worker, name)) != number]
         return [changed.count(name) for name in NAMES]
 
 
-def test_performers_move_one_by_one_if_their_former_worker_answers(sticks: MotionLibrary) -> None:
-    """A worker's other performers wait for the last seconds of one only; after a death all come at once."""
-    router = Noted(sticks)
+def played(library: MotionLibrary, moments: int) -> Noted:
+    """Let one worker recognise for a while, then another one join."""
+    router = Noted(library)
     router.join("ann")
-    for _ in range(100):
+    for _ in range(moments):
         router.frames()
     router.join("ben")
-    assert router.takeovers == 0
-    router.move_all()
-    assert router.takeovers == len(NAMES) / 2
+    return router
+
+
+def test_performers_move_in_pieces_if_their_former_worker_answers(sticks: MotionLibrary) -> None:
+    """A worker's other performers wait for a piece of the last seconds only; after a death all come at once."""
+    router = played(sticks, 100)
+    router.catch_up()
+    assert 0 < router.most_at_once <= 16
     assert set(router.frames()) == {1}
+    router.leave("ann")
+    router.catch_up()
+    assert router.most_at_once <= 16
+    assert {worker for worker, _ in router.newest} == {"ann", "ben"}
     router.join("cat")
-    router.lose("cat")
-    router.move_all()
-    assert not any(worker == "cat" for worker, _ in router.newest)
-    before = router.takeovers
+    moves = {name: track.move for name, track in router._performers.items() if track.move}  # noqa: SLF001 - not begun anew
     router.join("dan")
+    assert any(router._performers[name].move is move for name, move in moves.items())  # noqa: SLF001 - as above
+    router.leave("dan")
+    router.catch_up()
     router.lose("ben")
-    assert router.takeovers == before + len(NAMES) / 2
+    assert router.most_at_once > 16
     assert set(router.frames()) == {1}
+
+
+def test_a_worker_catches_up_with_a_feed_that_is_faster_than_pieces(sticks: MotionLibrary) -> None:
+    """Pieces grow where more frames come between two pieces than a piece has."""
+    router = played(sticks, 40)
+    for _ in range(20):
+        for _ in range(20):
+            router.frames()
+        router.catch_up_once()
+    answering = {track.worker for track in router._performers.values()}  # noqa: SLF001 - who answers
+    assert answering == {"ann", "ben"}
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_every_frame_is_answered_and_no_worker_misses_one(sticks: MotionLibrary, seed: int) -> None:
-    """Workers come and go, and performers move, in any order."""
+    """Workers come, ask for leave, go and catch up in any order."""
     chance, router = np.random.default_rng(seed), Noted(sticks)
     router.join("worker 0")
     for number in range(1, 80):
-        what = str(chance.choice(["join", "lose", "move", "move", "move"]))
+        what = str(chance.choice(["join", "leave", "lose", "end", "deal", "deal", "deal", "deal"]))
         if what == "join" and len(router.workers) < 6:
             router.join(f"worker {number}")
-        elif what == "lose" and len(router.workers) > 1:
-            router.lose(str(chance.choice(router.workers)))
-        elif what == "move":
-            router._move_one()  # noqa: SLF001 - as a gateway does from time to time
+        elif what in {"leave", "lose"} and len(router.workers) > 1:
+            getattr(router, what)(str(chance.choice(router.workers)))
+        elif what == "end" and router.leaving:
+            router.lose(router.leaving[0])
+        elif what == "deal":
+            router.deal(str(chance.choice(router.alive)))
         for _ in range(chance.integers(8)):
             router.frames()
-    router.move_all()
+    router.catch_up()
     assert set(router.frames()) == {1}
     shares = router._load().values()  # noqa: SLF001 - who has how many
     assert max(shares) - min(shares) <= 1

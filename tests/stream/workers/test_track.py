@@ -102,26 +102,13 @@ def test_frames_carry_joints_from_time_to_time_and_old_frames_are_forgotten() ->
     sent = [track.send(Frame("ann", k / 10, np.ones((3, 3))), k + 1, k / 10, joints) for k in range(100)]
     assert [each.begins for each in sent] == [True] + [False] * 99
     assert sum(each.joints is not None for each in sent) == 10
-    due = track.give_to("ann", joints)
-    assert (len(due), track.worker, track.taken_over) == (41, "ann", False)
-    first = due[0]
-    assert (first.begins, first.joints, first.take_over, first.go_on) == (True, joints, track.past, track.past)
+    done, due = track.recent(joints)
+    assert (len(done), len(due)) == (0, 41)
+    assert (due[0].begins, due[0].joints, due[0].take_over) == (True, joints, track.past)
     made = Recognition("ann", 9.5, Outcome.STILL, CLASSES, np.zeros(2), 0.0)
     track.accept(Answered(96, 9.5, made), CLASSES)
-    given = track.give_to("ben", joints)
-    assert [each.seq for each in given] == [*range(71, 101)]
-    assert [each.seq for each in given if each.go_on] == [97]
+    done, due = track.recent(joints)
+    assert ([each.seq for each in done], [each.seq for each in due]) == ([*range(71, 97)], [97, 98, 99, 100])
     assert track.past.time == 9.5
     other = track.send(Frame("ann", 10.0, np.ones((3, 3))), 101, 10.0, joints[::-1])
-    assert (other.joints, other.go_on) == (joints[::-1], None)
-
-
-def test_the_first_frame_after_a_takeover_says_so_if_none_waits_for_an_answer() -> None:
-    """It is the next frame then, and no frame of a later takeover."""
-    track = Track(0.0, 0.0, 0, Decision(1.0))
-    track.send(Frame("ann", 0.0, np.ones((3, 3))), 1, 0.0, None)
-    track.accept(Answered(1, 0.0, Recognition("ann", 0.0, Outcome.STILL, CLASSES, np.zeros(2), 0.0)), CLASSES)
-    assert [each.go_on for each in track.give_to("ben", None)] == [None]
-    sent = [track.send(Frame("ann", k / 10, np.ones((3, 3))), k + 1, k / 10, None) for k in (1, 2)]
-    assert [each.go_on for each in sent] == [track.past, None]
-    assert [each.seq for each in track.give_to("cat", None) if each.go_on] == [2]
+    assert other.joints == joints[::-1]

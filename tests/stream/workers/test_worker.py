@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
 from kinespace.library.windows.index import opened
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import Performers
+from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.joints.mending import LongAgo
+from kinespace.stream.recognizer.limits import needed_lead
 from kinespace.stream.workers.track import Track
 from kinespace.stream.workers.wire import Orders, decode_orders, encode
 from kinespace.stream.workers.worker import Worker
@@ -23,11 +25,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import MotionLibrary
+    from kinespace.stream.recognition import Event
     from kinespace.stream.workers.wire import Answered, SentFrame
 
 RATE = 60
 #: Frames before the takeover, frames that the new worker sees first, and frames after it.
 BEFORE, SEEN, AFTER = 300, 151, 60
+#: The frame at which a body jumps.
+JUMP = 200
 
 
 def pushed(worker: Worker, frames: Sequence[SentFrame]) -> list[Answered]:
@@ -88,9 +93,10 @@ def test_a_takeover_changes_no_answer(
     for answer in pushed(former, frames[:BEFORE]):
         track.accept(answer, builtin.classes)
     new = Worker(Performers(opened(builtin)))
-    given = track.give_to("new", None)
-    due = [each for each in given if each.seq > track.number]
-    found = pushed(new, given)
+    done, due = track.recent(None)
+    assert pushed(new, done) == []
+    due[0] = msgspec.structs.replace(due[0], go_on=track.past)
+    found = pushed(new, due)
     assert new.report(due[-1].at).counts.recognizers.frames == len(due)
     expected = pushed(former, frames[BEFORE:])
     assert [each.seq for each in found] == [each.seq for each in expected]
@@ -109,3 +115,22 @@ def test_what_is_asked_once_is_told_once(builtin: MotionLibrary) -> None:
     assert [each.seq > 90 for each in pushed(worker, frames[:120]) if each.carried] == [True]
     # Who is silent is forgotten with the next report.
     assert [worker.report(now).counts.dropped for now in (2.0, 100.0)] == [0, 1]
+
+
+@pytest.mark.parametrize("taken", [BEFORE, JUMP + 5])
+def test_the_motion_of_a_body_that_jumps_elsewhere_ends_as_in_one_process(taken: int, builtin: MotionLibrary) -> None:
+    """The gateway's events equal one recogniser's, whether a worker takes over before the jump is answered or after."""
+    index, positions = opened(builtin), feed(builtin)
+    positions[JUMP:] += (3.0, 0.0, 0.0)
+    recognizer, track = Recognizer(index), Track(0.0, 0.0, 0, Decision(needed_lead(builtin, Settings())))
+    frames = [Frame("ann", 1.0 + k / RATE, each) for k, each in enumerate(positions)]
+    expected = [event for each in frames if (answer := recognizer.push(each)) for event in answer.events]
+    assert [event.kind for event in expected] == ["start", "end", "start"]
+    worker, found = Worker(Performers(index)), list["Event"]()
+    for number, each in enumerate(frames):
+        sent = [track.send(each, number + 1, each.time, None)]
+        if number == taken:
+            worker, (done, due) = Worker(Performers(index)), track.recent(None)
+            sent = [*done, msgspec.structs.replace(due[0], go_on=track.past), *due[1:]]
+        found += [event for answer in pushed(worker, sent) for event in track.accept(answer, builtin.classes) or ()]
+    assert found == expected

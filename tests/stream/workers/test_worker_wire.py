@@ -83,8 +83,8 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
     whole = replace(recognition, events=(event,), progress=progress, doubted=("c",))
     answer = wire.Answered(9, 5.0, whole, LongAgo(mirrored=True, last_jump=1.5))
     report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, dropped=4)
-    back = wire.decode_answers(wire.encode(wire.Answers("me", [answer], report, answered_all=True)))
-    assert (back.member, back.report, back.answered_all) == ("me", report, True)
+    back = wire.decode_answers(wire.encode(wire.Answers("me", [answer], report, 3)))
+    assert (back.member, back.report, back.question) == ("me", report, 3)
     (found,) = back.answered
     assert (found.seq, found.at, found.long_ago, found.carried) == (9, 5.0, answer.long_ago, None)
     assert np.array_equal(found.recognition.scores, whole.scores)

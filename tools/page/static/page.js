@@ -184,7 +184,7 @@ function drawPerformer(performer) {
   const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
   const how = progress ? [`${Math.round(100 * progress.phase)} %`, `${number(progress.speed, 1)} × as fast`] : [];
   performer.moment.replaceChildren(made("b", { text: answer.label }), ` ${[...scores, ...how].join(" · ")}`);
-  performer.carriedBy.textContent = answer.label === "still" || !carried ? "" : carriedInWords(stage, carried);
+  performer.carriedBy.textContent = answer.label === "still" || !carried || !stage.names?.length ? "" : carriedInWords(stage, carried);
 }
 
 /** Name the joints that weigh most: every joint's share of the leading eigenvector. */

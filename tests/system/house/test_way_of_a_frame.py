@@ -57,9 +57,9 @@ def traced() -> list[str]:
             sys.setprofile(note if place > FULL else None)
             service.step(1.0)
             sys.setprofile(None)
-            # The shortest of many hops: another has further work in it, like a status.
+            # The hop of many with the fewest files: another has further work in it, like a status.
             answered = {"stream/recognizer/decision.py", "stream/osc/answers.py"} <= {*entered}
-            if answered and (not way or len(entered) < len(way)):
+            if answered and (not way or (len({*entered}), len(entered)) < (len({*way}), len(way))):
                 way = [*entered]
     sender.close()
     return way

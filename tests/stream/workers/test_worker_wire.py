@@ -14,7 +14,7 @@ from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Event, EventKind, Progress
+from kinespace.stream.recognition import Done, Event, EventKind, Progress
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.recognizer.joints.mending import LongAgo
@@ -101,6 +101,7 @@ NAN, INF = float("nan"), float("inf")
         *({"lead": NAN}, {"guess": 99}, {"guess": -1}, {"classes": ()}, {"scores": np.array([NAN] * 3)}),
         {"progress": Progress("somebody's", 0.5, 0.4, 1.0, 1.1, 0.9, 2)},
         *({"progress": Progress(STICK_CLASSES[0], *(INF,) * 5, 2)}, {"evidence": Evidence((NAN,), (0.0,))}),
+        *({"done": Done("p", STICK_CLASSES[0], *each)} for each in ((0, NAN, 1, 1, 1, 1), (9, 0, 1, 1, 1, 1))),
         *({"long_ago": LongAgo(factor=INF)}, {"long_ago": LongAgo(last_jump=NAN)}, {"carried": Carried((NAN,), ())}),
     ],
     ids=str,

@@ -4,9 +4,11 @@ from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.stream.workers.background_opener import BackgroundViews
 
 __all__ = [
     "Announcement",
+    "BackgroundViews",
     "Done",
     "Event",
     "EventKind",

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from kinespace.library.distances import distance_rows
 from kinespace.library.kernels import plain
@@ -22,11 +23,13 @@ from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_e
 from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
 from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
+from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments
 from kinespace.library.windows.whole_motions import WholeMotions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
+    from contextlib import AbstractContextManager
 
     from numpy.typing import NDArray
 
@@ -210,6 +213,12 @@ class WindowIndex:
         return joints in self._views
 
     def _viewed_by(self, joints: tuple[str, ...]) -> WindowIndex:
+        with _one_thread():
+            view = self._computed_by(joints)
+        give_back_memory()
+        return view
+
+    def _computed_by(self, joints: tuple[str, ...]) -> WindowIndex:
         origin = self.origin
         if origin and origin.joints:
             return origin.source.by_joints(joints)
@@ -219,16 +228,10 @@ class WindowIndex:
         elif origin and origin.kept:
             view = origin.source.by_joints(joints).of_some(origin.kept, learns=origin.learns)
         else:
-            weighing = self.comparison.weighing
-            view = WindowIndex.of(self.library.restricted_to(joints), weighing=weighing)
-        motions, guests = (
-            tuple(replace(clip, positions=clip.positions[:2].copy()) for clip in clips)
-            for clips in (view.library.motions, view.library.guests)
-        )
-        bare = replace(view.library, motions=motions, guests=guests)
-        view = replace(view, library=bare, origin=Origin(self, joints=joints)).prepared()
-        give_back_memory()
-        return view
+            numbers = _numbers_of(self.library, self.comparison.weighing, joints)
+            view = numbers.index_of(_bare(self.library).restricted_to(joints))
+            return numbers.known_to(replace(view, origin=Origin(self, joints=joints))).prepared()
+        return replace(view, library=_bare(view.library), origin=Origin(self, joints=joints)).prepared()
 
     def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
         """Add clips to the library, each as one motion, and cut their windows.
@@ -401,9 +404,67 @@ def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
 @lru_cache(maxsize=4)
 def opened(library: MotionLibrary, weighing: Weighing | None = None) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
-    index = WindowIndex.of(library, weighing=weighing).prepared()
+    with _one_thread():
+        numbers = _numbers_of(library, weighing or usual_weighing(library))
+        index = numbers.known_to(numbers.index_of(library)).prepared()
     give_back_memory()
     return index
+
+
+def _one_thread() -> AbstractContextManager[object]:
+    """Keep linear algebra to one thread: the matrices are small, and threads take the cores from each other.
+
+    On two busy cores, opening takes 2 to 7 seconds by numpy's own choice of threads, and .7 by one.
+    """
+    limits: AbstractContextManager[object] = threadpool_limits(1)
+    return limits
+
+
+class Numbers(NamedTuple):
+    """The numbers of opened windows, all that need not be computed again; the fields are as in `WindowIndex`."""
+
+    body: Body
+    basis: Basis
+    comparison: Comparison
+    vectors: tuple[NDArray[np.float16], ...]
+    eigenvectors: NDArray[np.float32]
+    motions: NDArray[np.intp]
+    judged_by: Rejection | None
+    rejection: Rejection | None
+    segments: Segments
+    whole: WholeMotions
+
+    def index_of(self, library: MotionLibrary) -> WindowIndex:
+        """Give the index of the library that they were computed from."""
+        return WindowIndex(library, *self[:7])
+
+    def known_to(self, index: WindowIndex) -> WindowIndex:
+        """Give these numbers to an index in place of what it would compute at first use."""
+        index.__dict__.update(segments=self.segments, whole=self.whole)
+        if self.rejection:
+            index.__dict__.update(rejection=self.rejection)
+        return index
+
+
+def _numbers_of(library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...] = ()) -> Numbers:
+    """Compute the numbers of a library's windows by some of its joints, or by all, or remember them."""
+
+    def compute() -> tuple[Any, ...]:
+        index = WindowIndex.of(library.restricted_to(joints) if joints else library, weighing=weighing)
+        rejection = index.rejection if weighing.judges else None
+        placed = (index.vectors, index.eigenvectors, index.motions, index.judged_by, rejection)
+        return (index.body, index.basis, index.comparison, *placed, index.segments, index.whole)
+
+    return Numbers(*remembered(library, weighing, joints, compute))
+
+
+def _bare(library: MotionLibrary) -> MotionLibrary:
+    """Give a library whose motions keep two frames each."""
+    motions, guests = (
+        tuple(replace(clip, positions=clip.positions[:2].copy()) for clip in clips)
+        for clips in (library.motions, library.guests)
+    )
+    return replace(library, motions=motions, guests=guests)
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:

@@ -111,7 +111,9 @@ class Performers(Following[_Performer]):
     joints
         The joints that senders are known to have; by default the library's.
     views
-        Gives the windows of the joints that a sender has, and of those that can be believed (`Recognizer`).
+        Gives the windows of the joints that a sender has, and of those that can be believed (`Recognizer`). By default
+        they are opened at once, which takes up to a second where nothing is remembered; with
+        `stream.BackgroundViews` no call waits, and a performer is among `opening` until they are open.
     classes
         The classes to answer with, in this order (`Recognizer.exchange`); by default the library's.
 
@@ -164,6 +166,11 @@ class Performers(Following[_Performer]):
     def classes(self) -> tuple[str, ...]:
         """The classes that are answered; an answer's index counts in this list."""
         return self._order or self.library.classes
+
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """The performers whose joints' windows are not open yet; by default none is ever."""
+        return tuple(name for name, performer in self._performers.items() if performer.is_waiting)
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on (`Recognizer.exchange`).

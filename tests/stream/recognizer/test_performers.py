@@ -154,11 +154,11 @@ def test_a_performer_is_answered_once_the_windows_are_open(sticks: MotionLibrary
     performers.announce(Announcement("p", FIVE), 0.0)
     performers.push(Frame("p", 0.0, POSE[:5]), 0.0)
     told = "the library is being restricted to 5 of its joints, which takes some seconds"
-    assert (performers.compared, performers.refused) == ({"p": told}, {})
+    assert (performers.compared, performers.refused, performers.opening) == ({"p": told}, {}, ("p",))
     assert performers.counts.other_joints == 1
     ready[0] = True
     assert_same(_pushed(performers, frames), _alone(opened(sticks).by_joints(FIVE), frames))
-    assert performers.refused == {}
+    assert (performers.refused, performers.opening) == ({}, ())
     ready[0] = False
     performers.exchange(sticks.renamed({}))
     assert any(_pushed(performers, [replace(each, time=each.time + 10) for each in frames]))

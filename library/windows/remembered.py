@@ -1,0 +1,203 @@
+"""The opened windows of the built-in library, kept in the user's cache folder: the next start need not cut them."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kinespace.library import kernels, memory
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.signature.basis import Basis
+from kinespace.library.signature.body import Body
+from kinespace.library.signature.parts import Kind, Part
+from kinespace.library.windows.comparison import Comparison, Weighing
+from kinespace.library.windows.metric import Metric
+from kinespace.library.windows.rejection import Rejection
+from kinespace.library.windows.segments import Segments
+from kinespace.library.windows.whole_motions import WholeMotions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+
+#: Files that are kept: one for each set of joints that was used lately.
+_KEPT = 12
+#: Bytes of a file, at most; the built-in library's windows take 3 MB.
+_MAX_BYTES = 40_000_000
+#: What a file may hold besides arrays, numbers, texts and tuples of them.
+_HELD: dict[str, Callable[..., object]] = {
+    each.__name__: each
+    for each in (Basis, Body, Comparison, Kind, Metric, Part, Rejection, Segments, Weighing, WholeMotions)
+}
+
+
+def cache_folder() -> Path:
+    """Give this user's folder for files that can be made again; it need not exist."""
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "kinespace"
+
+
+def remembered(
+    library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...], compute: Callable[[], tuple[Any, ...]]
+) -> tuple[Any, ...]:
+    """Give the numbers of opened windows: from the user's cache, or computed and put there.
+
+    Motions of other libraries than the built-in one are nobody's business but their owner's: their numbers are computed
+    every time. A file is believed if it lies in a folder that this user alone can write to, and its digest is right;
+    its name is the digest of all that the numbers depend on. Where no file can be read or written, nothing is said.
+
+    Parameters
+    ----------
+    library, weighing, joints
+        The numbers depend on these, on the program's own text, and on the arithmetic.
+    compute
+        Gives the numbers.
+    """
+    try:
+        path = _path(library, weighing, joints) if _is_builtin(library) else None
+    except (OSError, RuntimeError):
+        # There is no home, or the program's text cannot be read.
+        path = None
+    if path is None:
+        return compute()
+    with suppress(*memory.DAMAGE, OSError, ValueError, IndexError):
+        return _read(path)
+    numbers = compute()
+    with suppress(OSError):
+        _write(path, numbers)
+    return numbers
+
+
+def _path(library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...]) -> Path:
+    described = (weighing, joints, _arithmetic(), _text(), _motions(library))
+    name = hashlib.sha256(repr(described).encode()).hexdigest()
+    return cache_folder() / "windows" / f"{name}.windows"
+
+
+def _is_builtin(library: MotionLibrary) -> bool:
+    """Say whether the motions are the built-in library's, perhaps by fewer joints."""
+    builtin = MotionLibrary.builtin()
+    return library is builtin or [*map(_named, library.motions)] == [*map(_named, builtin.motions)]
+
+
+def _named(motion: Clip) -> tuple[str, str, str, int]:
+    return motion.name, motion.class_name, motion.actor, motion.frames
+
+
+def _motions(library: MotionLibrary) -> str:
+    """Identify a library's motions and learned numbers; the built-in library's file is part of the program."""
+    if library is MotionLibrary.builtin():
+        return "builtin"
+    found = hashlib.sha256(repr((library.skeleton, [*map(_named, (*library.motions, *library.guests))])).encode())
+    for motion in (*library.motions, *library.guests):
+        found.update(motion.positions.tobytes())
+    for name, numbers in sorted(library.learned.named.items() if library.learned else ()):
+        found.update(name.encode() + numbers.tobytes())
+    return found.hexdigest()
+
+
+@cache
+def _text() -> str:
+    """Identify the program's own text and motions: other numbers may come from others."""
+    found, folder = hashlib.sha256(), Path(__file__).parents[1]
+    for path in sorted([*folder.rglob("*.py"), *folder.glob("*.npz")]):
+        found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def _arithmetic() -> tuple[object, ...]:
+    """Identify what sums may be rounded by."""
+    return kernels.compiled is not None, np.__version__, platform.machine(), sys.version_info[:2]
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def _apart(value: object, arrays: list[NDArray[np.generic]]) -> object:
+    """Give a value as JSON has it, and collect its arrays."""
+    name = type(value).__name__
+    if isinstance(value, np.ndarray):
+        arrays.append(value)
+        return {"array": len(arrays) - 1}
+    if isinstance(value, Mapping):
+        return {"map": [_apart(each, arrays) for each in value.items()]}
+    if isinstance(value, Kind):
+        return {name: [value.value]}
+    if isinstance(value, tuple):
+        parts = [_apart(each, arrays) for each in value]
+        return {name: parts} if name in _HELD else parts
+    if is_dataclass(value):
+        return {name: [_apart(getattr(value, each.name), arrays) for each in fields(value) if each.init]}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _together(value: Any, arrays: Sequence[NDArray[np.generic]]) -> Any:  # noqa: ANN401 - whatever was taken apart
+    """Give the value that was taken apart."""
+    if isinstance(value, list):
+        return tuple(_together(each, arrays) for each in value)
+    if not isinstance(value, dict):
+        return value
+    ((name, inner),) = value.items()
+    if name == "array":
+        return arrays[inner]
+    parts = _together(inner, arrays)
+    return dict(parts) if name == "map" else _HELD[name](*parts)
+
+
+def _read(path: Path) -> tuple[Any, ...]:
+    """Read a file; OSError or ValueError for one that is not there, is not this user's alone, or is damaged."""
+    for each in (path.parent, path):
+        found = each.stat()
+        if hasattr(os, "getuid") and (found.st_uid != os.getuid() or found.st_mode & 0o022):
+            raise ValueError(f"{each}: others can write to it")
+    content = memory.content(path, _MAX_BYTES)
+    digest, numbers = content[:32], content[32:]
+    if hashlib.sha256(numbers).digest() != digest:
+        raise ValueError(f"{path}: damaged")
+    with np.load(io.BytesIO(numbers), allow_pickle=False) as found:
+        arrays = [found[f"arr_{place}"] for place in range(len(found.files) - 1)]
+        read: tuple[Any, ...] = _together(json.loads(str(found["described"])), arrays)
+    # The oldest file goes first.
+    os.utime(path)
+    return read
+
+
+def _write(path: Path, numbers: tuple[Any, ...]) -> None:
+    """Write a file, and remove those that were not used for longest."""
+    folder = path.parent
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    arrays: list[NDArray[np.generic]] = []
+    described, file = json.dumps(_apart(numbers, arrays)), io.BytesIO()
+    np.savez(file, *arrays, described=np.array(described))
+    content = file.getvalue()
+    with tempfile.NamedTemporaryFile(dir=folder, prefix="new-", delete=False) as new:
+        try:
+            new.write(hashlib.sha256(content).digest() + content)
+        except OSError:
+            Path(new.name).unlink(missing_ok=True)
+            raise
+    Path(new.name).replace(path)
+    newest_first = sorted(folder.iterdir(), key=lambda each: -each.stat().st_mtime)
+    for each in newest_first[_KEPT:]:
+        each.unlink(missing_ok=True)

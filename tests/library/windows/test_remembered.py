@@ -1,0 +1,127 @@
+"""Opened windows in the user's cache: the same numbers as computed ones, and only of the built-in library."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.library import MotionLibrary
+from kinespace.library.windows import index, remembered
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from kinespace.library.windows.index import WindowIndex
+
+SIXTEEN = MotionLibrary.builtin().skeleton.joints[:16]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Use a cache of this test's own."""
+    monkeypatch.setattr(remembered, "cache_folder", lambda: tmp_path)
+    return tmp_path / "windows"
+
+
+def _opened() -> WindowIndex:
+    index.opened.cache_clear()
+    return index.opened(MotionLibrary.builtin())
+
+
+def _numbers(opened: WindowIndex) -> list[np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
+    whole, segments = opened.whole, opened.segments
+    return [
+        *opened.vectors,
+        opened.eigenvectors,
+        opened.motions,
+        opened.basis.directions,
+        *(metric.axes for metric in opened.comparison.parts.values()),
+        opened.rejection.typical,
+        opened.rejection.weights,
+        whole.courses,
+        whole.spreads,
+        whole.metric.axes,
+        segments.mean,
+        segments.builds,
+    ]
+
+
+def test_remembered_windows_are_those_that_were_computed(folder: Path) -> None:
+    """The second opening gives the first one's numbers, bit for bit, by all joints and by sixteen."""
+    computed, fewer = _opened(), _opened().by_joints(SIXTEEN)
+    assert len(list(folder.iterdir())) == 2
+    again = _opened()
+    for first, second in ((computed, again), (fewer, again.by_joints(SIXTEEN))):
+        assert first is not second
+        assert first.classes == second.classes
+        assert first.library.skeleton == second.library.skeleton
+        for left, right in zip(_numbers(first), _numbers(second), strict=True):
+            np.testing.assert_array_equal(left, right)
+
+
+def test_nothing_is_computed_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second opening computes no window."""
+    _opened().by_joints(SIXTEEN)
+    monkeypatch.setattr(index.WindowIndex, "of", None)
+    assert _opened().by_joints(SIXTEEN).library.skeleton.joints == SIXTEEN
+    assert folder.is_dir()
+
+
+def _spoiled(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def _of_another_kind(path: Path) -> None:
+    file = io.BytesIO()
+    np.savez(file, described=np.array('{"Path": ["/"]}'))
+    path.write_bytes(hashlib.sha256(file.getvalue()).digest() + file.getvalue())
+
+
+@pytest.mark.parametrize(
+    "spoil", [_spoiled, _of_another_kind, lambda path: path.write_bytes(b""), lambda path: path.chmod(0o666)]
+)
+def test_a_file_that_cannot_be_believed_is_made_again(folder: Path, spoil: Callable[[Path], object]) -> None:
+    """A damaged file, one that would make other objects, an empty one, and one that others can write to."""
+    computed = _opened()
+    (path,) = folder.iterdir()
+    good = path.read_bytes()
+    spoil(path)
+    np.testing.assert_array_equal(_opened().vectors[0], computed.vectors[0])
+    assert path.read_bytes() == good
+    assert not path.stat().st_mode & 0o022
+
+
+def test_other_peoples_motions_are_not_kept(folder: Path) -> None:
+    """A library of other motions writes nothing."""
+    builtin = MotionLibrary.builtin()
+    some = MotionLibrary(builtin.skeleton, builtin.motions[:40])
+    assert index.opened(some).library is some
+    assert not folder.exists()
+
+
+def test_without_a_folder_windows_are_computed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cache that cannot be written is no error."""
+    monkeypatch.setattr(remembered, "cache_folder", lambda: folder / "file" / "below")
+    folder.mkdir()
+    (folder / "file").write_text("")
+    assert len(_opened()) > 0
+
+
+def test_the_folder_keeps_a_dozen(folder: Path) -> None:
+    """The files that were not used for longest go."""
+    folder.mkdir()
+    for number in range(20):
+        (folder / f"{number}.windows").write_text("")
+        os.utime(folder / f"{number}.windows", (number, number))
+    _opened()
+    assert len(list(folder.iterdir())) == 12
+    assert not (folder / "8.windows").exists()
+    assert (folder / "19.windows").exists()

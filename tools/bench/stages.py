@@ -38,13 +38,13 @@ RECOGNISING = {
 }
 _NUMPY = ", numpy"
 #: The steps whose cost is a figure.
-_COSTS = {
+COSTS = {
     "us_per_frame": "recognise",
     "us_per_frame_numpy": "recognise" + _NUMPY,
     "osc_decode_us": "decode OSC",
     "osc_decode_python_osc_us": "decode OSC by python-osc",
 }
-FIGURES = (*_COSTS, "frames_per_second")
+FIGURES = (*COSTS, "frames_per_second")
 #: Frames that fill every window and every cache before measuring.
 WARM_UP = 300
 #: Frames of one round: four seconds.
@@ -61,7 +61,7 @@ def measure(_: Plan) -> Measured:
         jobs[name] = pushing(library, played, settings)
         jobs[name + _NUMPY] = pushing(library, played, settings, by_numpy=True)
     us = {name: float(np.median(each)) for name, each in in_turns(jobs, ROUNDS, "Stages").items()}
-    figures = {name: us[step] for name, step in _COSTS.items()}
+    figures = {name: us[step] for name, step in COSTS.items()}
     return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [_table(us)])
 
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import math
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from kinespace.tools.bench import recorded, sockets, stages
+from kinespace.tools.bench import against, recorded, sockets, stages
 from kinespace.tools.bench.report import rounded, shown
 from kinespace.tools.bench.timing import in_turns
 from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: What receivers of `--json` rely on.
 KEYS = {
@@ -58,6 +62,33 @@ def test_the_tables_fit_a_narrow_terminal(capsys: pytest.CaptureFixture[str], mo
     steps = {"decode OSC", "decode OSC by python-osc", "encode ZeroMQ", *stages.RECOGNISING}
     assert steps | {"osc", "zmq echo", "zmq"} <= begins
     assert " cores" in lines[-1]
+
+
+def test_another_version_is_measured_by_turns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Each turn's own ratio counts, so that an hour in which the machine is slow meets both versions."""
+    busy, order = [1.0, 1.0, 3.0, 3.0, 2.0, 2.0, 1.0, 1.0, 5.0, 5.0, 4.0, 4.0], list[bool]()
+
+    def figures(place: Path | None) -> dict[str, float]:
+        order.append(place is None)
+        return {"us_per_frame": busy[len(order) - 1] * (40.0 if place else 30.0), "frames_per_second": 1.0}
+
+    monkeypatch.setattr(against, "_installed", lambda *_: tmp_path)
+    monkeypatch.setattr(against, "_figures", figures)
+    assert main(["bench", "stages", "--against", "main", "--json"]) == 0
+    assert order == [True, False] * against.TURNS
+    given = json.loads(capsys.readouterr().out)
+    assert given["us_per_frame_ratio"] == 0.75
+    assert {name for name, figure in given.items() if figure is not None} == {"us_per_frame_ratio"}
+
+
+def test_only_stages_are_measured_against_a_commit_that_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    """Another part, and a commit that git does not know, are told in a line."""
+    assert main(["bench", "peers", "--against", "main"]) == 2
+    assert "--against: expected the part stages with it, got peers" in capsys.readouterr().err
+    assert main(["bench", "stages", "--against", "no-such-commit"]) == 2
+    assert "git" in capsys.readouterr().err
 
 
 def test_figures_have_four_digits() -> None:

@@ -12,6 +12,7 @@ from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, ReplySink, Sink, ZmqSink
+from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from kinespace.stream.packet import Networks
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
+    from kinespace.tools.feeding.lsl_feed import LslFeed
     from kinespace.tools.programs.camera.process import CameraProcess
 
 #: The addresses of all of a machine's networks, and of the machine itself.
@@ -45,7 +47,7 @@ def open_ends(
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
     """Open the addresses and the recording; after a failure the open addresses are closed again."""
     networks = _networks(options)
-    if getattr(options, "camera", None):
+    if getattr(options, "camera", None) or getattr(options, "lsl_in", None):
         networks = _and_here(networks)
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
@@ -91,12 +93,34 @@ def open_camera(options: argparse.Namespace, sources: Sequence[Source]) -> Abstr
     from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
     from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
 
-    receiver = next(each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver))
-    host, port = receiver.address[:2]
-    place = f"{'127.0.0.1' if host in _ANY_HOST else host}:{port}"
+    place = "{}:{}".format(*_own_port(sources))
     camera = CameraProcess(CameraPlan(options.camera, osc=place, people=options.people, show=options.show), say)
     say(f"camera: {camera.opened}")
     return camera
+
+
+def open_lsl(options: argparse.Namespace, sources: Sequence[Source]) -> AbstractContextManager[LslFeed | None]:
+    """Find the LSL stream that is asked for; its samples come to the OSC port, as any sender's frames.
+
+    Raises
+    ------
+    ImportError, OSError, ValueError
+        As `tools.feeding.lsl_feed.LslFeed`.
+    """
+    if not getattr(options, "lsl_in", None):
+        return nullcontext()
+    from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
+
+    feed = LslFeed(options.lsl_in, *_own_port(sources))
+    say(f"LSL: {options.lsl_in}, {len(feed.layout.joints)} joints")
+    return feed
+
+
+def _own_port(sources: Sequence[Source]) -> tuple[str, int]:
+    """Give the host and the port at which this machine reaches the OSC port."""
+    receiver = next(each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver))
+    host, port = receiver.address[:2]
+    return "127.0.0.1" if host in _ANY_HOST else host, port
 
 
 def _source(
@@ -111,7 +135,9 @@ def _source(
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
     """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
     name, _, target = text.partition("=")
-    layout = LAYOUTS[one_of("--out", name, LAYOUTS)]()
+    if name == LSL and not target:
+        return LslSink()
+    layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL))]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(layout, osc.OscSender(host, port))

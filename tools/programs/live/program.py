@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream.outputs import LAYOUTS
+from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
 from kinespace.tools.programs.live.recognisers import in_this_process, in_workers
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera", metavar="0|FILE|URL", help="watch a camera, a film or a stream, as kinespace camera does"
     )
     add_shared(parser, "--people", "--show")
+    parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
     parser.add_argument(
         "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
     )
@@ -88,7 +90,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME[=HOST:PORT],...",
         help=f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
-        + ", ".join(LAYOUTS)
+        + ", ".join((*LAYOUTS, LSL))
         + "; sender:PORT replies",
     )
     parser.add_argument(

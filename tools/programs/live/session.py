@@ -20,7 +20,7 @@ from kinespace.stream.service.loop import Service
 from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.programs.live.endpoints import open_camera, open_controls, open_ends, open_page
+from kinespace.tools.programs.live.endpoints import open_camera, open_controls, open_ends, open_lsl, open_page
 from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console, say
@@ -63,6 +63,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
             opened.callback(each.close)
         controls = open_controls(options, sources, keyring) if lessons else []
         camera = open_camera(options, sources)
+        lsl_feed = open_lsl(options, sources)
         opened.pop_all()
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
@@ -77,6 +78,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         ) as service,
         page_process or nullcontext() as page,
         camera,
+        lsl_feed,
     ):
         if lessons:
             lessons.sinks = service.sinks
@@ -108,9 +110,12 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
             raise ValueError(f"--{option}: expected --teach with it")
     if options.teach and settings.signature is LiveSignature.PAPER:
         raise ValueError("--teach: expected --signature windows with it, got paper")
-    if getattr(options, "camera", None):
+    for option in ("camera", "lsl_in"):
+        if not getattr(options, option, None):
+            continue
         if options.feed:
-            raise ValueError("--camera: expected no --feed with it; another feed needs a kinespace live of its own")
+            name = option.replace("_", "-")
+            raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
         options.osc_in = options.osc_in or OSC_IN
     if options.record:
         require_place_for(options.record, overwrite=options.overwrite)

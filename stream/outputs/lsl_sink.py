@@ -1,0 +1,100 @@
+"""Answers as streams of the lab streaming layer (LSL): events as markers, and each performer's scores as floats."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from kinespace.stream.outputs.sink import Sink
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import ModuleType
+
+    from kinespace.stream.recognition import Done, Event, Recognition
+
+#: The name among the layouts of `--out`.
+LSL = "lsl"
+#: The names of the streams.
+EVENTS, SCORES = "kinespace events", "kinespace {}"
+#: The channels behind the classes' scores; phase, speed and amplitude are 0 where no motion is followed.
+FURTHER = ("class", "margin", "phase", "speed", "amplitude")
+#: Performers whose scores have a stream, at most.
+_MAX_STREAMS = 256
+
+
+def lsl() -> ModuleType:
+    """Load the library of LSL; ImportError says how to get it."""
+    try:
+        import pylsl  # noqa: PLC0415 - an extra
+    except (ImportError, RuntimeError) as error:
+        # RuntimeError: the package is there without the library that it calls.
+        raise ImportError("LSL needs pylsl: pip install 'kinespace[lsl]'") from error
+    loaded: ModuleType = pylsl
+    return loaded
+
+
+class LslSink(Sink):
+    """Gives answers to all programs that look for them on the network by LSL, in LSL's own time.
+
+    `kinespace events` has a text for each event: `start squat1Reps ann`, `end squat1Reps ann`, and for a motion that
+    was done `done squat1Reps ann`. It is stamped with the time of the event, as far before the newest answer as by the
+    sender's clock. `kinespace ann` has a number for each class, its score, and `FURTHER`; the class is its index, -1
+    for none.
+    """
+
+    def __init__(self) -> None:
+        self._lsl = lsl()
+        info = self._lsl.StreamInfo(EVENTS, "Markers", 1, self._lsl.IRREGULAR_RATE, "string", EVENTS)
+        self._events = self._lsl.StreamOutlet(info)
+        #: The classes and the stream of each performer, and the time of the newest answer by the sender's clock.
+        self._streams: dict[str, tuple[Sequence[str], Any]] = {}
+        self._newest: dict[str, float] = {}
+
+    def __str__(self) -> str:
+        return "LSL"
+
+    def publish(self, recognition: Recognition) -> None:
+        """Give a performer's scores, progress and class."""
+        name, progress = recognition.performer, recognition.progress
+        classes, stream = self._streams.get(name, ((), None))
+        if stream is None or classes != recognition.classes:
+            stream = self._opened(name, recognition.classes)
+        self._newest[name] = recognition.time
+        followed = (progress.phase, progress.speed, progress.amplitude) if progress else (0.0, 0.0, 0.0)
+        further = (float(recognition.class_index), recognition.margin, *followed)
+        stream.push_sample([*map(float, recognition.scores), *further])
+
+    def _opened(self, name: str, classes: Sequence[str]) -> Any:  # noqa: ANN401 - pylsl's class, which is an extra's
+        """Open the stream of a performer, or open it again for other classes."""
+        if name not in self._streams and len(self._streams) >= _MAX_STREAMS:
+            self.publish_gone(next(iter(self._streams)))
+        title, labels = SCORES.format(name), [*classes, *FURTHER]
+        info = self._lsl.StreamInfo(title, "Scores", len(labels), self._lsl.IRREGULAR_RATE, "float32", title)
+        info.set_channel_labels(labels)
+        # The stream before ends first: two of one name would be mixed up.
+        self._streams.pop(name, None)
+        stream = self._lsl.StreamOutlet(info)
+        self._streams[name] = classes, stream
+        return stream
+
+    def publish_event(self, event: Event) -> None:
+        """Give a marker."""
+        self._mark(f"{event.kind} {event.label} {event.performer}", event.performer, event.time)
+
+    def publish_done(self, done: Done) -> None:
+        """Give a marker at the end of the motion that was done."""
+        self._mark(f"done {done.label} {done.performer}", done.performer, done.start + done.duration)
+
+    def publish_gone(self, performer: str) -> None:
+        """Close the performer's stream."""
+        self._streams.pop(performer, None)
+        self._newest.pop(performer, None)
+
+    def _mark(self, text: str, performer: str, time: float) -> None:
+        before = max(self._newest.get(performer, time) - time, 0.0)
+        self._events.push_sample([text], self._lsl.local_clock() - before)
+
+    def close(self) -> None:
+        """Close all streams."""
+        self._streams.clear()
+        del self._events

@@ -1,0 +1,154 @@
+"""LSL both ways, on this machine alone: answers to pylsl's inlet, and positions from pylsl's outlet."""
+
+from __future__ import annotations
+
+import time
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from kinespace.stream import Announcement, Frame, osc
+from kinespace.stream.outputs.lsl_sink import FURTHER, LslSink
+from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
+from kinespace.tools.feeding.lsl_feed import Layout, LslFeed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+pylsl = pytest.importorskip("pylsl", reason="pylsl finds no library of LSL", exc_type=(ImportError, RuntimeError))
+#: No packet leaves this machine, and no name of a test is another program's.
+CONFIG = "[ports]\nIPv6=disable\n[multicast]\nResolveScope=machine\n[lab]\nSessionID=kinespace-tests\n"
+CLASSES = ("bow", "jump")
+FOLLOWED = Progress("jump", 0.5, 0.5, 1.25, 0.75, sure=1.0, cycles=0)
+JOINTS = tuple("abcdef")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _this_machine() -> None:
+    """Configure LSL before its first stream."""
+    pylsl.set_config_content(CONFIG)
+
+
+def _inlet(name: str) -> Any:  # noqa: ANN401 - pylsl has no types
+    (info,) = pylsl.resolve_byprop("name", name, timeout=10.0)
+    inlet = pylsl.StreamInlet(info)
+    inlet.open_stream(timeout=10.0)
+    return inlet
+
+
+def _pulled(pull: Callable[[], tuple[Any, float | None]]) -> tuple[Any, float]:
+    """Give the next sample and its time."""
+    sample, stamp = pull()
+    assert stamp is not None
+    return sample, stamp
+
+
+def _answer(at: float) -> Recognition:
+    scores = np.array([0.25, 0.75], dtype=np.float32)
+    return Recognition("ann", at, Outcome.NAMED, CLASSES, scores, movement=0.1, progress=FOLLOWED)
+
+
+def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
+    """An event's stamp lies as far before the answer as on the sender's clock, within two milliseconds."""
+    with closing(LslSink()) as sink:
+        sink.publish(_answer(100.0))
+        scores, events = _inlet("kinespace ann"), _inlet("kinespace events")
+        labels = scores.info().get_channel_labels()
+        assert labels == [*CLASSES, *FURTHER]
+        sink.publish(_answer(101.0))
+        now = pylsl.local_clock()
+        sink.publish_event(Event("ann", EventKind.START, "jump", 1, 0.75, 100.5))
+        sink.publish_done(Done("ann", "jump", 1, 99.0, 1.5, 0.875, 1.25, 0.75, 3))
+        sample, _ = _pulled(lambda: scores.pull_sample(timeout=5.0))
+        answered = _answer(0.0)
+        assert sample == pytest.approx([0.25, 0.75, 1.0, answered.margin, 0.5, 1.25, 0.75])
+        for text, before in (("start jump ann", 0.5), ("done jump ann", 0.5)):
+            (got,), stamp = _pulled(lambda: events.pull_sample(timeout=5.0))
+            assert got == text
+            assert now - before <= stamp + events.time_correction() <= pylsl.local_clock() - before
+        sink.publish_gone("ann")
+        assert str(sink) == "LSL"
+
+
+def test_other_classes_have_a_stream_of_their_own() -> None:
+    """When a class is taught, the performer's channels are described again."""
+    with closing(LslSink()) as sink:
+        sink.publish(_answer(1.0))
+        taught = Recognition("ann", 2.0, Outcome.UNKNOWN, ("bow", "jump", "wave"), np.zeros(3, dtype=np.float32), 0.0)
+        sink.publish(taught)
+        assert _inlet("kinespace ann").info().get_channel_labels() == [*taught.classes, *FURTHER]
+
+
+def _outlet(name: str) -> Any:  # noqa: ANN401 - as above
+    labels = [f"{joint}_{axis}" for joint in JOINTS for axis in "xyz"]
+    info = pylsl.StreamInfo(name, "MoCap", len(labels), 60.0, "float32", name)
+    info.set_channel_labels(labels)
+    info.set_channel_units(["millimeters"] * len(labels))
+    return pylsl.StreamOutlet(info)
+
+
+def test_positions_of_a_stream_come_as_frames() -> None:
+    """A stream in millimetres is sent in metres, with its own times and its name as the performer's."""
+    outlet, positions = _outlet("hall"), np.arange(18, dtype=np.float32).reshape(6, 3) * 100
+    receiver = osc.OscReceiver("127.0.0.1", 0)
+    with closing(receiver), LslFeed("hall", *receiver.address[:2]) as feed:
+        assert feed.layout.joints == JOINTS
+        assert outlet.wait_for_consumers(10.0)
+        begun = pylsl.local_clock()
+        stamps = [begun + number / 60 for number in range(30)]
+        for stamp in stamps:
+            outlet.push_sample(positions.ravel().tolist(), stamp)
+        got = _received(receiver, 31)
+    announced = [each for each in got if isinstance(each, Announcement)]
+    frames = [each for each in got if isinstance(each, Frame)]
+    assert announced[0] == Announcement("hall", JOINTS)
+    np.testing.assert_allclose([each.time for each in frames], stamps, atol=0.002)
+    np.testing.assert_allclose(frames[-1].positions, positions / 1000, rtol=1e-5)
+
+
+def _received(receiver: osc.OscReceiver, count: int) -> list[object]:
+    got, until = list[object](), time.monotonic() + 10.0
+    while len(got) < count and time.monotonic() < until:
+        packet = receiver.receive()
+        if packet is None:
+            time.sleep(0.002)
+            continue
+        got += osc.decode(packet, 0.0).events
+    return got
+
+
+def test_a_stream_that_is_not_there_is_said_with_those_that_are() -> None:
+    """The message names the streams of the network."""
+    outlet = _outlet("studio")
+    with pytest.raises(OSError, match=r"no stream 'hall 7' on the network; there are: .*studio"):
+        LslFeed("hall 7", "127.0.0.1", 9)
+    del outlet
+
+
+MOBI = ["PositionX", "PositionY", "PositionZ", "OrientationX"]
+
+
+@pytest.mark.parametrize(
+    ("labels", "types"),
+    [
+        ([f"{joint}.{axis}" for joint in JOINTS for axis in "XYZ"], [""] * 18),
+        ([f"{joint} Position{axis}" for joint in JOINTS for axis in "XYZ"], [""] * 18),
+        ([joint for joint in JOINTS for _ in MOBI], MOBI * 6),
+        ([f"{joint}_{axis}" for joint in JOINTS for axis in ("x", "y", "z", "quality")], [""] * 24),
+    ],
+)
+def test_joints_are_read_off_labels_or_types(labels: list[str], types: list[str]) -> None:
+    """Labels with an axis at their end, MoBI's types, and channels between that are no positions."""
+    layout = Layout.of(labels, types, [""] * len(labels))
+    assert layout.joints == JOINTS
+    step = len(labels) // 6
+    np.testing.assert_array_equal(layout.channels, np.arange(6)[:, None] * step + np.arange(3))
+    assert layout.metres == 1.0
+
+
+def test_channels_that_are_no_positions_are_refused() -> None:
+    """An EEG's channels are named in the message."""
+    with pytest.raises(ValueError, match="expected channels named like head_x, head_y, head_z, got Fp1, Fp2"):
+        Layout.of(["Fp1", "Fp2"], ["EEG", "EEG"], ["uV", "uV"])

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
 _MAX_HOPS = 2048
+#: Seconds of a hop's 99th percentile beyond which answers are late.
+_LATE = 0.1
 #: Characters of a refusal's reason, at most.
 _MAX_REASON = 160
 #: Bytes of a refused packet that are shown, at most.
@@ -112,6 +114,18 @@ class Status:
     def frames_per_second(self) -> float:
         """Frames per second of all performers together."""
         return float(sum(self.performers.values()))
+
+    @property
+    def health(self) -> str:
+        """One line for programs that keep the service running: `ok`, `waiting`, `refusing` or `late`, and numbers."""
+        if not self.performers:
+            state = "waiting"
+        elif self.refused:
+            state = "refusing"
+        else:
+            state = "late" if self.hop_p99 > _LATE else "ok"
+        count = f"{len(self.performers)} performers, {self.frames_per_second:.0f} frames a second"
+        return f"{state}: {count}, {self.lost} lost, hop {1e3 * self.hop_p99:.1f} ms"
 
     @property
     def lost(self) -> int:

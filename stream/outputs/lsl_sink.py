@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 #: The name among the layouts of `--out`.
 LSL = "lsl"
 #: The names of the streams.
-EVENTS, SCORES = "kinespace events", "kinespace {}"
+EVENTS, SCORES = "kinespace-events", "kinespace-{}"
 #: The channels behind the classes' scores; phase, speed and amplitude are 0 where no motion is followed.
 FURTHER = ("class", "margin", "phase", "speed", "amplitude")
 #: Performers whose scores have a stream, at most.
@@ -36,9 +36,9 @@ def lsl() -> ModuleType:
 class LslSink(Sink):
     """Gives answers to all programs that look for them on the network by LSL, in LSL's own time.
 
-    `kinespace events` has a text for each event: `start squat1Reps ann`, `end squat1Reps ann`, and for a motion that
+    `kinespace-events` has a text for each event: `start squat1Reps ann`, `end squat1Reps ann`, and for a motion that
     was done `done squat1Reps ann`. It is stamped with the time of the event, as far before the newest answer as by the
-    sender's clock. `kinespace ann` has a number for each class, its score, and `FURTHER`; the class is its index, -1
+    sender's clock. `kinespace-ann` has a number for each class, its score, and `FURTHER`; the class is its index, -1
     for none.
     """
 

@@ -139,5 +139,5 @@ def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
     described = {"v": VERSION, "alive": True, **asdict(status), "followed": len(status.performers)}
     if not named:
         described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": []}
-    described |= {"frames_per_second": status.frames_per_second, "lost": status.lost}
+    described |= {"frames_per_second": status.frames_per_second, "lost": status.lost, "health": status.health}
     return [b"status/", _encode(described)]

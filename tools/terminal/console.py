@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+import json
+import logging
+import sys
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from rich.text import Text
 
@@ -37,9 +41,41 @@ console = _PrintableConsole(highlight=False, markup=False, emoji=False)
 progress_console = Console(stderr=True)
 
 
-def say(line: str | Text) -> None:
-    """Print a line, which the terminal breaks where it is narrow."""
-    console.print(line, soft_wrap=True)
+_log = logging.getLogger("kinespace.lines")
+
+
+class _Lines(logging.Formatter):
+    """Writes the wall clock (UTC), the level and the line; as JSON also the facts that the line tells."""
+
+    def __init__(self, kind: Literal["text", "json"]) -> None:
+        super().__init__()
+        self._kind = kind
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Write one line."""
+        moment = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        level, text = record.levelname.lower(), printable(record.getMessage().strip())
+        if self._kind == "text":
+            return f"{moment} {level:7} {text}"
+        facts: dict[str, object] = record.__dict__.get("facts", {})
+        return json.dumps({"time": moment, "level": level, "text": text, **facts})
+
+
+def log_as(kind: Literal["text", "json"]) -> None:
+    """Write every line that is said from now on with the wall clock and a level."""
+    handler = logging.StreamHandler(sys.stdout)
+    handler.setFormatter(_Lines(kind))
+    _log.handlers, _log.propagate = [handler], False
+    _log.setLevel(logging.INFO)
+
+
+def say(line: str | Text, facts: Mapping[str, object] | None = None, *, level: int = logging.INFO) -> None:
+    """Print a line, which the terminal breaks where it is narrow; where a log is kept, with its level and its facts."""
+    if _log.handlers:
+        for each in str(line).splitlines():
+            _log.log(level, "%s", each, extra={"facts": facts or {}})
+    else:
+        console.print(line, soft_wrap=True)
 
 
 def note(line: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -108,27 +109,31 @@ class PlainLines(Sink):
         if recognition.label != before:
             say(
                 f"{recognition.time - began:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
-                f"score {recognition.score:.3f}  margin {recognition.margin:.3f}"
+                f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
+                _facts("label", recognition.performer, recognition.label, score=round(recognition.score, 4)),
             )
 
     def publish_gone(self, performer: str) -> None:
         """Print that a performer has left."""
-        say(f"performer {printable(performer)}: gone")
+        say(f"performer {printable(performer)}: gone", {"what": "gone", "performer": performer})
 
     def publish_event(self, event: Event) -> None:
         """Print the event at the time of the performer's last answer, and its own time if that was earlier."""
         _, began, last = self._last.get(event.performer, ("", event.time, event.time))
         at = "" if event.time >= last else f" at {event.time - began:.3f} s"
         moment = max(event.time, last) - began
-        say(f"{moment:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}")
+        say(
+            f"{moment:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}",
+            _facts(event.kind, event.performer, event.label),
+        )
 
     def publish_done(self, done: Done) -> None:
         """Print the motion that was done, at the time of the performer's last answer."""
         _, began, last = self._last.get(done.performer, ("", done.start, done.end))
-        console.print(
+        say(
             f"{last - began:10.3f} s  {printable(done.performer)}  done: {done.label} {done.count}, "
             f"{done.duration:.1f} s, speed {done.speed:.2f}, amplitude {done.amplitude:.2f}",
-            soft_wrap=True,
+            _facts("done", done.performer, done.label, count=done.count),
         )
 
     def publish_status(self, status: Status) -> None:
@@ -137,18 +142,23 @@ class PlainLines(Sink):
         said = said_of(status) + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
         for line in said:
             if line not in self._said:
-                say(line)
+                say(line, level=logging.WARNING)
         self._said = said
         for note in status.notes:
             # A sender may make a new mistake each second: one line of each kind is enough.
             kind = note.partition(":")[0]
             if kind not in self._notes:
                 self._notes.add(kind)
-                say(printable(note))
+                say(printable(note), level=logging.WARNING)
 
     def publish_notice(self, notice: Notice) -> None:
         """Print the notice."""
         say(printable(as_line(notice)))
+
+
+def _facts(what: str, performer: str, class_name: str, **numbers: float) -> dict[str, object]:
+    """Give the facts of a line for a log."""
+    return {"what": what, "performer": performer, "class": class_name, **numbers}
 
 
 class LiveTable(Sink):

@@ -91,6 +91,7 @@ def test_classes_and_status_are_json() -> None:
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status) | {
         "notes": [],
         "followed": 1,
+        "health": "ok: 1 performers, 120 frames a second, 13 lost, hop 2.0 ms",
     }
     told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4}
     assert described["inputs"] == told | {"incomplete": 0, "broken": 0, "thrown_away": 0}
@@ -359,3 +360,15 @@ def test_a_sender_that_was_switched_off_is_asked_for(wire: Wire) -> None:
         time.sleep(0.01)
     assert [kind for kind, _ in timers] == [KEEPALIVE, KEEPALIVE]
     assert max(seconds for _, seconds in timers) <= 6.0
+
+
+@pytest.mark.parametrize(
+    ("performers", "hop", "refused", "state"),
+    [({}, 0.0, {}, "waiting"), ({"a": 60.0}, 0.2, {}, "late"), ({"a": 60.0}, 0.2, {"b": "5 joints"}, "refusing")],
+)
+def test_the_health_is_one_word_and_numbers(
+    performers: dict[str, float], hop: float, refused: dict[str, str], state: str
+) -> None:
+    """No performer, answers that come late, and frames that are refused."""
+    status = Status(InputCounts(), PerformerCounts(), 0, performers, hop, hop, refused)
+    assert status.health.partition(":")[0] == state

@@ -54,7 +54,7 @@ def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
     """An event's stamp lies as far before the answer as on the sender's clock, within two milliseconds."""
     with closing(LslSink()) as sink:
         sink.publish(_answer(100.0))
-        scores, events = _inlet("kinespace ann"), _inlet("kinespace events")
+        scores, events = _inlet("kinespace-ann"), _inlet("kinespace-events")
         labels = scores.info().get_channel_labels()
         assert labels == [*CLASSES, *FURTHER]
         sink.publish(_answer(101.0))
@@ -78,7 +78,7 @@ def test_other_classes_have_a_stream_of_their_own() -> None:
         sink.publish(_answer(1.0))
         taught = Recognition("ann", 2.0, Outcome.UNKNOWN, ("bow", "jump", "wave"), np.zeros(3, dtype=np.float32), 0.0)
         sink.publish(taught)
-        assert _inlet("kinespace ann").info().get_channel_labels() == [*taught.classes, *FURTHER]
+        assert _inlet("kinespace-ann").info().get_channel_labels() == [*taught.classes, *FURTHER]
 
 
 def _outlet(name: str) -> Any:  # noqa: ANN401 - as above

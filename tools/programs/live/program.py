@@ -19,6 +19,7 @@ from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
 from kinespace.tools.programs.live.recognisers import in_this_process, in_workers
 from kinespace.tools.programs.live.session import recognise
+from kinespace.tools.terminal.console import log_as
 
 if TYPE_CHECKING:
     from kinespace.tools.programs.live.recognisers import Making
@@ -120,10 +121,13 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_shared(parser, "--page")
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+    parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
 
 
 def run(options: argparse.Namespace, make: Making | None = None) -> int:
     """Run the program with these options; return the exit status. `make` makes recognisers elsewhere."""
+    if options.log:
+        log_as(options.log)
     if not (options.osc_in or options.zmq_in or options.feed):
         options.osc_in = OSC_IN
     if not (options.osc_out or options.zmq_out or options.out):

@@ -22,6 +22,7 @@ from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.programs.live.endpoints import open_camera, open_controls, open_ends, open_lsl, open_page
 from kinespace.tools.programs.live.recognisers import recognisers
+from kinespace.tools.programs.live.supervisor import supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.terminal.console import console, say
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
@@ -50,7 +51,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     performers, lessons = recognisers(options, preset, make)
     # The answers of workers come back by a source.
     from_workers = [source] if (source := getattr(performers, "source", None)) else []
-    in_lines = options.plain or not console.is_terminal
+    in_lines = options.plain or options.log or not console.is_terminal
     shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
     admission = Admission(silence=performers.silence, allowed=options.allow)
     with ExitStack() as opened:
@@ -72,7 +73,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         Service(
             performers,
             [*sources, *controls, *page_sources, *from_workers],
-            [*sinks, shown, *page_sinks, *([lessons] if lessons else [])],
+            [*sinks, shown, *page_sinks, *([lessons] if lessons else []), *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,

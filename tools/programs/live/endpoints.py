@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
@@ -11,8 +12,9 @@ from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
-from kinespace.stream.outputs import LAYOUTS, LayoutSink, ReplySink, Sink, ZmqSink
+from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
+from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
@@ -23,7 +25,6 @@ from kinespace.tools.terminal.console import say
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
-    from pathlib import Path
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs import Admission
@@ -133,11 +134,14 @@ def _source(
 
 
 def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
-    """Open NAME, NAME=HOST:PORT or NAME=sender:PORT."""
+    """Open NAME or FILE.toml, perhaps with =HOST:PORT or =sender:PORT."""
     name, _, target = text.partition("=")
     if name == LSL and not target:
         return LslSink()
-    layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL))]()
+    if name.endswith(".toml"):
+        layout: Layout = WrittenLayout(Path(name))
+    else:
+        layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL))]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(layout, osc.OscSender(host, port))

@@ -92,7 +92,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME[=HOST:PORT],...",
         help=f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
         + ", ".join((*LAYOUTS, LSL))
-        + "; sender:PORT replies",
+        + "; FILE.toml: messages of your own; sender:PORT replies",
     )
     parser.add_argument(
         "--joints",

@@ -14,6 +14,7 @@ from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
+from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.cli.address import host_and_port, opening
@@ -138,10 +139,12 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admiss
     name, _, target = text.partition("=")
     if name == LSL and not target:
         return LslSink()
+    if name == MIDI:
+        return MidiSink(target)
     if name.endswith(".toml"):
         layout: Layout = WrittenLayout(Path(name))
     else:
-        layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL))]()
+        layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL, MIDI))]()
     if target.partition(":")[0] != "sender":
         host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(layout, osc.OscSender(host, port))

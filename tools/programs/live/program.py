@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream.outputs import LAYOUTS
 from kinespace.stream.outputs.lsl_sink import LSL
+from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
 from kinespace.tools.programs.live.recognisers import in_this_process, in_workers
@@ -91,7 +92,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME[=HOST:PORT],...",
         help=f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
-        + ", ".join((*LAYOUTS, LSL))
+        + ", ".join((*LAYOUTS, LSL, MIDI))
         + "; FILE.toml: messages of your own; sender:PORT replies",
     )
     parser.add_argument(

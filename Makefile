@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 # Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup demo chaos soak figures test quick lint types pytest sanitize fuzz wheel-check clean
+.PHONY: setup demo docs chaos soak figures test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -50,6 +50,10 @@ figures: setup
 
 demo: $(RUNS)
 	@$(BIN)/kinespace demo
+
+# README, the pages of .github/docs and the programming interface as a site: build/docs/index.html.
+docs: setup types
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --config-file .ci/mkdocs.yml
 
 # mypy runs beside the tests, because many of them wait for real time.
 test: setup

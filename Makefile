@@ -91,10 +91,15 @@ fuzz: setup
 	FILES=$(FILES) $(BIN)/python -m pytest -q -n0 tests/system/strangers/test_fuzzfiles.py
 	PYTHONPATH=tests:tests/reference:tests/support $(BIN)/python tests/support/fuzzfeeds.py --packets $(PACKETS)
 
-# A wheel, installed in an environment of its own, away from the sources, does the main job.
+# A wheel that is built twice, in two folders, is the same; installed in an environment of its own, away from the
+# sources, it does the main job.
+WHEEL := PYTHONWARNINGS=ignore SOURCE_DATE_EPOCH=1700000000 $(CURDIR)/$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps
 wheel-check: setup
-	rm -rf build/wheel && mkdir -p build/wheel
-	PYTHONWARNINGS=ignore $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheel .
+	rm -rf build/wheel && mkdir -p build/wheel/first build/wheel/second
+	tar -c --exclude-vcs --exclude=./.venv --exclude=./build . | tar -x -C build/wheel/second
+	$(WHEEL) --wheel-dir build/wheel .
+	cd build/wheel/second && $(WHEEL) --wheel-dir ../first .
+	cmp build/wheel/*.whl build/wheel/first/*.whl
 	$(PYTHON) -m venv build/wheel/venv
 	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check build/wheel/*.whl
 	cd build/wheel && venv/bin/kinespace info && venv/bin/kinespace demo --json

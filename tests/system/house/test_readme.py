@@ -5,11 +5,15 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from fractions import Fraction
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import pytest
 from programs import ROOT
 
+from kinespace.library.signature.parts import Kind
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 
 if TYPE_CHECKING:
@@ -81,6 +85,19 @@ def test_every_make_target_named_exists() -> None:
     named = {word for code in CODE for word in re.findall(r"(?:^|\s)make ([a-z-]+)", code)}
     assert named
     assert named <= targets
+
+
+def test_the_weights_of_the_parts_are_on_the_methods_page() -> None:
+    """Of the groups in both views, of a library's own two, and of the eigenvectors together."""
+    page = " ".join(PAGES[ROOT / ".github/docs/method.md"].split())
+    weighing, (own,) = ACROSS_LABORATORIES, WITHIN_LABORATORY.views
+    eigen = [group[0].kind is Kind.EIGEN for group in weighing.groups]
+    first, second = ([str(Fraction(weight).limit_denominator(9)) for weight in view] for view in weighing.views)
+    whole = [str(Fraction(sum(compress(view, eigen))).limit_denominator(9)) for view in weighing.views]
+    assert f"group, of weight {first[0]} (posture {first[-1]}), and a second view weighs" in page
+    assert f"the short windows alone, {second[1]} each: the eigenvectors have {whole[0]} and {whole[1]}." in page
+    assert f"there are two groups of weight {Fraction(own[0])}, all parts" in page
+    assert (len({*first[:-1]}), len({*second}), len({*own})) == (1, 2, 1)
 
 
 def test_every_program_with_json_has_a_row_on_its_page(capsys: pytest.CaptureFixture[str]) -> None:

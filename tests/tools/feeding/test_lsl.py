@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 pylsl = pytest.importorskip("pylsl", reason="pylsl finds no library of LSL", exc_type=(ImportError, RuntimeError))
-#: No packet leaves this machine, and no name of a test is another program's.
-CONFIG = "[ports]\nIPv6=disable\n[multicast]\nResolveScope=machine\n[lab]\nSessionID=kinespace-tests\n"
+#: No packet leaves this machine, and no stream is another program's, or another run's of these tests.
+CONFIG = f"[ports]\nIPv6=disable\n[multicast]\nResolveScope=machine\n[lab]\nSessionID=kinespace-{os.getpid()}\n"
 CLASSES = ("bow", "jump")
 FOLLOWED = Progress("jump", 0.5, 0.5, 1.25, 0.75, sure=1.0, cycles=0)
 JOINTS = tuple("abcdef")

@@ -1029,6 +1029,163 @@ KERNEL(follow_phase) {
     return 0.0;
 }
 
+/* The squared distances of a vector from FLOATS columns of others. */
+HELPER KIND(Floats) KIND(apart)(const float *restrict vector, const float *restrict columns, Py_ssize_t width, Py_ssize_t stride) {
+    KIND(Floats) even = {0.0F}, odd = {0.0F};
+    for (Py_ssize_t i = 0; i < width; i++) {
+        const KIND(Floats) one = vector[i] - *(const KIND(Floats) *)(columns + i * stride);
+        odd += one * one;
+        if (++i < width) {
+            const KIND(Floats) two = vector[i] - *(const KIND(Floats) *)(columns + i * stride);
+            even += two * two;
+        }
+    }
+    return even + odd;
+}
+
+/* The products of a curve with some points (points, width). */
+HELPER void KIND(along)(const float *restrict curve, const float *restrict points, Py_ssize_t count, int width, float *restrict products) {
+    float sums[MAX_DIRECTIONS] = {0.0F};
+    for (Py_ssize_t i = 0; i < count; i++) {
+        for (int d = 0; d < width; d++) {
+            sums[d] += curve[i] * points[i * width + d];
+        }
+    }
+    memcpy(products, sums, sizeof(float) * (size_t)width);
+}
+
+/* Judge every class by windows of several lengths that end with the newest point. path (points, directions), sizes
+ * (points); counts (lengths): points in a window, ascending; curves (lengths, orders, longest); origin (orders, directions)
+ * and axes (orders, directions, axes in whole lanes) of the metric; courses (axes, motions), spreads (directions, motions)
+ * and facts (2, motions), log seconds and log swing, with a register behind the last motion; ranges (lengths, classes, 2): motions about as long; weights (6); relative (longest,
+ * directions), course (orders, directions) and vector (axes) to work on; found (4, lengths, classes): evidence, log distance
+ * of the spread, motion of the nearest course, log amplitude; n: points, directions, lengths, orders, longest, axes,
+ * motions, classes; x: added to squared distances of courses and of spreads, the most that a lead and an amplitude count,
+ * the noise's floor, the level removed, seconds from one point to the next, the points that have come. */
+KERNEL(whole) {
+    const Py_ssize_t directions = n[1], orders = n[3], longest = n[4], axes = n[5], classes = n[7], end = (Py_ssize_t)x[7];
+    const Py_ssize_t some = end < longest ? end : longest, *restrict counts = array[2], *restrict ranges = array[9];
+    const double *restrict path = (const double *)array[0] + (end - some) * directions, *restrict facts = array[8];
+    const double *restrict sizes = (const double *)array[1] + end - some, *restrict weights = array[10];
+    const float *restrict origin = array[4], *restrict all_axes = array[5];
+    float *restrict relative = array[11], *restrict course = array[12], *restrict vector = array[13];
+    double *restrict evidence = array[14], *restrict apart = evidence + n[2] * classes;
+    double *restrict nearest = apart + n[2] * classes, *restrict larger = nearest + n[2] * classes;
+    double size = 0.0, sums[MAX_DIRECTIONS] = {0.0}, squares[MAX_DIRECTIONS] = {0.0};
+    if (end == 0) {
+        return 0.0;
+    }
+    for (Py_ssize_t i = 0; i < some; i++) {
+        size += sizes[i] / (double)some;
+    }
+    const double per_size = size > 0.0 ? 1.0 / size : 0.0;
+    for (Py_ssize_t i = 0; i < some; i++) {
+        for (Py_ssize_t d = 0; d < directions; d++) {
+            const double from = path[i * directions + d] - path[(some - 1) * directions + d];
+            relative[(longest - some + i) * directions + d] = (float)(from * per_size);
+        }
+    }
+    for (Py_ssize_t l = 0, seen = 0; l < n[2]; l++) {
+        const Py_ssize_t count = counts[l], begin = longest - count;
+        const double per_point = 1.0 / (double)count, seconds = log((double)(count - 1) * x[6]);
+        float spread[MAX_DIRECTIONS], length = 0.0F;
+        double swing = 0.0, level = 0.0;
+        for (Py_ssize_t c = 0; c < classes; c++) {
+            evidence[l * classes + c] = -INFINITY;
+            apart[l * classes + c] = INFINITY;
+            nearest[l * classes + c] = larger[l * classes + c] = 0.0;
+        }
+        if (count > some) {
+            continue;
+        }
+        for (; seen < count; seen++) {
+            for (Py_ssize_t d = 0; d < directions; d++) {
+                const double number = (double)relative[(longest - 1 - seen) * directions + d];
+                sums[d] += number;
+                squares[d] += number * number;
+            }
+        }
+        for (int d = 0; d < MAX_DIRECTIONS; d++) {
+            const double mean = sums[d] * per_point, variance = squares[d] * per_point - mean * mean;
+            swing += variance > 0.0 ? variance : 0.0;
+            spread[d] = (float)(sqrt(variance > 0.0 ? variance : 0.0) + x[4]);
+        }
+        for (int d = 0; d < MAX_DIRECTIONS; d += FLOATS) {
+            KIND(Floats) *numbers = (KIND(Floats) *)(spread + d);
+            *numbers = KIND(float_logs)(*numbers);
+        }
+        for (Py_ssize_t d = 0; d < directions; d++) {
+            level += x[5] * (double)spread[d] / (double)directions;
+        }
+        for (Py_ssize_t d = 0; d < directions; d++) {
+            spread[d] -= (float)level;
+        }
+        swing = 0.5 * log(swing + SMALLEST);
+        for (Py_ssize_t o = 0; o < orders; o++) {
+            const float *restrict curve = (const float *)array[3] + (l * orders + o) * longest + begin;
+            const float *restrict own = relative + begin * directions;
+            if (directions == MAX_DIRECTIONS) {
+                KIND(along)(curve, own, count, MAX_DIRECTIONS, course + o * directions);
+            } else {
+                KIND(along)(curve, own, count, (int)directions, course + o * directions);
+            }
+        }
+#pragma omp simd reduction(+ : length)
+        for (Py_ssize_t i = 0; i < orders * directions; i++) {
+            length += course[i] * course[i];
+        }
+        const float per_length = 1.0F / (sqrtf(length) + TINY);
+        for (Py_ssize_t k = 0; k < axes; k += LANE) {
+            float total[LANE] = {0.0F};
+            for (Py_ssize_t i = 0; i < orders * directions; i++) {
+                const float number = course[i] * per_length - origin[i];
+                for (int w = 0; w < LANE; w++) {
+                    total[w] += number * all_axes[i * axes + k + w];
+                }
+            }
+            memcpy(vector + k, total, sizeof total);
+        }
+        for (Py_ssize_t c = 0, at = l * classes; c < classes; c++, at++) {
+            const Py_ssize_t last = ranges[2 * at + 1];
+            float away = INFINITY, other = INFINITY;
+            Py_ssize_t place = 0;
+            for (Py_ssize_t m = ranges[2 * at]; m < last; m += FLOATS) {
+                const KIND(Floats) courses = KIND(apart)(vector, (const float *)array[6] + m, axes, n[6]);
+                const KIND(Floats) spreads = KIND(apart)(spread, (const float *)array[7] + m, directions, n[6]);
+                for (int i = 0; i < FLOATS && m + i < last; i++) {
+                    place = courses[i] < away ? m + i : place;
+                    away = courses[i] < away ? courses[i] : away;
+                    other = spreads[i] < other ? spreads[i] : other;
+                }
+            }
+            if (away < INFINITY) {
+                apart[at] = log((double)other + x[1]);
+                nearest[at] = (double)place;
+                larger[at] = swing - facts[n[6] + place];
+                evidence[at] = weights[0] + weights[1] * log((double)away + x[0]) + weights[2] * apart[at] +
+                               weights[4] * fabs(facts[place] - seconds) + weights[5] * fmin(fabs(larger[at]), x[3]);
+            }
+        }
+    }
+    /* The nearest spread of other classes, by any window. */
+    double first = INFINITY, second = INFINITY;
+    Py_ssize_t whose = 0;
+    for (Py_ssize_t c = 0; c < classes; c++) {
+        double least = INFINITY;
+        for (Py_ssize_t l = 0; l < n[2]; l++) {
+            least = fmin(least, apart[l * classes + c]);
+        }
+        second = least < first ? first : fmin(least, second);
+        whose = least < first ? c : whose;
+        first = fmin(least, first);
+    }
+    for (Py_ssize_t at = 0; at < n[2] * classes && classes > 1; at++) {
+        const double lead = (at % classes == whose ? second : first) - apart[at];
+        evidence[at] += apart[at] < INFINITY ? weights[3] * fmax(fmin(lead, x[2]), -x[2]) : 0.0;
+    }
+    return 0.0;
+}
+
 /* Where a body is and how it moves, whitened. points (points, directions), whitening (2 directions, axes), live (axes), found
  * (2): the squared length of the velocity, the summed variance of the points; n: points, directions, rows of the whitening,
  * axes, from one point to the next; x: the factor on the velocity, begin and end of the points that count, and the points

@@ -15,11 +15,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.kernels import bind, plain
+from kinespace.library.kernels.table import LANE, REGISTER
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.progress.phase_table import MOMENTS_PER_SECOND, points_of
 from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
@@ -31,10 +33,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
+    from kinespace.library.kernels.plain import Call
     from kinespace.library.signature.basis import Basis
     from kinespace.library.signature.body import Body
 
     Numbers = NDArray[np.float64]
+
+_Number = TypeVar("_Number", np.float32, np.float64)
 
 #: Seconds between two points of a course.
 STEP = 1 / MOMENTS_PER_SECOND
@@ -60,7 +65,7 @@ _ALIKE, _USUAL = 0.05, 0.42
 #: Added to squared distances of courses and of spreads before the logarithm.
 _NEAREST_COURSE, _NEAREST_SPREAD = 0.02, 0.5
 _MAX_LEAD = 2.0
-#: Logarithms of speed and amplitude count no more than this.
+#: The logarithm of the amplitude counts no more than this.
 _MAX_SIZE = 2.0
 
 
@@ -123,15 +128,19 @@ class WholeMotions:
     classes
         The classes with a course, sorted; `nothing` among them where the library holds such motions.
     starts
-        Where each class begins, and the end, shape (classes + 1,).
+        Where each class begins, and the end, shape (classes + 1,); the motions of a class lie by their length.
     metric
         Maps a course's numbers to its vector.
     courses, spreads
-        Shape (axes, motions) and (directions, motions).
-    seconds, swings
-        Logarithms of each motion's length and swing, shape (motions,).
+        Shape (axes, motions) and (directions, motions), with room for a register behind the motions.
+    facts
+        Logarithms of each motion's length, seconds, and of its swing, shape (2, motions), with room as well.
     lengths
         Points in the windows that are compared, ascending.
+    curves
+        The cosines of each window, behind zeros, shape (lengths, orders, points of the longest).
+    ranges
+        Which motions of each class are about as long as each window, from one to another, (lengths, classes, 2).
     raised
         How much more evidence is needed than in the built-in library.
     """
@@ -141,14 +150,10 @@ class WholeMotions:
     metric: Metric = field(repr=False)
     courses: NDArray[np.float32] = field(repr=False)
     spreads: NDArray[np.float32] = field(repr=False)
-    seconds: Numbers = field(repr=False)
-    swings: Numbers = field(repr=False)
+    facts: Numbers = field(repr=False)
     lengths: tuple[int, ...]
-    _curves: NDArray[np.float32] = field(repr=False)
-    _means: NDArray[np.float32] = field(repr=False)
-    #: Squared lengths of courses and of spreads, infinite where a motion is much shorter or longer than a window:
-    #: shape (2, lengths, motions).
-    _squares: NDArray[np.float32] = field(repr=False)
+    curves: NDArray[np.float32] = field(repr=False)
+    ranges: NDArray[np.intp] = field(repr=False)
     raised: float = 0.0
 
     @classmethod
@@ -164,8 +169,9 @@ class WholeMotions:
         body, basis
             The body and the basis of the skeleton.
         """
-        cut = sorted(_cut(motions, body, basis), key=lambda each: each.class_name)
-        taught = cut if teachers is motions else _cut(teachers, body, basis)
+        taught = _cut(teachers, body, basis)
+        cut = taught if teachers is motions else _cut(motions, body, basis)
+        cut = sorted(cut, key=lambda each: (each.class_name, len(each.points)))
         width = basis.directions.shape[1]
         numbers = _stacked([_course(each.points) for each in taught], len(_ORDERS) * width)
         if len(taught) > 1 and numbers.var(axis=0).sum() > _ALIKE:
@@ -173,32 +179,27 @@ class WholeMotions:
         else:
             origin = np.zeros(numbers.shape[1], dtype=np.float32)
             metric = Metric(origin, np.eye(len(origin), dtype=np.float32) / np.float32(math.sqrt(_USUAL)))
+        # The compiled loops take whole lanes of axes.
+        metric = replace(metric, axes=np.pad(metric.axes, ((0, 0), (0, -metric.axes.shape[1] % LANE))))
         names = [each.class_name for each in cut]
         classes = tuple(sorted(set(names)))
+        starts = np.searchsorted(names, [*classes, "\U0010ffff"])
         seconds = np.log([(len(each.points) - 1) * STEP for each in cut])
         lengths = _lengths(seconds)
-        longest = lengths[-1] if lengths else 0
-        curves, means = np.zeros((len(lengths), len(_ORDERS), longest)), np.zeros((len(lengths), longest))
-        for place, count in enumerate(lengths):
-            curves[place, :, longest - count :], means[place, longest - count :] = _cosines(count), 1 / count
-        logs = np.log((np.array(lengths) - 1) * STEP)[:, None] - seconds
-        too_far = np.where(np.abs(logs) < math.log(_MAX_SPEED), 0.0, np.inf)
-        own = _stacked([_course(each.points) for each in cut], numbers.shape[1])
-        courses = np.ascontiguousarray(metric.place(own).T)
-        spreads = _stacked([_spread(each.points.var(axis=0)) for each in cut], width).T.astype(np.float32, order="C")
-        squares = [np.square(each).sum(axis=0) + too_far for each in (courses, spreads)]
+        curves = np.zeros((len(lengths), len(_ORDERS), max(lengths, default=0)), dtype=np.float32)
+        for own, count in zip(curves, lengths, strict=True):
+            own[:, len(own[0]) - count :] = _cosines(count)
+        swings = [0.5 * math.log(float(each.points.var(axis=0).sum()) + plain.SMALLEST) for each in cut]
         return cls(
             classes,
-            np.searchsorted(names, [*classes, "\U0010ffff"]),
+            starts,
             metric,
-            courses,
-            spreads,
-            seconds,
-            np.array([log_size(each.points.var(axis=0)) for each in cut]),
+            _laid(metric.place(_stacked([_course(each.points) for each in cut], numbers.shape[1]))),
+            _laid(_stacked([_spread(each.points.var(axis=0)) for each in cut], width).astype(np.float32)),
+            _laid(np.column_stack([seconds, swings])),
             lengths,
-            curves.reshape(len(lengths) * len(_ORDERS), longest).astype(np.float32),
-            means.astype(np.float32),
-            np.array(squares, dtype=np.float32),
+            curves,
+            _ranges(seconds, starts, lengths),
         ).calibrated()
 
     def limit_at(self, false_alarms: float) -> float:
@@ -212,86 +213,55 @@ class WholeMotions:
         """Raise the limits by the evidence that most of the motions have for another class, their own left out."""
         if len(self.classes) < 2:
             return self
-        own = np.arange(len(self.seconds)), np.repeat(np.arange(len(self.classes)), np.diff(self.starts))
-        apart = np.abs(self.seconds[:, None] - self.seconds) < math.log(_MAX_SPEED)
-        away, nearest = (
-            self._nearest(motions.T, motions, np.where(apart, np.square(motions).sum(axis=0), np.inf), least)
-            for motions, least in ((self.courses, _NEAREST_COURSE), (self.spreads, _NEAREST_SPREAD))
+        count = int(self.starts[-1])
+        own = np.arange(count), np.repeat(np.arange(len(self.classes)), np.diff(self.starts))
+        seconds = self.facts[0, :count]
+        apart = np.where(np.abs(seconds[:, None] - seconds) < math.log(_MAX_SPEED), 0.0, np.inf)
+        away, spread = (
+            plain.least_of(each.T, each, apart + np.square(each).sum(axis=0), self.starts[:-1])
+            for each in (self.courses[:, :count], self.spreads[:, :count])
         )
-        away[own] = nearest[own] = np.inf
-        evidence = self._evidence(away, nearest, np.array([_others(each) for each in nearest]))
+        away[own] = spread[own] = np.inf
+        spread = np.log(spread + _NEAREST_SPREAD)
+        evidence = WEIGHTS.offset + WEIGHTS.course * np.log(away + _NEAREST_COURSE) + WEIGHTS.spread * spread
+        evidence += WEIGHTS.lead * plain.leads(spread, spread, _MAX_LEAD)
         most = float(np.quantile(np.maximum(evidence.max(axis=1), 2 * _OF_BUILTIN), _SHARE))
         return replace(self, raised=min(max(most - _OF_BUILTIN, _MAX_RAISED[0]), _MAX_RAISED[1]))
 
-    def likely(self, points: NDArray[np.float32]) -> Numbers:
-        """Give the evidence for each class by each window that ends now, as if speed and amplitude were as usual.
+    def judging(self, points: Numbers, sizes: Numbers) -> tuple[Call, Numbers]:
+        """Bind the comparison of windows to the memory of the points that will come.
 
         Parameters
         ----------
-        points
-            The newest points, oldest first, shape (`lengths[-1]`, directions); zeros where there are none.
+        points, sizes
+            A body in the basis, `STEP` after `STEP`, and its size, metres: shape (points, directions) and (points,).
 
         Returns
         -------
-        Shape (lengths, classes); -inf where no motion of the class is about as long.
+        A call that takes the number of points which have come, and its result, shape (4, lengths, classes): for each
+        window that ends with the newest point and for each class the evidence, -inf where the window is longer than
+        what was seen or no motion of the class is about as long; the log distance of the nearest spread; the motion
+        of the nearest course; and the logarithm of the amplitude relative to this motion's.
         """
-        # Near 0 single precision holds the variances.
-        points = points - points[-1]
-        numbers = (self._curves @ points).reshape(len(self.lengths), -1)
-        numbers /= np.sqrt(np.square(numbers).sum(axis=1))[:, None] + _TINY
-        vectors = self.metric.place(numbers)
-        away = self._nearest(vectors, self.courses, self._squares[0], _NEAREST_COURSE)
-        means = self._means @ points
-        variances = self._means @ np.square(points) - np.square(means)
-        spreads = _spread(np.maximum(variances, 0.0))
-        apart = self._nearest(spreads, self.spreads, self._squares[1], _NEAREST_SPREAD)
-        others = _others(apart.min(axis=0)) if len(self.classes) > 1 else apart
-        return self._evidence(away, apart, others)
+        width = len(self.spreads)
+        axes = self.metric.axes.reshape(len(_ORDERS), width, -1)
+        room = np.zeros((self.lengths[-1], width)), np.zeros(axes.shape[:2]), np.zeros(axes.shape[2])
+        found = np.zeros((4, len(self.lengths), len(self.classes)))
+        call = bind(
+            "whole",
+            *(points, sizes, np.array(self.lengths), self.curves, self.metric.origin.reshape(axes.shape[:2]), axes),
+            *(self.courses, self.spreads, self.facts, self.ranges, np.array(WEIGHTS)),
+            *(each.astype(np.float32) for each in room),
+            found,
+            *(_NEAREST_COURSE, _NEAREST_SPREAD, _MAX_LEAD, _MAX_SIZE, NOISE_FLOOR, LEVEL_REMOVED, STEP),
+        )
+        return call, found
 
-    @staticmethod
-    def _evidence(away: Numbers, apart: Numbers, others: Numbers) -> Numbers:
-        """Weigh log distances of the nearest course and spread, and of the nearest spread of other classes."""
-        there = np.isfinite(away)
-        away, apart = np.where(there, away, 0.0), np.where(there, apart, 0.0)
-        lead = np.clip(others - apart, -_MAX_LEAD, _MAX_LEAD)
-        evidence = WEIGHTS.offset + WEIGHTS.course * away + WEIGHTS.spread * apart + WEIGHTS.lead * lead
-        return np.where(there, evidence, -np.inf)
-
-    def _nearest(
-        self, vectors: NDArray[np.float32], motions: NDArray[np.float32], squares: NDArray[np.floating], least: float
-    ) -> Numbers:
-        """Give the log distance of each class's nearest motion of about a window's length, (lengths, classes)."""
-        away = (-2.0 * vectors) @ motions
-        away += squares
-        nearest: Numbers = np.minimum.reduceat(away, self.starts[:-1], axis=1).astype(np.float64)
-        nearest += np.square(vectors).sum(axis=1)[:, None]
-        return np.log(np.maximum(nearest, 0.0) + least)
-
-    def judged(self, points: NDArray[np.float32], length: int, place: int, likely: float) -> Judged:
-        """Judge one class by one window: `likely`'s evidence, with speed and amplitude relative to the nearest motion.
-
-        Parameters
-        ----------
-        points
-            As in `likely`.
-        length, place
-            Indices of the window's length and of the class.
-        likely
-            Their evidence.
-        """
-        count = self.lengths[length]
-        some, own = points[-count:], slice(self.starts[place], self.starts[place + 1])
-        vector = self.metric.place(_course(some))
-        away = self._squares[0, length, own] - 2 * (vector @ self.courses[:, own])
-        nearest = int(away.argmin()) + own.start
-        speed = float(self.seconds[nearest]) - math.log((count - 1) * STEP)
-        larger = log_size(some.var(axis=0)) - float(self.swings[nearest])
-        evidence = likely + WEIGHTS.speed * abs(speed) + WEIGHTS.amplitude * min(abs(larger), _MAX_SIZE)
-        return Judged(evidence, math.exp(speed), math.exp(larger))
-
-
-#: A length that divides nothing by 0.
-_TINY = 1e-9
+    def judged(self, found: Numbers, length: int, place: int) -> Judged:
+        """Read what was found of a window and a class off a result of `judging`."""
+        evidence, _, nearest, larger = found[:, length, place].tolist()
+        seconds = (self.lengths[length] - 1) * STEP
+        return Judged(evidence, math.exp(self.facts[0, int(nearest)]) / seconds, math.exp(larger))
 
 
 class _Cut(NamedTuple):
@@ -373,6 +343,22 @@ def _between(shortest: float, longest: float) -> tuple[int, ...]:
     return tuple(sorted({round(shortest * _LONGER**each / STEP) + 1 for each in range(count)}))
 
 
+def _laid(rows: NDArray[_Number]) -> NDArray[_Number]:
+    """Lay rows out as columns, with room for a register behind them."""
+    return np.ascontiguousarray(np.pad(rows, ((0, REGISTER), (0, 0))).T)
+
+
+def _ranges(seconds: Numbers, starts: NDArray[np.intp], lengths: Sequence[int]) -> NDArray[np.intp]:
+    """Say which motions of each class are about as long as windows; logarithms of seconds, ascending in each class."""
+    ranges = np.empty((len(lengths), len(starts) - 1, 2), dtype=np.intp)
+    for length, place in np.ndindex(*ranges.shape[:2]):
+        usual = math.log((lengths[length] - 1) * STEP)
+        between = usual - math.log(_MAX_SPEED), usual + math.log(_MAX_SPEED)
+        some = seconds[starts[place] : starts[place + 1]]
+        ranges[length, place] = starts[place] + np.searchsorted(some, between)
+    return ranges
+
+
 def _cosines(count: int) -> Numbers:
     """Give the curves whose products with points are their coefficients, shape (orders, count)."""
     places = (np.arange(count) + 0.5) / count
@@ -383,7 +369,7 @@ def _cosines(count: int) -> Numbers:
 def _course(points: NDArray[np.floating]) -> Numbers:
     """Give the cosine coefficients of points (points, directions), of unit length, shape (orders × directions,)."""
     numbers = (_cosines(len(points)) @ points).ravel()
-    numbers /= max(float(np.linalg.norm(numbers)), _TINY)
+    numbers /= max(float(np.linalg.norm(numbers)), plain.TINY)
     return numbers
 
 
@@ -397,19 +383,6 @@ def _spread(variances: NDArray[np.floating]) -> NDArray[np.float32]:
     logs -= LEVEL_REMOVED * logs.mean(axis=-1, keepdims=True)
     spreads: NDArray[np.float32] = logs.astype(np.float32)
     return spreads
-
-
-def log_size(variances: NDArray[np.floating]) -> float:
-    """Give the logarithm of the swing of points with these variances."""
-    return 0.5 * math.log(float(variances.sum()) + 1e-6)
-
-
-def _others(nearest: Numbers) -> Numbers:
-    """Give for each class the least number of the other classes."""
-    order = nearest.argsort()[:2]
-    least: Numbers = np.full(len(nearest), nearest[order[0]])
-    least[order[0]] = nearest[order[1]]
-    return least
 
 
 def _lessons(cut: Sequence[_Cut]) -> Lessons:

@@ -8,6 +8,7 @@ follows, the motion was done. The next motion may begin where this one ended.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,12 +27,8 @@ _LOOKS_EVERY = 3
 _WAITS = 0.2
 #: The share of a motion that may overlap with the motion before.
 _OVERLAPS = 0.35
-#: Classes and lengths that are judged at a moment, at most.
-_JUDGED = 8
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
-#: A size that divides nothing by 0, metres.
-_TINY = 1e-6
 #: The memory is moved back each time so many windows' points have come.
 _ROOM = 4
 
@@ -69,10 +66,11 @@ class DoneFollower:
         """Find the motions of another library from now on."""
         self._whole, self._limit = whole, whole.limit_at(self._false_alarms)
         self._longest = whole.lengths[-1] if whole.lengths else 0
-        # The body's size stands behind each point.
-        self._points = np.zeros((_ROOM * self._longest, whole.spreads.shape[0] + 1))
-        self._lengths = np.array(whole.lengths)
-        self._seconds = (self._lengths - 1) * STEP
+        room = _ROOM * self._longest
+        self._points, self._sizes = np.zeros((room, len(whole.spreads))), np.zeros(room)
+        if self._longest:
+            self._judge, self._judgements = whole.judging(self._points, self._sizes)
+        self._seconds = [(count - 1) * STEP for count in whole.lengths]
         self._waiting: Found | None = None
         self.clear()
 
@@ -110,7 +108,10 @@ class DoneFollower:
         steps = int((float(times[-1]) - self.time) / STEP + _ROUNDING)
         if steps < 1:
             return None
-        self._extend(times, np.column_stack([points, sizes]), self.time + STEP * np.arange(1, steps + 1))
+        at = self.time + STEP * np.arange(1, steps + 1)
+        # The first frame from each time on.
+        places = np.minimum(np.searchsorted(times, at - _ROUNDING * STEP), len(times) - 1)
+        self._extend(points[places], sizes[places])
         self.time += steps * STEP
         return self._look()
 
@@ -119,42 +120,32 @@ class DoneFollower:
         if len(times) and not math.isnan(self.time):
             self._waiting = self.push_all(times, points, sizes) or self._waiting
 
-    def _extend(self, times: NDArray[np.float64], points: NDArray[np.float64], at: NDArray[np.floating]) -> None:
-        """Keep the points at some times: the first frame from each of them on."""
-        if self._count + len(at) > len(self._points):
-            self._points[: self._longest] = self._points[self._count - self._longest : self._count]
-            self._count = self._longest
-        places = np.minimum(np.searchsorted(times, at - _ROUNDING * STEP), len(times) - 1)
-        self._points[self._count : self._count + len(at)] = points[places]
-        self._count += len(at)
+    def _extend(self, points: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
+        """Keep some more points."""
+        end = self._count + len(points)
+        if end > len(self._points):
+            for kept in (self._points, self._sizes):
+                kept[: self._longest] = kept[self._count - self._longest : self._count]
+            self._count, end = self._longest, self._longest + len(points)
+        self._points[self._count : end], self._sizes[self._count : end] = points, sizes
+        self._count = end
 
     def _look(self) -> Found | None:
         """Compare the windows that end now."""
-        whole, now, count = self._whole, self.time, self._count
+        now = self.time
         if self._waiting and not 0 <= now - self._waiting.end < 2 * _WAITS:
             # The body is seen again after a gap, or the sender's clock began again.
             return self._said()
-        some = self._points[max(count - self._longest, 0) : count]
-        # The mean size, as of a motion: without known segments a body's size changes with its posture.
-        points = (some[:, :-1] / max(float(some[:, -1].mean()), _TINY)).astype(np.float32)
-        if len(points) < self._longest:
-            points = np.vstack([np.zeros((self._longest - count, points.shape[1]), dtype=np.float32), points])
-        evidence = whole.likely(points)
-        # A window must lie in what was seen, and behind the motion before.
-        seen = (self._lengths <= count) & (now - self._seconds >= self._over - _OVERLAPS * self._seconds)
-        evidence[~seen] = -np.inf
+        self._judge(self._count)
         waiting = self._waiting
         best = max(self._limit, waiting.judged.evidence if waiting else -math.inf)
-        flat = evidence.ravel()
-        likely = np.flatnonzero(flat > best)
-        for place in likely[np.argsort(-flat[likely])][:_JUDGED].tolist():
-            if flat[place] <= best:
-                break
-            length, of_class = divmod(place, len(whole.classes))
-            judged = whole.judged(points, length, of_class, float(flat[place]))
-            if judged.evidence > best:
-                best = judged.evidence
-                waiting = Found(whole.classes[of_class], now - float(self._seconds[length]), now, judged)
+        # A window must lie behind the motion before.
+        free = bisect_right(self._seconds, (now - self._over) / (1 - _OVERLAPS) + _ROUNDING)
+        evidence = self._judgements[0, :free]
+        length, place = divmod(int(evidence.argmax()) if free else 0, len(self._whole.classes))
+        if free and evidence.item(length, place) > best:
+            begin = now - self._seconds[length]
+            waiting = Found(self._whole.classes[place], begin, now, self._whole.judged(self._judgements, length, place))
         self._waiting = waiting
         return self._said() if waiting and now - waiting.end >= _WAITS - _ROUNDING else None
 

@@ -110,16 +110,15 @@ def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) 
 def by_definition(index: WindowIndex, points: np.ndarray, limit: float) -> list[tuple[str, float, float]]:
     """Judge every class by every window at every second step, and let the most evident wait for a fifth of a second."""
     whole, found, waiting, over = index.whole, [], None, -math.inf
-    longest, width = whole.lengths[-1], points.shape[1]
-    padded = np.vstack([np.zeros((longest, width)), points]).astype(np.float32)
+    judge, judgements = whole.judging(points, np.ones(len(points)))
     for step in range(2, len(points) + 1, 2):
-        some, now = padded[step : step + longest], (step - 1) * STEP
-        likely = whole.likely(some)
+        now = (step - 1) * STEP
+        judge(step)
         for (length, count), place in itertools.product(enumerate(whole.lengths), range(len(whole.classes))):
             begin = now - (count - 1) * STEP
-            if count > step or begin < over - 0.35 * (now - begin) or likely[length, place] == -math.inf:
+            if begin < over - 0.35 * (now - begin) or judgements[0, length, place] == -math.inf:
                 continue
-            judged = whole.judged(some, length, place, float(likely[length, place]))
+            judged = whole.judged(judgements, length, place)
             if judged.evidence > max(limit, waiting[3] if waiting else -math.inf):
                 waiting = whole.classes[place], begin, now, judged.evidence
         if waiting and now - waiting[2] > 0.19:

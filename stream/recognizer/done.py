@@ -34,12 +34,13 @@ _ROOM = 4
 
 
 class Found(NamedTuple):
-    """A motion that was done: its class, when it began and ended, seconds, and the judgement."""
+    """A motion that was done: its class, begin and end in seconds, the judgement, and how far above the limit it is."""
 
     class_name: str
     start: float
     end: float
     judged: Judged
+    above: float
 
 
 class DoneFollower:
@@ -138,14 +139,13 @@ class DoneFollower:
             return self._said()
         self._judge(self._count)
         waiting = self._waiting
-        best = max(self._limit, waiting.judged.evidence if waiting else -math.inf)
         # A window must lie behind the motion before.
         free = bisect_right(self._seconds, (now - self._over) / (1 - _OVERLAPS) + _ROUNDING)
-        evidence = self._judgements[0, :free]
-        length, place = divmod(int(evidence.argmax()) if free else 0, len(self._whole.classes))
-        if free and evidence.item(length, place) > best:
-            begin = now - self._seconds[length]
-            waiting = Found(self._whole.classes[place], begin, now, self._whole.judged(self._judgements, length, place))
+        above = self._judgements[0, :free] - self._limit
+        length, place = divmod(int(above.argmax()) if free else 0, len(self._whole.classes))
+        if free and above.item(length, place) > (waiting.above if waiting else 0.0):
+            begin, judged = now - self._seconds[length], self._whole.judged(self._judgements, length, place)
+            waiting = Found(self._whole.classes[place], begin, now, judged, above.item(length, place))
         self._waiting = waiting
         return self._said() if waiting and now - waiting.end >= _WAITS - _ROUNDING else None
 

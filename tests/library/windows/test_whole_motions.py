@@ -116,22 +116,43 @@ def test_nothing_is_cut_everywhere(index: WindowIndex) -> None:
 
 
 def test_a_lower_promise_needs_more_evidence(index: WindowIndex) -> None:
-    """The fewer false alarms are accepted, the higher the limit; beyond the last ones it stays."""
-    limits = [index.whole.limit_at(each) for each in (0.1, 1, 3, 6, 60, 600, 1e4)]
-    assert limits == sorted(limits, reverse=True)
-    assert limits[0] == limits[1] > limits[2]
+    """The fewer false alarms are accepted, the higher the limits, and the more motions are missed."""
+    promises = 0.1, 1, 3, 6, 60, 600, 1e4
+    limits = np.array([index.whole.limit_at(each) for each in promises])
+    assert limits.shape == (len(promises), 3)
+    assert (np.diff(limits, axis=0) <= 0).all()
+    assert limits[0].tolist() == limits[1].tolist() > limits[2].tolist()
+    missed = [index.whole.missed_at(each) for each in promises]
+    assert missed == sorted(missed, reverse=True)
+    assert 0 <= missed[-2] < missed[1] < 1
 
 
 def test_limits_are_higher_where_classes_are_alike(index: WindowIndex) -> None:
-    """A library with one motion under two names needs more evidence, one without others as much as the built-in one."""
+    """A class that another one resembles needs more evidence, `nothing` as little as any; a class alone is usual."""
     clips = [each for each in index.library.motions if each.class_name == SQUAT]
-    names = {"sit": clips[::2], "squat": clips[1::2]}
+    jogs = [each for each in index.library.motions if each.class_name == JOG]
+    names = {"sit": clips[::2], "squat": clips[1::2], NOTHING: jogs[:1], JOG: jogs[1:]}
     alike = [replace(clip, class_name=name) for name, own in names.items() for clip in own]
-    of_two, of_one = (WholeMotions.of(each, each, index.body, index.basis) for each in (alike, clips))
-    assert of_two.raised == 2.0
-    assert of_one.raised == 0.0
-    assert of_two.limit_at(6.0) - of_one.limit_at(6.0) == pytest.approx(2.0)
-    assert abs(opened(MotionLibrary.builtin()).whole.raised) < 0.1
+    several, one = (WholeMotions.of(each, each, index.body, index.basis) for each in (alike, clips))
+    raised = dict(zip(several.classes, several.raised, strict=True))
+    assert raised["sit"] == raised["squat"] == 2.0
+    assert raised[NOTHING] == raised[JOG] < 1.0
+    assert one.raised.tolist() == [0.0]
+    assert math.isnan(one.missed_at(6.0))
+    assert (several.limit_at(6.0) - one.limit_at(6.0)).tolist() == several.raised.tolist()
+
+
+def test_motions_are_missed_by_definition(index: WindowIndex) -> None:
+    """Of the library's own motions those are missed which are not near enough to another person's."""
+    whole = index.whole
+    of_class = np.repeat(np.arange(3), np.diff(whole.starts))
+    limits = whole.limit_at(60.0)
+    missed = [bool(own < limits[place]) for own, place in zip(whole.crossed, of_class, strict=True)]
+    assert whole.missed_at(60.0) == pytest.approx(sum(missed) / len(missed))
+    people = {name: [] for name in whole.classes}
+    for place in range(0, len(of_class), 7):
+        people[whole.classes[of_class[place]]].append(whole.crossed[place])
+    assert all(len(each) > 2 and max(each) > 1.65 for each in people.values())
 
 
 def test_only_motions_with_windows_are_found(index: WindowIndex) -> None:

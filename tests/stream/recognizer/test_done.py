@@ -107,7 +107,7 @@ def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) 
     assert counts[0] == 0 < counts[2]
 
 
-def by_definition(index: WindowIndex, points: np.ndarray, limit: float) -> list[tuple[str, float, float]]:
+def by_definition(index: WindowIndex, points: np.ndarray, limits: np.ndarray) -> list[tuple[str, float, float]]:
     """Judge every class by every window at every second step, and let the most evident wait for a fifth of a second."""
     whole, found, waiting, over = index.whole, [], None, -math.inf
     judge, judgements = whole.judging(points, np.ones(len(points)))
@@ -119,8 +119,8 @@ def by_definition(index: WindowIndex, points: np.ndarray, limit: float) -> list[
             if begin < over - 0.35 * (now - begin) or judgements[0, length, place] == -math.inf:
                 continue
             judged = whole.judged(judgements, length, place)
-            if judged.evidence > max(limit, waiting[3] if waiting else -math.inf):
-                waiting = whole.classes[place], begin, now, judged.evidence
+            if judged.evidence - limits[place] > (waiting[3] if waiting else 0.0):
+                waiting = whole.classes[place], begin, now, judged.evidence - limits[place]
         if waiting and now - waiting[2] > 0.19:
             found.append(waiting[:3])
             over, waiting = waiting[2], None

@@ -92,6 +92,9 @@ class Status:
         compared.
     clocks
         Performers whose senders' times are not in seconds, and how the times are read.
+    promised, missed
+        False alarms an hour that are promised of motions that were done, 0 where none is said; and the share of the
+        library's own motions that this misses, None where that is not known.
     notes
         Notes for a person, a line each: trouble with a recording, the last reason why packets were refused.
     """
@@ -109,6 +112,8 @@ class Status:
     clocks: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stale: int = 0
+    promised: float = 0.0
+    missed: float | None = None
 
     @property
     def frames_per_second(self) -> float:

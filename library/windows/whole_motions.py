@@ -145,6 +145,10 @@ class WholeMotions:
     crossed
         The evidence of each motion for its class by other people's motions, by the class's other motions where one
         person does them all, without those of `nothing`; shape (motions,).
+    weights
+        The weights of the evidence, in the order of `Weights`.
+    limits
+        The evidence from which 1, 6, 60 and 600 false alarms an hour happen.
     """
 
     classes: tuple[str, ...]
@@ -158,6 +162,8 @@ class WholeMotions:
     ranges: NDArray[np.intp] = field(repr=False)
     raised: Numbers = field(repr=False)
     crossed: Numbers = field(repr=False)
+    weights: tuple[float, ...] = WEIGHTS
+    limits: tuple[float, ...] = _LIMITS
 
     @classmethod
     def of(cls, motions: Sequence[Clip], teachers: Sequence[Clip], body: Body, basis: Basis) -> Self:
@@ -210,7 +216,7 @@ class WholeMotions:
 
     def limit_at(self, false_alarms: float) -> Numbers:
         """Give the evidence from which each class is done, for false alarms an hour that are accepted, (classes,)."""
-        limits: Numbers = self.raised + np.interp(math.log(false_alarms), np.log(_PROMISED), _LIMITS)
+        limits: Numbers = self.raised + np.interp(math.log(false_alarms), np.log(_PROMISED), self.limits)
         return limits
 
     def missed_at(self, false_alarms: float) -> float:
@@ -218,6 +224,11 @@ class WholeMotions:
         known = np.isfinite(self.crossed)
         needed = np.repeat(self.limit_at(false_alarms), np.diff(self.starts))[known]
         return float(np.mean(self.crossed[known] < needed)) if known.any() else math.nan
+
+    def by_distance(self, most: float) -> Self:
+        """Judge by the nearest course alone, at most so far (squared) whatever is promised: to compare."""
+        weights, limits = Weights(*np.zeros(6))._replace(course=-1.0), (-math.log(most + _NEAREST_COURSE),) * 4
+        return replace(self, weights=weights, raised=np.zeros(len(self.classes)), limits=limits)
 
     def judging(self, points: Numbers, sizes: Numbers) -> tuple[Call, Numbers]:
         """Bind the comparison of windows to the memory of the points that will come.
@@ -241,7 +252,7 @@ class WholeMotions:
         call = bind(
             "whole",
             *(points, sizes, np.array(self.lengths), self.curves, self.metric.origin.reshape(axes.shape[:2]), axes),
-            *(self.courses, self.spreads, self.facts, self.ranges, np.array(WEIGHTS)),
+            *(self.courses, self.spreads, self.facts, self.ranges, np.array(self.weights)),
             *(each.astype(np.float32) for each in room),
             found,
             *(_NEAREST_COURSE, _NEAREST_SPREAD, _MAX_LEAD, _MAX_SIZE, NOISE_FLOOR, LEVEL_REMOVED, STEP),

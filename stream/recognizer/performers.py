@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -200,6 +201,13 @@ class Performers(Following[_Performer]):
         """The sensitivity of all recognisers."""
         given = self.settings.sensitivity
         return usual_sensitivity(self.library) if given is None else given
+
+    @property
+    def promise(self) -> tuple[float, float | None]:
+        """False alarms an hour that `done` promises, and the share of the library's motions missed (`Status`)."""
+        promised = self.settings.promised
+        missed = self._index.whole.missed_at(promised) if promised else math.nan
+        return promised, None if math.isnan(missed) else missed
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity from the next hop on; WINDOWS only."""

@@ -135,8 +135,8 @@ class Recognizer:
         self.counts = RecognizerCounts()
         self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
-        promises = self.settings.signature is LiveSignature.WINDOWS and self.settings.false_alarms > 0
-        self._done = DoneFollower(index.whole, self.settings.false_alarms) if promises else None
+        promised = self.settings.promised
+        self._done = DoneFollower(index.whole, promised) if promised else None
         self._answer_with(index, classes)
         skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)

@@ -110,6 +110,11 @@ class Settings:
         if self.hop and not MIN_HOP <= self.hop <= MAX_HOP:
             raise ValueError(f"hop: expected 0, or {MIN_HOP:g} to {MAX_HOP:g} seconds, got {self.hop}")
 
+    @property
+    def promised(self) -> float:
+        """False alarms an hour that are promised of motions that were done; 0 where none is looked for."""
+        return self.false_alarms if self.signature is LiveSignature.WINDOWS else 0.0
+
     def _check_types(self) -> None:
         if self.signature not in tuple(LiveSignature):
             raise ValueError(f"signature: expected {' or '.join(LiveSignature)}, got {self.signature!r}")

@@ -360,6 +360,7 @@ class Service:
         """Give the counters as they are now."""
         notes = [note for source in self.sources for note in source.notes]
         notes += [note for sink in self.sinks for note in sink.notes]
+        promised, missed = self.performers.promise
         return Status(
             inputs=sum((source.counts for source in self.sources), start=InputCounts()),
             outcomes=self.performers.counts,
@@ -374,6 +375,8 @@ class Service:
             admission=replace(self._admission.counts),
             clocks={name: clock for name, clock in self._admission.clocks.items() if name in self.performers.names},
             notes=(*dict.fromkeys(notes), *self._admission.notes(self._clock())),
+            promised=promised,
+            missed=missed,
         )
 
     def _from(self, performer: str) -> str:

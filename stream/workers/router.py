@@ -99,6 +99,11 @@ class Router(Following[Track]):
         """The sensitivity of all recognisers."""
         return self._usual_sensitivity if self.settings.sensitivity is None else self.settings.sensitivity
 
+    @property
+    def promise(self) -> tuple[float, float | None]:
+        """False alarms an hour that `done` promises; what is missed the workers know."""
+        return self.settings.promised, None
+
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on; end the motions whose class it lacks."""
         self.terms = msgspec.structs.replace(self.terms, classes=tuple(order))

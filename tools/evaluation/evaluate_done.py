@@ -7,6 +7,7 @@ Every motion that was said once is also played to its half only, and must not be
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,16 +25,23 @@ from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Callable, Iterator
 
-    from kinespace.library import MotionLibrary
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognition import Recognition
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.evaluation.harness import Asked
+
+    #: Gives the motions that are said of a take.
+    Judge = Callable[[Take, WindowIndex, Settings], list[Said]]
 
 #: Seconds for which the body stands still behind a take, because a motion is said a moment after its end, and behind a
 #: motion that is broken off.
 _STANDS = 0.6
 #: False alarms an hour that are promised for the picture.
 _PROMISED = (1.0, 6.0, 60.0, 600.0)
+#: Squared distances, for the comparison.
+_DISTANCES = (0.3, 0.6, 1.2)
 _WIDTH = 40
 _COLUMNS = (
     ("", "{name}"),
@@ -55,18 +63,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     harness.add_protocol(parser)
     text = "compare the promises 1, 6, 60 and 600 an hour: a picture of found against false an hour"
     parser.add_argument("--promises", action="store_true", help=text)
-    text = "score start events as if they said that a motion was done, to compare"
-    parser.add_argument("--starts", action="store_true", help=text)
+    text = "compare with start events, and with limits of the distance of whole motions alone, in their place"
+    parser.add_argument("--baselines", action="store_true", help=text)
     add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
     """Replay takes, score what was said, and print the results; return the exit status."""
-    settings, scores, takes = settings_of(options), list[dict[str, Any]](), list[DoneTake]()
+    settings, scores = settings_of(options), list[dict[str, Any]]()
+    rows: list[tuple[str, Settings, Judge]] = []
     asked, _ = harness.asked_of(options)
-    for promised in _PROMISED if options.promises else (settings.false_alarms,):
-        changed, name = replace(settings, false_alarms=promised), f"{promised:g}/h"
-        takes = [done_take(each, changed, starts=options.starts) for each in progress(asked, name, len(asked))]
+    if options.baselines:
+        rows.append(("start events", settings, starts))
+        rows += [(f"distance ≤ {most:g}", settings, partial(by_distance, most=most)) for most in _DISTANCES]
+    promises = _PROMISED if options.promises else (settings.false_alarms,)
+    rows += [(f"{each:g}/h", replace(settings, false_alarms=each), _done) for each in promises]
+    takes = list[DoneTake]()
+    for name, changed, judge in rows:
+        takes = [done_take(each, changed, judge) for each in progress(asked, name, len(asked))]
+        promised = changed.false_alarms if judge is _done else None
         scores.append({"name": name, "promised_per_hour": promised, **score_done(takes)})
     people = sorted({each.take.person for each in takes} - {""})
     persons = {name: score_done([each for each in takes if each.take.person == name]) for name in people}
@@ -83,19 +98,20 @@ def run(options: argparse.Namespace) -> int:
         caption=f"false an hour, 95 %: {low:.1f} to {high:.1f}",
     )
     print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
-    for each in scores if options.promises else ():
+    for each in scores if len(scores) > 1 else ():
         found = each["takes_found"] if each["found"] is None else each["found"]
         console.print(
-            f"{each['name']:>7} {'█' * round(_WIDTH * (found or 0)):<{_WIDTH}} {each['false_per_hour']:6.1f}/h"
+            f"{each['name']:>14} {'█' * round(_WIDTH * (found or 0)):<{_WIDTH}} {each['false_per_hour']:6.1f}/h"
         )
     return 0
 
 
-def done_take(asked: Asked, settings: Settings, *, starts: bool = False) -> DoneTake:
-    """Play a take, and each of its known motions to its half."""
-    take, library = asked.take, asked.library
-    known = set(library.classes)
-    whole = DoneTake(take, known, played(take, library, settings, starts=starts))
+def done_take(asked: Asked, settings: Settings, judge: Judge | None = None) -> DoneTake:
+    """Play a take, and each of its known motions to its half; `judge` says motions, by default as live."""
+    take, judge = asked.take, judge or _done
+    index = opened(asked.library)
+    known = set(asked.library.classes)
+    whole = DoneTake(take, known, judge(take, index, settings))
     # Half of several rounds holds whole ones.
     often = {segment for segment, own in zip(whole.segments, whole.shared()[0], strict=True) if len(own) > 1}
     motions = zip(take.segments, take.motions() if take.is_known else (), strict=False)
@@ -105,25 +121,36 @@ def done_take(asked: Asked, settings: Settings, *, starts: bool = False) -> Done
         if segment.label in known and segment not in often
     ]
     broken = [
-        any(each.class_name == half.segments[0].label for each in played(half, library, settings, starts=starts))
-        for half in halves
+        any(each.class_name == half.segments[0].label for each in judge(half, index, settings)) for half in halves
     ]
     return replace(whole, broken=broken)
 
 
-def played(take: Take, library: MotionLibrary, settings: Settings, *, starts: bool = False) -> list[Said]:
-    """Push a take through a recogniser of its own; give what it said was done, or the starts of motions."""
-    feed = harness.Feed.of(take.clip, library.skeleton, take.delivered)
+def _done(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
+    """Give the motions that are said to be done."""
+    found = [(time, each.done) for time, each in _answers(take, index, settings) if each.done]
+    return [Said(done.label, done.start, done.end, time) for time, done in found]
+
+
+def starts(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
+    """Give the starts of motions as if they were done."""
+    begun = [(time, each) for time, answer in _answers(take, index, settings) for each in answer.events]
+    return [Said(each.label, time, time, time) for time, each in begun if each.kind is EventKind.START]
+
+
+def by_distance(take: Take, index: WindowIndex, settings: Settings, *, most: float) -> list[Said]:
+    """Give the motions whose course is at most so far, squared, from a motion of the library."""
+    changed = replace(index)
+    changed.__dict__["whole"] = index.whole.by_distance(most)
+    return _done(take, changed, settings)
+
+
+def _answers(take: Take, index: WindowIndex, settings: Settings) -> Iterator[tuple[float, Recognition]]:
+    """Push a take through a recogniser of its own, with some stillness behind it."""
+    feed = harness.Feed.of(take.clip, index.library.skeleton, take.delivered)
     stands = np.arange(1, round(_STANDS * take.clip.frame_rate) + 1) / take.clip.frame_rate
     feed = feed._replace(
         times=np.concatenate([feed.times, feed.times[-1] + stands]),
         positions=np.concatenate([feed.positions, np.repeat(feed.positions[-1:], len(stands), axis=0)]),
     )
-    found = list[Said]()
-    for time, answer in harness.pushed(Recognizer(opened(library), settings), feed):
-        if answer and starts:
-            begun = [event.label for event in answer.events if event.kind is EventKind.START]
-            found += [Said(label, time, time, time) for label in begun]
-        elif answer and (done := answer.done):
-            found.append(Said(done.label, done.start, done.end, time))
-    return found
+    return ((time, answer) for time, answer in harness.pushed(Recognizer(index, settings), feed) if answer)

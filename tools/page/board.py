@@ -17,7 +17,7 @@ import msgspec
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching.notices import Step
 from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
-from kinespace.tools.terminal.live_table import counted, said_of
+from kinespace.tools.terminal.live_table import counted, promise, said_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -74,6 +74,8 @@ class _Status(msgspec.Struct):
     compared: dict[str, str] = {}
     clocks: dict[str, str] = {}
     notes: list[str] = []
+    promised: float = 0.0
+    missed: float | None = None
 
 
 class _Notice(msgspec.Struct):
@@ -256,6 +258,7 @@ class Board:
             "at": now,
             "counters": list(counted(msgspec.to_builtins(status))),
             "frames": status.frames_per_second,
+            "promise": promise(status.promised, status.missed),
             "hop": [status.hop_p50, status.hop_p99],
             "notes": [*said_of(status), *status.notes],  # type: ignore[arg-type]  # of the same fields
             "further": len(self._further),

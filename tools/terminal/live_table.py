@@ -276,6 +276,12 @@ def said_of(status: Status) -> list[str]:
     return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]
 
 
+def promise(promised: float, missed: float | None) -> str:
+    """Say what is promised of motions that were done, and what it costs; nothing where none is said."""
+    cost = "" if missed is None else f", {missed:.0%} of the library's own motions missed"
+    return f"done: ≤ {promised:g} false/h promised{cost}" if promised else ""
+
+
 def refused_frames(performer: str, why: str) -> str:
     """Name the reason why a performer's frames are refused, and the remedy."""
     return (

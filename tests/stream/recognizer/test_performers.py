@@ -50,6 +50,15 @@ def _told(events: Iterable[Event]) -> list[tuple[str, str, str]]:
     return [(event.performer, str(event.kind), event.label) for event in events]
 
 
+@pytest.mark.parametrize(
+    ("settings", "promised"), [(Settings(), 6.0), (Settings(false_alarms=0.0), 0.0), (Settings(signature="paper"), 0.0)]
+)
+def test_what_is_promised_and_missed(sticks: MotionLibrary, settings: Settings, promised: float) -> None:
+    """The promise of the settings, and the library's own motions that it misses; nothing where none is said."""
+    missed = opened(sticks).whole.missed_at(6.0) if promised else None
+    assert Performers(sticks, settings).promise == (promised, missed)
+
+
 # --- joints ------------------------------------------------------------------------------------------------------
 
 

@@ -156,6 +156,20 @@ def test_the_counters_have_the_words_of_the_table() -> None:
     assert told["status"]["notes"][1] == "a note"
 
 
+@pytest.mark.parametrize(
+    ("promised", "missed", "line"),
+    [
+        (0.0, None, ""),
+        (6.0, None, "done: ≤ 6 false/h promised"),
+        (60.0, 0.094, "done: ≤ 60 false/h promised, 9% of the library's own motions missed"),
+    ],
+)
+def test_the_page_says_what_is_promised_and_missed(promised: float, missed: float | None, line: str) -> None:
+    """What `--false-alarms` promises, and what it costs where that is known."""
+    status = Status(InputCounts(), PerformerCounts(), 0, {}, 0.0, 0.0, promised=promised, missed=missed)
+    assert _told(_board(zeromq_answers.encode_status(status)))[0]["status"]["promise"] == line
+
+
 @given(
     st.sampled_from([b"class/a/", b"event/", b"classes/", b"status/", b"teach/", b"body/a/", b"other/", b""]),
     st.binary(max_size=60),

@@ -276,8 +276,9 @@ function listMotions() {
 }
 
 function showStatus() {
-  const { counters, hop, notes, further, frames } = page.status;
+  const { counters, hop, notes, further, frames, promise } = page.status;
   byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
+  byId("promise").textContent = promise;
   byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
   byId("notes").replaceChildren(...lines.map((text) => made("li", { text })));

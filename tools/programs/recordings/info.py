@@ -7,6 +7,7 @@ a .kinerec.
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ import numpy as np
 
 from kinespace.library import distance_rows, find_recordings, kernels
 from kinespace.library.recordings import is_recording, labelled
+from kinespace.library.windows.index import opened
 from kinespace.library.windows.whole_motions import without_course
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
@@ -47,7 +49,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from kinespace.library import Clip, Reading
+    from kinespace.library import Clip, MotionLibrary, Reading
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs.recording.kinerec import RawPacket
 
@@ -235,8 +237,20 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
         "attribution": library.attribution,
         "guests": len(library.guests),
         "without_course": without_course(kept),
+        "missed": {} if chosen else _missed(library),
     }
     return described | ({"clips": motions} if clips else {})
+
+
+def _missed(library: MotionLibrary) -> dict[str, float]:
+    """Give for some false alarms an hour the share of a library's own motions that others' do not find."""
+    try:
+        whole = opened(library).whole
+    except ValueError:
+        # No motion is long enough for a window.
+        return {}
+    shares = {f"{each:g}": whole.missed_at(each) for each in (1.0, 6.0, 60.0)}
+    return {each: round(share, 3) for each, share in shares.items() if not math.isnan(share)}
 
 
 def _show_library(described: Mapping[str, Any]) -> None:
@@ -249,6 +263,9 @@ def _show_library(described: Mapping[str, Any]) -> None:
     classes = sum(row["index"] is not None for row in described["classes"])
     persons = [row["person"] for row in described["persons"] if row["person"]]
     lacking = described["without_course"]
+    missed = {
+        f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in described["missed"].items()
+    }
     guests = {"guests": f"{described['guests']}, for bodies of few joints"} if described["guests"] else {}
     _say_each(
         {
@@ -261,6 +278,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
             "attribution": described["attribution"] or "none",
         }
         | guests
+        | missed
         | ({"too short, or one posture, to be found done": ", ".join(lacking)} if lacking else {})
     )
 

@@ -11,6 +11,7 @@ from synthetic import stick_clips
 
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.naming import hdm05
+from kinespace.library.windows.index import opened
 from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         f"licence: {library.licence}",
         f"attribution: {library.attribution}",
         "guests: 40, for bodies of few joints",
+        f"done, ≤ 6/h false: {opened(library).whole.missed_at(6.0):.0%} of these motions missed",
     ):
         assert f"\n{line}\n" in printed
 
@@ -61,6 +63,7 @@ def test_nothing_has_no_index(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         ["wave", "1", "6"],
     ]
     assert "motions: 18 of 2 classes, " in printed
+    assert "done, ≤ 1/h false: " in printed
 
 
 def test_info_says_what_a_library_does_not_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,6 +75,8 @@ def test_info_says_what_a_library_does_not_state(tmp_path: Path, capsys: pytest.
     assert _row(printed, "wave")[:4] == ["wave", "2", "1", "?"]
     for line in ("persons: not stated", "sources: not stated", "licence: not stated", "attribution: none"):
         assert f"{line}\n" in printed
+    # One motion of each class is compared with no other.
+    assert "missed" not in printed
 
 
 def test_persons_are_summed_up_and_motions_listed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -41,7 +41,7 @@ _STANDS = 0.6
 #: False alarms an hour that are promised for the picture.
 _PROMISED = (1.0, 6.0, 60.0, 600.0)
 #: Squared distances, for the comparison.
-_DISTANCES = (0.3, 0.6, 1.2)
+_DISTANCES = (0.6, 1.2, 2.4)
 _WIDTH = 40
 _COLUMNS = (
     ("", "{name}"),

@@ -1043,15 +1043,18 @@ HELPER KIND(Floats) KIND(apart)(const float *restrict vector, const float *restr
     return even + odd;
 }
 
-/* The products of a curve with some points (points, width). */
-HELPER void KIND(along)(const float *restrict curve, const float *restrict points, Py_ssize_t count, int width, float *restrict products) {
-    float sums[MAX_DIRECTIONS] = {0.0F};
+/* The products of two curves, `longest` apart, with some points (points, width). */
+HELPER void KIND(along)(const float *restrict curves, Py_ssize_t longest, const float *restrict points, Py_ssize_t count, int width,
+                        float *one, float *two) {
+    float first[MAX_DIRECTIONS] = {0.0F}, second[MAX_DIRECTIONS] = {0.0F};
     for (Py_ssize_t i = 0; i < count; i++) {
         for (int d = 0; d < width; d++) {
-            sums[d] += curve[i] * points[i * width + d];
+            first[d] += curves[i] * points[i * width + d];
+            second[d] += curves[longest + i] * points[i * width + d];
         }
     }
-    memcpy(products, sums, sizeof(float) * (size_t)width);
+    memcpy(one, first, sizeof(float) * (size_t)width);
+    memcpy(two, second, sizeof(float) * (size_t)width);
 }
 
 /* Judge every class by windows of several lengths that end with the newest point. path (points, directions), sizes
@@ -1121,13 +1124,15 @@ KERNEL(whole) {
             spread[d] -= (float)level;
         }
         swing = 0.5 * log(swing + SMALLEST);
-        for (Py_ssize_t o = 0; o < orders; o++) {
-            const float *restrict curve = (const float *)array[3] + (l * orders + o) * longest + begin;
-            const float *restrict own = relative + begin * directions;
+        for (Py_ssize_t o = 0; o < orders; o += 2) {
+            /* The last curve alone is taken with itself. */
+            const Py_ssize_t next = o + 1 < orders ? 1 : 0;
+            const float *curve = (const float *)array[3] + (l * orders + o) * longest + begin, *own = relative + begin * directions;
+            float *here = course + o * directions;
             if (directions == MAX_DIRECTIONS) {
-                KIND(along)(curve, own, count, MAX_DIRECTIONS, course + o * directions);
+                KIND(along)(curve, next * longest, own, count, MAX_DIRECTIONS, here, here + next * directions);
             } else {
-                KIND(along)(curve, own, count, (int)directions, course + o * directions);
+                KIND(along)(curve, next * longest, own, count, (int)directions, here, here + next * directions);
             }
         }
 #pragma omp simd reduction(+ : length)

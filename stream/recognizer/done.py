@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.windows.whole_motions import Judged, WholeMotions
+    from kinespace.stream.recognizer.windows.live_windows import Sizes
 
 #: Steps from one look to the next: looking at every step finds no more motions at the same false alarms.
 _LOOKS_EVERY = 3
@@ -83,17 +84,15 @@ class DoneFollower:
         """Whether a look is due at a time, seconds."""
         return not time - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP
 
-    def push_all(
-        self, times: NDArray[np.float64], points: NDArray[np.float64], sizes: NDArray[np.float64]
-    ) -> Found | None:
+    def push_all(self, times: NDArray[np.float64], points: NDArray[np.float64], size_of: Sizes) -> Found | None:
         """Take in the body's positions.
 
         Parameters
         ----------
         times
             Seconds, on the clock of the frames, from `time` on where that is known; shape (points,).
-        points, sizes
-            The body in the library's basis, shape (points, directions), and its size, metres, shape (points,).
+        points, size_of
+            The body in the library's basis, shape (points, directions), and a function from places to its size there.
 
         Returns
         -------
@@ -101,25 +100,25 @@ class DoneFollower:
         """
         if not self._longest:
             return None
-        if not float(times[-1]) - self.time < self._longest * STEP:
+        newest = times.item(-1)
+        if not newest - self.time < self._longest * STEP:
             # At the beginning, and after a gap.
             self.clear()
-            times, points, sizes = (each[-self._longest :] for each in (times, points, sizes))
-            self.time = max(float(times[0]), float(times[-1]) - self._longest * STEP) - STEP
-        steps = int((float(times[-1]) - self.time) / STEP + _ROUNDING)
+            self.time = max(times.item(-min(self._longest, len(times))), newest - self._longest * STEP) - STEP
+        steps = int((newest - self.time) / STEP + _ROUNDING)
         if steps < 1:
             return None
-        at = self.time + STEP * np.arange(1, steps + 1)
-        # The first frame from each time on.
-        places = np.minimum(np.searchsorted(times, at - _ROUNDING * STEP), len(times) - 1)
-        self._extend(points[places], sizes[places])
+        # The first frame from each step on.
+        at = self.time + STEP * (np.arange(1, steps + 1) - _ROUNDING)
+        places = np.minimum(times.searchsorted(at), len(times) - 1)
+        self._extend(points[places], size_of(places))
         self.time += steps * STEP
         return self._look()
 
-    def look_back(self, times: NDArray[np.float64], points: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
+    def look_back(self, times: NDArray[np.float64], points: NDArray[np.float64], size_of: Sizes) -> None:
         """Look at the last positions before a gap; a motion that was done waits. The arguments are as in `push_all`."""
         if len(times) and not math.isnan(self.time):
-            self._waiting = self.push_all(times, points, sizes) or self._waiting
+            self._waiting = self.push_all(times, points, size_of) or self._waiting
 
     def _extend(self, points: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
         """Keep some more points."""

@@ -15,11 +15,14 @@ from kinespace.stream.recognizer.windows.sliding_window import MAX_PENDING, TIE,
 from kinespace.stream.recognizer.windows.sums import MomentSums, ProductSums
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
     from kinespace.library.windows.index import WindowIndex
+
+    #: From the places of frames to the body's sizes there, metres.
+    Sizes = Callable[[NDArray[np.intp]], NDArray[np.float64]]
 
 
 #: Frames that a window needs at least.
@@ -174,12 +177,13 @@ class LiveWindows:
         point: NDArray[np.float64] = self._window.points[-1] / self._body.size(self._window.rows[-1])
         return point
 
-    def path(self, since: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Give times from a time on, of all rows for NaN, points in the basis, and the body's sizes, metres."""
+    def path(self, since: float) -> tuple[NDArray[np.float64], NDArray[np.float64], Sizes]:
+        """Give times from a time on, of all rows for NaN, points in the basis, and what gives sizes at places."""
         times = self._window.times
         first = 0 if math.isnan(since) else int(np.searchsorted(times, since, side="right")) - 1
         some = slice(max(first, 0), None)
-        return times[some], self._window.points[some], self._body.size(self._window.rows[some])
+        rows = self._window.rows[some]
+        return times[some], self._window.points[some], lambda places: self._body.size(rows[places])
 
     def recent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""

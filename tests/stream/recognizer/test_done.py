@@ -133,7 +133,7 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
     points = np.concatenate([points_of(clip, index.body, index.basis) for clip in clips])
     follower = DoneFollower(index.whole, 60.0)
     looked = [
-        follower.push_all(np.arange(step, step + 2) * STEP, points[step : step + 2], np.ones(2))
+        follower.push_all(np.arange(step, step + 2) * STEP, points[step : step + 2], np.ones_like)
         for step in range(0, len(points) - 1, 2)
     ]
     found: list[Found] = [each for each in looked if each]

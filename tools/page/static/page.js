@@ -93,6 +93,7 @@ function take(news) {
   }
   (news.notices ?? []).forEach(takeNotice);
   (news.replies ?? []).forEach(takeReply);
+  if (news.camera) showEye(news.camera);
 }
 
 function takeAnswer(performer, answer) {

@@ -15,7 +15,7 @@ from kinespace.stream.feeds.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import Bodies
-from kinespace.tools.camera.joints import SeenJoints, require_extra
+from kinespace.tools.camera.joints import MIN_JOINTS, SeenJoints, require_extra
 from kinespace.tools.camera.models import models_at
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, OscFrameSender, ZmqFrameSender
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from kinespace.tools.camera.film import Film, Picture
     from kinespace.tools.feeding.feed import FrameSender
 
-#: Joints that a frame needs at least.
-_MIN_JOINTS = 5
 #: Pixels of the pictures that are shown, across.
 _SHOWN = 640
 #: Landmarks between which a line is drawn: arms, hands, legs, feet, and the trunk around.
@@ -132,7 +130,7 @@ class _Out:
     def send(self, seen: Seen, picture: Picture) -> bool:
         """Send one body; False where too little of it is seen."""
         positions = self._joints.of(seen, picture)
-        if np.isfinite(positions).all(axis=1).sum() < _MIN_JOINTS:
+        if np.isfinite(positions).all(axis=1).sum() < MIN_JOINTS:
             return False
         if picture.time >= self._announced.get(seen.name, 0.0) + ANNOUNCE_EVERY:
             self._announced[seen.name] = picture.time

@@ -45,9 +45,16 @@ _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 def open_ends(
-    options: argparse.Namespace, preset: Preset | None, keyring: Keyring | None, admission: Admission
+    options: argparse.Namespace,
+    preset: Preset | None,
+    keyring: Keyring | None,
+    admission: Admission,
+    page: zeromq.ZmqReceiver | None = None,
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
-    """Open the addresses and the recording; after a failure the open addresses are closed again."""
+    """Open the addresses and the recording; after a failure the open addresses are closed again.
+
+    The last source is that of the page's cameras, if there is a page.
+    """
     networks = _networks(options)
     if getattr(options, "camera", None) or getattr(options, "lsl_in", None):
         networks = _and_here(networks)
@@ -74,10 +81,14 @@ def open_ends(
                 known = bool(keyring or networks) or not endpoint.is_open_to_others
                 sink = ZmqSink(zeromq.ZmqSender(endpoint, keyring, _and_here(networks)), named=known)
             sinks.append(opened.enter_context(closing(sink)))
+        read = [(each, preset) for each in receivers] + ([(page, None)] if page else [])
         # Last, because it may take another file's place.
-        writer = _writer(options.record, receivers, preset) if options.record else None
-        recorders = [Recorder(writer, index) if writer else None for index in range(len(receivers))]
-        sources = [_source(*each, preset, options.sender, admission) for each in zip(receivers, recorders, strict=True)]
+        writer = _writer(options.record, read) if options.record else None
+        recorders = [Recorder(writer, index) if writer else None for index in range(len(read))]
+        sources = [
+            _source(receiver, recorder, fed, options.sender, admission)
+            for (receiver, fed), recorder in zip(read, recorders, strict=True)
+        ]
         opened.pop_all()
     return sources, sinks, writer
 
@@ -175,10 +186,10 @@ def _reaches(sink: Sink, own: str, listening: int) -> bool:
     return port == listening and (host == own or (own in _ANY_HOST and (host in _ANY_HOST or osc.is_ours(host))))
 
 
-def _writer(record: Path, receivers: Sequence[_AnyReceiver], preset: Preset | None) -> RawWriter:
+def _writer(record: Path, read: Sequence[tuple[_AnyReceiver, Preset | None]]) -> RawWriter:
     record.unlink(missing_ok=True)
-    presets = {preset.name: preset.text} if preset else {}
-    return RawWriter(record, [source_name(receiver, preset) for receiver in receivers], presets)
+    presets = {preset.name: preset.text for _, preset in read if preset}
+    return RawWriter(record, [source_name(*each) for each in read], presets)
 
 
 def _and_here(networks: Networks) -> Networks:
@@ -214,10 +225,10 @@ def open_controls(
 
 def open_page(
     options: argparse.Namespace, keyring: Keyring | None, performers: Recognising, *, commands: bool
-) -> tuple[list[Sink], list[RequestSource], PageProcess | None]:
-    """Start the page that is asked for, and open a publisher for it and, if it may give commands, a socket for them.
+) -> tuple[list[Sink], list[RequestSource], zeromq.ZmqReceiver | None, PageProcess | None]:
+    """Start the page that is asked for, with a publisher and a receiver of its cameras' frames.
 
-    The sinks and the sources are to be closed with the recogniser's others.
+    If it may give commands, there is a socket for them. All are to be closed with the recogniser's others.
 
     Raises
     ------
@@ -225,9 +236,11 @@ def open_page(
         As `tools.page.process.PageProcess`.
     """
     if not options.page:
-        return [], [], None
+        return [], [], None, None
     require_websockets()
     sender = zeromq.ZmqSender(_HERE, keyring)
     requests = [RequestSource(_HERE, (), keyring)] if commands else []
-    plan = PagePlan(sender.address, options.page, requests[0].address if requests else None, options.keys)
-    return [ZmqSink(sender), BodySink(sender, performers)], requests, PageProcess(plan, say)
+    frames = zeromq.ZmqReceiver(_HERE, keyring=keyring)
+    control = requests[0].address if requests else None
+    plan = PagePlan(sender.address, options.page, control, frames.address, options.keys)
+    return [ZmqSink(sender), BodySink(sender, performers)], requests, frames, PageProcess(plan, say)

@@ -58,8 +58,10 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         for each in from_workers:
             opened.callback(each.close)
         # Before the sockets are open: no packet is to wait until the page runs.
-        page_sinks, page_sources, page_process = open_page(options, keyring, performers, commands=lessons is not None)
-        sources, sinks, kept = open_ends(options, preset, keyring, admission)
+        page_sinks, page_sources, page_frames, page_process = open_page(
+            options, keyring, performers, commands=lessons is not None
+        )
+        sources, sinks, kept = open_ends(options, preset, keyring, admission, page_frames)
         for each in (*sources, *sinks, *([kept] if kept else ())):
             opened.callback(each.close)
         controls = open_controls(options, sources, keyring) if lessons else []
@@ -85,7 +87,9 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
             lessons.sinks = service.sinks
         # Before the program says that it runs.
         stop_on_signals(service.stop)
-        listening, answering = ", ".join(map(str, [*sources, *controls])), ", ".join(map(str, sinks)) or "nobody"
+        open_to_senders = [each for each in sources if each.receiver is not page_frames]
+        listening = ", ".join(map(str, [*open_to_senders, *controls]))
+        answering = ", ".join(map(str, sinks)) or "nobody"
         say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
         if page:
             say(f"page: {page.address}")

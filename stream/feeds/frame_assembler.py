@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kinespace.library.signature.landmark_body import LandmarkBody
 from kinespace.stream.feeds.kinematics import world_positions
-from kinespace.stream.feeds.landmark_body import LandmarkBody
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Closing, Means
 from kinespace.stream.frame import Announcement, Frame

@@ -17,8 +17,8 @@ from msgspec import Meta
 
 from kinespace.library.naming import spelling
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
+from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.feeds.kinematics import Bone  # noqa: TC001 - msgspec reads the types
-from kinespace.stream.feeds.landmark_body import JOINTS
 from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:

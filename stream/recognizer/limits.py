@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.comparison import by_paper
 from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.recognizer.joints.kinds import kinds_of
 from kinespace.stream.recognizer.settings import (
     LEAD_ONE,
     LEAD_USUAL,
+    SENSITIVITY_CAMERA,
     SENSITIVITY_LEARNED,
     SENSITIVITY_ONE,
     SENSITIVITY_OWN,
@@ -49,7 +51,9 @@ def usual_sensitivity(library: MotionLibrary) -> float:
     """Give the sensitivity for a library when none is set."""
     if library.judged_by_strangers:
         return SENSITIVITY_LEARNED
-    return SENSITIVITY_ONE if _is_one_persons(library) else SENSITIVITY_OWN
+    if _is_one_persons(library):
+        return SENSITIVITY_ONE
+    return SENSITIVITY_CAMERA if kinds_of(library) == {"guessed"} else SENSITIVITY_OWN
 
 
 def needed_lead(library: MotionLibrary, settings: Settings) -> float:

@@ -12,6 +12,7 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.joints.carried import carried_by
+from kinespace.stream.recognizer.joints.kinds import NOTES
 from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts, require_order
 from kinespace.stream.recognizer.settings import Settings
@@ -246,12 +247,9 @@ class Performers(Following[_Performer]):
     def compared(self) -> dict[str, str]:
         """Performers with other joints than the library's: the convention of their names, and how many are compared.
 
-        Also performers whose joints move unlike the library's.
+        Also performers of another kind of feed than the library's, or whose joints move unlike the library's.
         """
-        notes = {
-            name: (self._described(each), UNLIKE if each.recognizer.unlike else "")
-            for name, each in self._performers.items()
-        }
+        notes = {name: (self._described(each), _unfit(each.recognizer)) for name, each in self._performers.items()}
         return {name: "; ".join(filter(None, each)) for name, each in notes.items() if any(each)}
 
     def skeleton_of(self, name: str) -> Skeleton | None:
@@ -457,6 +455,13 @@ class Performers(Following[_Performer]):
         if name in self._announced:
             self._learn_joints(performer, self._announced[name])
         return performer
+
+
+def _unfit(recognizer: Recognizer) -> str:
+    """Say why few right names are to be expected; nothing if they are not."""
+    if recognizer.other_kind:
+        return NOTES[recognizer.other_kind]
+    return UNLIKE if recognizer.unlike else ""
 
 
 def _in_order(frame: Frame, performer: _Performer) -> Frame:

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
+    from kinespace.stream.recognizer.joints.kinds import Kind
     from kinespace.stream.recognizer.joints.mending import LongAgo
     from kinespace.stream.recognizer.windows.live_windows import Leading
 
@@ -147,7 +148,7 @@ class Recognizer:
         self._times: list[float] = []
         is_watched = self.settings.plausibility
         self._joints = Joints(index.segments, skeleton.joints, self._positions, is_watched=is_watched)
-        self._fitting = Fitting(index.segments)
+        self._fitting = Fitting(index)
         self._early = _EARLY * self.settings.hop
         self._clear()
         self._last = -math.inf
@@ -223,7 +224,7 @@ class Recognizer:
         require_order(order, index.library)
         with self._alone():
             self._windows.exchange(index)
-            self._fitting = Fitting(index.segments)
+            self._fitting = Fitting(index)
             self._windows.threshold = threshold_for(index, self.settings)
             self._answer_with(index, order)
             self._fewer, self._asked_for = None, ()
@@ -243,6 +244,11 @@ class Recognizer:
     def unlike(self) -> bool | None:
         """Whether the body is unlike the library's, so that few names are right; None until it has moved."""
         return self._fitting.unlike
+
+    @property
+    def other_kind(self) -> Kind | None:
+        """The kind of the feed if another kind taught the library; None if not, and until the body has moved."""
+        return self._fitting.other_kind
 
     @property
     def long_ago(self) -> LongAgo | None:
@@ -287,7 +293,7 @@ class Recognizer:
             self._clear()
             if self._done:
                 self._done.exchange(self._windows.index.whole)
-            self._fitting = Fitting(self._windows.index.segments)
+            self._fitting = Fitting(self._windows.index)
             self._performer = None
 
     def _clear(self) -> None:

@@ -11,6 +11,9 @@ from numbers import Real
 SENSITIVITY_LEARNED = 0.05
 #: The same where the library's own classes did.
 SENSITIVITY_OWN = 0.2
+#: The same where several people taught them before cameras: other movement looks more like theirs than their own other
+#: classes do (tests/TRIED.md).
+SENSITIVITY_CAMERA = 0.025
 #: The same where these are of one person.
 SENSITIVITY_ONE = 0.28
 #: Lead that a class needs before a start event.
@@ -50,7 +53,8 @@ class Settings:
         Share of the time of unknown motions that may be answered with a class. The library estimates it from the
         motions that taught it what is unknown; None is 0.05 where strangers' motions did (`kinespace learn`), and 0.2
         where its own classes did, each left out in turn, which are harder to distinguish; 0.28 where these are of one
-        person. A larger share answers more, of known and of unknown motions. WINDOWS only.
+        person, 0.025 where they are of several before cameras. A larger share answers more, of known and of unknown
+        motions. WINDOWS only.
     hop
         Seconds between answers, at most 60; 0 answers every frame.
     lead

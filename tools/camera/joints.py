@@ -11,8 +11,8 @@ import numpy as np
 
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
+from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.landmark_body import JOINTS, LandmarkBody
 from kinespace.tools.camera.bodies import Bodies
 from kinespace.tools.camera.models import models_at
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import numpy as np
 
-from kinespace.stream.feeds.landmark_body import JOINTS
+from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Frame
 from kinespace.stream.zeromq import encode_frame
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.windows.segments import logs_of
+from kinespace.stream.recognizer.joints.kinds import kind_of, kinds_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kinespace.library.windows.segments import Segments
+    from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognizer.joints.kinds import Kind
 
 #: From here on a body is unlike the library's (`Segments.unlike`): between the bodies by whose joints the built-in
 #: library names motions (HDM05's, CMU's, UI-PRMD's by markers and by Kinect 2) and those by whose joints it does not
@@ -29,21 +31,24 @@ class Fitting:
 
     Parameters
     ----------
-    body
-        The segments of the library's bodies.
+    index
+        The windows of the library.
 
     Attributes
     ----------
     unlike
         Whether the body is unlike the library's; None until that is decided.
+    other_kind
+        The kind of the feed if it did not teach the library; None if it did, and until that is decided.
     due
         When to look next, seconds on the feed's clock; never once it is decided.
     """
 
-    def __init__(self, body: Segments) -> None:
-        self._body = body
-        self._logs: list[NDArray[np.float64]] = []
+    def __init__(self, index: WindowIndex) -> None:
+        self._body, self._library = index.segments, index.library
+        self._bodies: list[NDArray[np.float64]] = []
         self.unlike: bool | None = None
+        self.other_kind: Kind | None = None
         self.due = -math.inf
 
     def begin_again(self) -> None:
@@ -53,8 +58,11 @@ class Fitting:
     def look(self, time: float, positions: NDArray[np.float64]) -> None:
         """Look at a frame (joints, 3) of a moving body."""
         self.due = time + _APART
-        self._logs.append(logs_of(self._body.lengths(positions[None])[0]))
-        if len(self._logs) == _LOOKS:
-            logs = np.array(self._logs)
+        self._bodies.append(positions.copy())
+        if len(self._bodies) == _LOOKS:
+            bodies = np.array(self._bodies)
+            logs = logs_of(self._body.lengths(bodies))
             stretch = float(logs.std(axis=0).mean()) if logs.size else 0.0
             self.unlike, self.due = self._body.unlike(logs.mean(axis=0), stretch) > UNLIKE, math.inf
+            kind = kind_of(self._library.skeleton.joints, bodies)
+            self.other_kind = None if kind in kinds_of(self._library) else kind

@@ -10,9 +10,9 @@ from golden import LAYOUTS, Moment
 from programs import ghost_cues
 
 from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.library.signature.landmark_body import LandmarkBody
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
-from kinespace.stream.feeds.landmark_body import LandmarkBody
 from kinespace.stream.feeds.unpackers import UNPACKERS
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.zeromq import decode
 from kinespace.tools.page.cameras import MAX_RATE, Cameras, PageCamera
 

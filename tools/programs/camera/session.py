@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from kinespace.stream.feeds.landmark_body import JOINTS
+from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import Bodies

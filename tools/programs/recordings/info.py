@@ -22,6 +22,7 @@ from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.recording import decoded
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
+from kinespace.stream.recognizer.joints.kinds import TITLES, kinds_of
 from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import console, printable, progress, say
@@ -236,6 +237,7 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
         "licence": library.licence,
         "attribution": library.attribution,
         "guests": len(library.guests),
+        "feeds": sorted(kinds_of(library)),
         "without_course": without_course(kept),
         "missed": {} if chosen else _missed(library),
     }
@@ -273,6 +275,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
             "persons": ", ".join(persons) or "not stated",
             "joints": f"{len(described['joints'])}: {', '.join(described['joints'])}",
             "sources": ", ".join(described["sources"]) or "not stated",
+            "taught by": ", ".join(TITLES[each] for each in described["feeds"]),
             "arithmetic": described["arithmetic"],
             "licence": described["licence"] or "not stated",
             "attribution": described["attribution"] or "none",

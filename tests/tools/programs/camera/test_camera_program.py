@@ -14,8 +14,8 @@ from programs import LOOPBACK, finished, free_udp_port, live, started
 
 from kinespace.library import MotionLibrary
 from kinespace.library.recordings import RecordingError, find_recordings, read_recordings
+from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream import osc
-from kinespace.stream.feeds.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs import OscDecoder
 from kinespace.tools.camera import joints

@@ -3,7 +3,7 @@
 A network that guesses a body from one picture gives no joints inside of the trunk, and bones whose lengths change by
 centimetres from picture to picture. Their directions are better than their lengths. So each joint is put at a fixed
 distance from the joint above it, in the direction in which the camera shows it; the distances are the mean of HDM05's
-bodies, from whose motions the built-in library is made (`tests/stream/feeds/test_landmark_body.py` measures them).
+bodies, from whose motions the built-in library is made (`tests/library/signature/test_landmark_body.py` measures them).
 """
 
 from __future__ import annotations
@@ -37,6 +37,9 @@ LIMBS = {
 #: Metres from the middle of the shoulders to the head.
 HEAD = 0.241
 _SIDES = ("l", "r")
+#: Metres by which a limb may be off: files keep whole millimetres, and bodies between two pictures are on lines. Limbs
+#: by which a body is told from others, at least.
+_OFF, _MIN_LIMBS = 0.01, 6
 #: The joints that a body has, in the order of its positions.
 JOINTS = (
     *TRUNK,
@@ -86,6 +89,28 @@ class LandmarkBody:
                 way = seen.get(side + name, nowhere) - seen.get(side + above, nowhere)
                 placed[side + name] = placed[side + above] + length * _direction(way)
         return np.array([placed[name] for name in JOINTS])
+
+
+def are_of_landmarks(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Say of each body whether `LandmarkBody` made it: by the lengths of its limbs, which no measured body has.
+
+    Parameters
+    ----------
+    joints
+        HDM05's names.
+    positions
+        Shape (bodies, joints, 3), metres; NaN where none is seen.
+    """
+    places = {name: place for place, name in enumerate(joints)}
+    limbs = [(side + name, side + above, length) for side in _SIDES for name, (above, length) in LIMBS.items()]
+    there = [(places[one], places[above], length) for one, above, length in limbs if {one, above} <= places.keys()]
+    if len(there) < _MIN_LIMBS:
+        return np.zeros(len(positions), dtype=bool)
+    ends, lengths = np.array([each[:2] for each in there]), np.array([each[2] for each in there])
+    along = positions[:, ends[:, 0]] - positions[:, ends[:, 1]]
+    off = np.abs(np.sqrt(np.einsum("fsc,fsc->fs", along, along)) - lengths)
+    found: NDArray[np.bool_] = (np.isfinite(off).sum(axis=1) >= _MIN_LIMBS) & ~(off > _OFF).any(axis=1)
+    return found
 
 
 def _direction(way: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kinespace.library.naming import hdm05
+from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

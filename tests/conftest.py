@@ -8,16 +8,13 @@ import pickle
 import shutil
 import signal
 import subprocess
-import sys
-import tempfile
-import zipfile
 from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import programs
 import pytest
-from films import smaller
+from films import fetched_demo
 from hypothesis import settings
 from programs import LOOPBACK, builtin_library
 from synthetic import stick_clips
@@ -205,16 +202,10 @@ def demo_film(camera_models: Path) -> Path:
 
     One person stands on a box and jumps down, another walks past.
     """
-    film = camera_models.with_name("demo-640.avi")
-    if not film.exists():
-        with tempfile.TemporaryDirectory() as folder:
-            command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", folder, "sports2d"]
-            if subprocess.run(command, check=False, capture_output=True).returncode:
-                _without("Sports2D's film could not be fetched by pip", "it")
-            with zipfile.ZipFile(next(Path(folder).glob("*.whl"))) as wheel:
-                whole = Path(wheel.extract("Sports2D/Demo/demo.mp4", folder))
-            smaller(whole, film)
-    return film
+    try:
+        return fetched_demo(camera_models.with_name("demo-640.avi"))
+    except subprocess.CalledProcessError:
+        _without("Sports2D's film could not be fetched by pip", "it")
 
 
 @pytest.fixture(scope="session")

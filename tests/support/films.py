@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+import tempfile
+import zipfile
 from itertools import count
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -48,6 +52,23 @@ def smaller(film: Path, path: Path) -> Path:
                 yield np.asarray(cv2.resize(picture, (640, 360), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     return write(path, pictures(), 15.0)
+
+
+def fetched_demo(film: Path) -> Path:
+    """Fetch Sports2D's demonstration film (BSD-3) by pip, unless it is there, and write it smaller.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        Pip could not fetch it.
+    """
+    if not film.exists():
+        with tempfile.TemporaryDirectory() as folder:
+            command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", folder, "sports2d"]
+            subprocess.run(command, check=True, capture_output=True)
+            with zipfile.ZipFile(next(Path(folder).glob("*.whl"))) as wheel:
+                smaller(Path(wheel.extract("Sports2D/Demo/demo.mp4", folder)), film)
+    return film
 
 
 def raw(film: Path, path: Path) -> Path:

@@ -12,7 +12,12 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
 from kinespace.library.recordings import FILMS, ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.stream.recognizer.settings import SENSITIVITY_LEARNED, SENSITIVITY_ONE, SENSITIVITY_OWN
+from kinespace.stream.recognizer.settings import (
+    SENSITIVITY_CAMERA,
+    SENSITIVITY_LEARNED,
+    SENSITIVITY_ONE,
+    SENSITIVITY_OWN,
+)
 from kinespace.tools.cli.choice import meant
 
 if TYPE_CHECKING:
@@ -219,7 +224,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--sensitivity",
         type=share,
         help=f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
-        f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person); windows only",
+        f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person, "
+        f"{SENSITIVITY_CAMERA} if of several before cameras); windows only",
     )
     parser.add_argument(
         "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"

@@ -20,10 +20,9 @@ Kind = Literal["guessed", "measured"]
 TITLES: dict[Kind, str] = {"guessed": "one camera", "measured": "measured bodies"}
 #: What is said of a performer when its kind did not teach the library.
 NOTES: dict[Kind, str] = {
-    "guessed": "one camera's body, and the library was taught by measured bodies: expect few right names, teach your "
-    "own (--teach)",
-    "measured": "a measured body, and the library was taught by one camera: expect few right names, teach your own "
+    "guessed": "one camera's body, and measured ones taught the library: expect few right names, teach your own "
     "(--teach)",
+    "measured": "a measured body, and one camera's taught the library: its names are less sure",
 }
 #: Where in each motion a body is looked at: a quick limb between two pictures is too short.
 _LOOKS = (0.25, 0.5, 0.75)

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
 from programs import PATIENCE
+from websockets.sync.client import connect
 
+from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.cli.main import main
 from kinespace.tools.page.process import PagePlan, PageProcess, serve_page
 
@@ -41,6 +46,31 @@ def test_a_port_that_is_taken_is_told() -> None:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(OSError, match=address):
             serve_page(PagePlan(NOBODY, address), lambda _: None, lambda: True)
+
+
+def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
+    """The frame comes where `frames` says; a page without that says why it has no camera."""
+    places = [[number / 40, (number * 7 % 33) / 40, (number * 5 % 33) / 40] for number in range(33)]
+    sent = json.dumps({"body": {"camera": "0123456789abcdef", "at": 1.5, "places": places}})
+    with closing(ZmqReceiver(Endpoint("tcp://127.0.0.1:*", bind=True))) as receiver:
+        plan = PagePlan(NOBODY, "127.0.0.1:0", frames=receiver.address)
+        with PageProcess(plan) as page:
+            origin = page.address.rstrip("/")
+            with connect(f"{origin.replace('http', 'ws')}/live", origin=origin) as socket:
+                parts, until = None, time.monotonic() + PATIENCE
+                # ZeroMQ subscribes in its own time: what comes before is lost, as it is before a recogniser runs.
+                while parts is None and time.monotonic() < until:
+                    socket.send(sent)
+                    time.sleep(0.05)
+                    parts = receiver.receive()
+    assert parts is not None
+    assert parts[0] == b"frame/browser/"
+    with (
+        PageProcess(PagePlan(NOBODY, "127.0.0.1:0")) as page,
+        pytest.raises(urllib.error.HTTPError, match="404") as refused,
+    ):
+        urllib.request.urlopen(f"{page.address}pose.js")  # noqa: S310 - the page's own address
+    assert b"no camera here: start kinespace live with --page" in refused.value.read()
 
 
 def test_a_page_is_served_until_it_is_to_end() -> None:

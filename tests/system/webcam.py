@@ -1,7 +1,7 @@
 """A film in a webcam's place: how late answers are, and how long it takes from a clone to a gesture of one's own.
 
-    python tests/webcam.py latency    # from the picture's capture to its answer, camera and recogniser on one core
-    python tests/webcam.py clone      # clone, install, fetch the models, teach a gesture, and see it named
+    python tests/system/webcam.py latency    # from a picture's capture to its answer; all programs on one core
+    python tests/system/webcam.py clone      # clone, install, fetch the models, teach a gesture, and see it named
 
 The film is Sports2D's demonstration (BSD-3), fetched by pip as the tests do: a man stands on a box, raises his arms and
 jumps down. `clone` needs git, and pip's and npm's registries.
@@ -30,7 +30,7 @@ from kinespace.tools.camera import film, models
 from kinespace.tools.programs.camera import session
 from kinespace.tools.terminal.console import say
 
-sys.path.insert(0, str(Path(__file__).with_name("support")))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from films import fetched_demo, write
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def clone() -> None:
         def run(*command: object) -> None:
             subprocess.run([*map(str, command)], cwd=place, env=environment, check=True, stdout=subprocess.DEVNULL)
 
-        run("git", "clone", "--quiet", Path(__file__).parent.parent, "kinespace")
+        run("git", "clone", "--quiet", Path(__file__).parents[2], "kinespace")
         step("cloned")
         venv.create(place / "venv", with_pip=True)
         program = place / "venv" / "bin"

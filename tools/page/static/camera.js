@@ -6,7 +6,7 @@ const INSECURE = "no camera: a browser gives it to a page that comes by https, o
 const REFUSALS = { NotAllowedError: "no camera: allow this page to use it, beside the address", NotFoundError: "there is no camera",
   NotReadableError: "no camera: another program may have it" };
 /** The camera while it is on, and the counts since it began; tests and the curious may look. */
-const eye = { stream: null, worker: null, pictures: 0, bodies: 0, unsent: 0, begun: 0, performer: "" };
+const eye = { stream: null, worker: null, watching: 0, pictures: 0, bodies: 0, unsent: 0, begun: 0, performer: "" };
 window.kinespaceEye = eye;
 
 /** Keep the secret by which kinespace knows this page again; a copied tab is another page. */
@@ -27,7 +27,7 @@ function sayEye(text) {
 /** Show what kinespace says of this page's camera. */
 function showEye({ performer, unreadable, fast, little }) {
   eye.performer = performer;
-  if (!eye.pictures) return;
+  if (!eye.stream || !eye.pictures) return; // news of a camera that is off
   const often = eye.pictures / (performance.now() - eye.begun) * 1000;
   const lost = [["unreadable", unreadable], ["too fast", fast], ["too little of the body", little], ["not sent", eye.unsent]];
   sayEye([performer, `${Math.round(often)} pictures a second`, `a body in ${Math.round(100 * eye.bodies / eye.pictures)} %`,
@@ -47,7 +47,7 @@ async function openEye() {
   eye.stream.getVideoTracks()[0].addEventListener("ended", () => closeEye("the camera has stopped"));
   byId("picture").srcObject = eye.stream;
   await byId("picture").play();
-  Object.assign(eye, { pictures: 0, bodies: 0, unsent: 0, worker: new Worker("pose-worker.js") });
+  Object.assign(eye, { pictures: 0, bodies: 0, unsent: 0, begun: 0, worker: new Worker("pose-worker.js") });
   sayEye("getting ready …");
   eye.worker.addEventListener("message", ({ data }) => takeLandmarks(data));
   eye.worker.addEventListener("error", ({ message }) => closeEye(`no camera: ${message}`));
@@ -57,6 +57,7 @@ async function openEye() {
 function closeEye(why = "") {
   for (const track of eye.stream?.getTracks() ?? []) track.stop();
   eye.worker?.terminate();
+  byId("picture").cancelVideoFrameCallback(eye.watching);
   eye.stream = eye.worker = byId("picture").srcObject = null;
   sayEye(why);
 }
@@ -68,12 +69,13 @@ function takeLandmarks({ at, places, failed }) {
     eye.begun ||= performance.now();
     eye.pictures += 1;
     eye.bodies += Boolean(places);
+    const goes = socket.readyState === WebSocket.OPEN && socket.bufferedAmount < MAX_UNSENT;
     // Seconds that go on when the page is loaded again.
-    if (places && socket.bufferedAmount < MAX_UNSENT) send({ body: { camera: secret(), at: (performance.timeOrigin + at) / 1000, places } });
+    if (places && goes) send({ body: { camera: secret(), at: (performance.timeOrigin + at) / 1000, places } });
     else eye.unsent += Boolean(places);
     if (!places) showEye({ performer: eye.performer });
-  } else eye.begun = 0;
-  byId("picture").requestVideoFrameCallback(async (now, { captureTime }) => {
+  }
+  eye.watching = byId("picture").requestVideoFrameCallback(async (now, { captureTime }) => {
     const worker = eye.worker;
     const picture = await createImageBitmap(byId("picture"));
     if (worker === eye.worker) worker?.postMessage({ picture, at: captureTime ?? now }, [picture]);

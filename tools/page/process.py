@@ -50,28 +50,17 @@ class PagePlan:
     keys: Path | None = None
 
 
-def require_websockets() -> None:
-    """Refuse to go on without the library that the page needs; ImportError says how to get it."""
-    try:
-        import websockets  # noqa: F401, PLC0415 - an extra
-    except ImportError as error:
-        raise ImportError("the page needs websockets: pip install 'kinespace[page]'") from error
-
-
 def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
     """Serve a page; `started` gets its address, and `wants_end` is asked some times a second.
 
     Raises
     ------
-    ImportError
-        The library is not installed.
     OSError
         The address is taken, or impossible.
     ValueError
         An address cannot be read, or the keys cannot be used.
     """
-    require_websockets()
-    from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
     from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
 
     host, port = host_and_port(plan.address)
@@ -109,12 +98,11 @@ class PageProcess:
 
     Raises
     ------
-    ImportError, OSError, ValueError
+    OSError, ValueError
         As `serve_page`.
     """
 
     def __init__(self, plan: PagePlan, say: Callable[[str], object] = lambda _: None) -> None:
-        require_websockets()
         self._say = say
         #: Whether the page is to end; the lock is held while it is begun again or ended.
         self._ending, self._lock = False, threading.Lock()
@@ -183,5 +171,5 @@ def _serve(connection: Connection, plan: PagePlan) -> None:
     with suppress(BrokenPipeError, ConnectionError):
         try:
             serve_page(plan, connection.send, connection.poll)
-        except (OSError, ValueError, ImportError) as error:
+        except (OSError, ValueError) as error:
             connection.send(error)

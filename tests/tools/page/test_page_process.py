@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import sys
 import threading
 import time
 import urllib.request
@@ -14,7 +13,6 @@ from typing import TYPE_CHECKING
 import pytest
 from programs import PATIENCE
 
-from kinespace.tools.cli.main import main
 from kinespace.tools.page.process import PagePlan, PageProcess, serve_page
 
 if TYPE_CHECKING:
@@ -22,15 +20,6 @@ if TYPE_CHECKING:
 
 #: An endpoint at which nobody publishes: a page waits for it without complaint.
 NOBODY = "tcp://127.0.0.1:9"
-
-
-def test_without_the_library_one_line_says_how_to_get_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The extra is named, and nothing is started."""
-    monkeypatch.setitem(sys.modules, "websockets", None)
-    assert main(["page", "--port", "0"]) == 2
-    assert capsys.readouterr().err == "kinespace: the page needs websockets: pip install 'kinespace[page]'\n"
 
 
 def test_a_port_that_is_taken_is_told() -> None:

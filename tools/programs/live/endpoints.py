@@ -19,7 +19,7 @@ from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
-from kinespace.tools.page.process import PagePlan, PageProcess, require_websockets
+from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.teaching.requests import RequestSource
 from kinespace.tools.terminal.console import say
 
@@ -221,12 +221,11 @@ def open_page(
 
     Raises
     ------
-    ImportError, OSError, ValueError
+    OSError, ValueError
         As `tools.page.process.PageProcess`.
     """
     if not options.page:
         return [], [], None
-    require_websockets()
     sender = zeromq.ZmqSender(_HERE, keyring)
     requests = [RequestSource(_HERE, (), keyring)] if commands else []
     plan = PagePlan(sender.address, options.page, requests[0].address if requests else None, options.keys)

@@ -94,6 +94,8 @@ class Status:
         Performers whose senders' times are not in seconds, and how the times are read.
     notes
         Notes for a person, a line each: trouble with a recording, the last reason why packets were refused.
+    listening
+        Where frames come in.
     """
 
     inputs: InputCounts
@@ -109,6 +111,7 @@ class Status:
     clocks: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     stale: int = 0
+    listening: tuple[str, ...] = ()
 
     @property
     def frames_per_second(self) -> float:
@@ -134,6 +137,7 @@ class Status:
         refused = self.admission.other_sender + self.admission.odd_times
         at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
         at_the_border += inputs.thrown_away
+        at_the_border += outcomes.opening
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 
 

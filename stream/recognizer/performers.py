@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import Naming, hdm05
+from kinespace.library.naming import Naming, hdm05, unknown_names
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.following import Following
@@ -64,6 +64,8 @@ class PerformerCounts:
     dropped: int = 0
     #: Sums over all recognisers, of dropped performers too.
     recognizers: RecognizerCounts = field(default_factory=RecognizerCounts)
+    #: Frames that came while the library was being restricted to the performer's joints.
+    opening: int = 0
 
 
 @dataclass(slots=True)
@@ -149,7 +151,7 @@ class Performers(Following[_Performer]):
         self._sets: set[tuple[str, ...]] = set()
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
-        self._other_joints = 0
+        self._other_joints = self._opening = 0
         #: Counts of recognisers that are no longer needed.
         self._past = RecognizerCounts()
 
@@ -222,7 +224,7 @@ class Performers(Following[_Performer]):
         total = replace(self._past)
         for performer in self._performers.values():
             total.add(performer.recognizer.counts)
-        return PerformerCounts(self._no_room, self._other_joints, self._dropped, total)
+        return PerformerCounts(self._no_room, self._other_joints, self._dropped, total, self._opening)
 
     @property
     def refused(self) -> dict[str, str]:
@@ -404,7 +406,7 @@ class Performers(Following[_Performer]):
         if performer.is_waiting:
             self._fit(performer)
             if performer.is_waiting and performer.unusable:
-                self._other_joints += 1
+                self._opening += 1
                 return None
         if performer.unusable or len(frame.positions) != len(performer.joints):
             self._other_joints += 1
@@ -430,9 +432,11 @@ class Performers(Following[_Performer]):
         """Note the reason why a performer's frames are refused."""
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
-            why = f"{size} joints whose names were never sent, expected {named}"
+            why = f"{size} joints whose names were never sent, expected {named}: let the sender send them, or --joints"
         elif performer.unusable:
             why = f"{named} joints, {performer.unusable}"
+            if unknown := unknown_names(performer.joints, self.library.skeleton.joints):
+                why += f"; {unknown}"
         else:
             why = f"{size} joints, but {named} names were sent"
         self._remember(self._refused, name, why)

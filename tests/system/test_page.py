@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import threading
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Self
 
 import pytest
+from golden import LAYOUTS, Moment
 from PIL import Image
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
@@ -263,6 +265,25 @@ def teaches(page: Page, performer: Performer) -> None:
     # A refusal is told in words.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")
+def test_an_empty_page_says_where_it_listens_and_what_pours_in(tmp_path: Path) -> None:
+    """The address stands in the middle, and below it the product whose packets came and the command that reads them."""
+    port, complaints = free_udp_port(), list[str]()
+    with live(port, "0", tmp_path / "mine.npz") as (_, address), opened(address, complaints) as page:
+        until(page, f"document.querySelector('#empty').textContent.includes('OSC 127.0.0.1:{port}')")
+        places = dict(zip(builtin_library().skeleton.joints, takes(SQUAT)[0][0], strict=True))
+        with contextlib.closing(OscSender(LOOPBACK, port)) as sender:
+            moments = [LAYOUTS["vmc"][1](Moment(places, 1 + number / 30, number)) for number in range(60)]
+            for packets in moments:
+                for packet in packets:
+                    sender.send(packet)
+                time.sleep(1 / 30)
+        until(page, f"document.querySelector('#why').innerText.includes('--feed vmc --osc-in 127.0.0.1:{port}')")
+        sent = sum(map(len, moments))
+        until(page, f"document.querySelector('#counters').innerText.includes('received {sent},')")
+        assert complaints == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")

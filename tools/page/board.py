@@ -74,6 +74,7 @@ class _Status(msgspec.Struct):
     compared: dict[str, str] = {}
     clocks: dict[str, str] = {}
     notes: list[str] = []
+    listening: list[str] = []
 
 
 class _Notice(msgspec.Struct):
@@ -259,6 +260,7 @@ class Board:
             "hop": [status.hop_p50, status.hop_p99],
             "notes": [*said_of(status), *status.notes],  # type: ignore[arg-type]  # of the same fields
             "further": len(self._further),
+            "listening": status.listening,
         }
         self._status = _Noted(shown, self.number)
 

@@ -1,4 +1,4 @@
-"""`kinespace examples`: lists the programs to copy, which send frames or receive answers, or prints one."""
+"""`kinespace examples`: lists programs that send frames or receive answers, and tables of joint names; prints one."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from kinespace.tools.terminal.console import say
 if TYPE_CHECKING:
     import argparse
 
+#: Folders and endings of files that are no examples.
+_PASSED_OVER = {"node_modules", "__pycache__", ".pyc"}
 #: The page that says what each needs.
 PAGE = ".github/docs/examples.md"
 
@@ -22,13 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """List the examples, or print one; return the exit status."""
-    with resources.as_file(resources.files("kinespace.tools") / "examples") as folder:
-        files = {path.name: path for path in sorted(folder.rglob("*.*")) if "node_modules" not in path.parts}
-        files = {name: path for name, path in files.items() if path.is_file() and path.suffix != ".pyc"}
-        if options.name is not None:
-            print(files[one_of("NAME", options.name, files)].read_text(encoding="utf-8"), end="")
-            return 0
+    files = _files("tools", "examples") | _files("library", "naming/conventions")
+    if options.name is not None:
+        print(files[one_of("NAME", options.name, files)], end="")
+        return 0
     for name in files:
-        say(name)
+        say(f"{name}  (joint names)" if name.endswith(".toml") else name)
     say(f"\nkinespace examples NAME > NAME keeps one; {PAGE} in the sources says what each needs.")
     return 0
+
+
+def _files(room: str, folder: str) -> dict[str, str]:
+    """Read the files of a folder and the folders in it, by their names."""
+    with resources.as_file(resources.files(f"kinespace.{room}") / folder) as place:
+        found = [each for each in sorted(place.rglob("*.*")) if not _PASSED_OVER & {*each.parts, each.suffix}]
+        return {each.name: each.read_text(encoding="utf-8") for each in found if each.is_file()}

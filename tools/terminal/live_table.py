@@ -53,6 +53,7 @@ COUNTERS = (
     ("other joints", "outcomes.other_joints"),
     ("no room", "outcomes.no_room"),
     ("performers gone", "outcomes.dropped"),
+    ("while the library opens", "outcomes.opening"),
     ("from other senders", "admission.other_sender"),
     ("not allowed", "admission.not_allowed"),
     ("odd times", "admission.odd_times"),
@@ -251,9 +252,20 @@ class LiveTable(Sink):
                 )
             )
         if not latest:
-            cells.append(("", Text("waiting for frames ...", style="dim")))
+            cells.append(("", Text(self._waiting(), style="dim")))
         headings = ("performer", "doing", "this moment", "score", "margin", "frames/s")
         return table_of("kinespace live", headings, cells, caption=self._caption(silent), names=3)
+
+    def _waiting(self) -> str:
+        """Say what is waited for while nobody is answered."""
+        status = self._status
+        if status and status.performers and not self._classes:
+            return "frames come; no motion is taught yet"
+        if status and status.performers:
+            return "frames come, no answer yet"
+        return (
+            f"waiting for frames on {', '.join(status.listening)} ..." if status and status.listening else "waiting ..."
+        )
 
     def _caption(self, silent: Mapping[str, float]) -> str:
         status = self._status
@@ -277,10 +289,8 @@ def said_of(status: Status) -> list[str]:
 
 
 def refused_frames(performer: str, why: str) -> str:
-    """Name the reason why a performer's frames are refused, and the remedy."""
-    return (
-        f"performer {printable(performer)}: frames refused: {why}. Let the sender send them, or say them with --joints"
-    )
+    """Name the reason why a performer's frames are refused."""
+    return f"performer {printable(performer)}: frames refused: {why}"
 
 
 def counted(status: Mapping[str, Any]) -> Iterator[tuple[str, int]]:

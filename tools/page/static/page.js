@@ -276,11 +276,19 @@ function listMotions() {
 }
 
 function showStatus() {
-  const { counters, hop, notes, further, frames } = page.status;
+  const { counters, hop, notes, further, frames, listening } = page.status;
+  if (listening.length) byId("place").textContent = listening.join(", ");
   byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
   byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
-  byId("notes").replaceChildren(...lines.map((text) => made("li", { text })));
+  for (const each of page.performers.values()) {
+    if (!each.answer) each.moment.textContent = notes.find((line) => line.startsWith(`performer ${each.name}: `)) ?? "";
+  }
+  // While nobody is answered the reasons stand where everybody looks.
+  const answered = [...page.performers.values()].some((each) => each.answer);
+  for (const [id, shown] of [["why", !answered], ["notes", answered]]) {
+    byId(id).replaceChildren(...(shown ? lines : []).map((text) => made("li", { text })));
+  }
   showState(`live · ${number(frames, 0)} frames/s`, false);
 }
 

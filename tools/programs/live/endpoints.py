@@ -20,6 +20,7 @@ from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
 from kinespace.tools.page.process import PagePlan, PageProcess
+from kinespace.tools.programs.live.unread import Unread
 from kinespace.tools.teaching.requests import RequestSource
 from kinespace.tools.terminal.console import say
 
@@ -78,6 +79,9 @@ def open_ends(
         writer = _writer(options.record, receivers, preset) if options.record else None
         recorders = [Recorder(writer, index) if writer else None for index in range(len(receivers))]
         sources = [_source(*each, preset, options.sender, admission) for each in zip(receivers, recorders, strict=True)]
+        for source, receiver in zip(sources, receivers, strict=True):
+            if isinstance(receiver, osc.OscReceiver):
+                source.unread = Unread(receiver.address, preset)
         opened.pop_all()
     return sources, sinks, writer
 

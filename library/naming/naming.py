@@ -63,11 +63,7 @@ def unknown_names(labels: Sequence[str], joints: Collection[str]) -> str:
         return ""
     tables = [(each.known(each.spelled(labels)), each.name) for each in conventions() if each != own_convention()]
     known, nearest = max(tables, key=lambda each: each[0])
-    near = (
-        f"the nearest table is {nearest}, which knows {known} of {len(labels)} (--names {nearest})"
-        if known
-        else "no table knows them"
-    )
+    near = f"the nearest table ({nearest}) knows {known} of {len(labels)}" if known else "no table knows them"
     listed = ", ".join(lost[:_MAX_LISTED]) + (" ..." if len(lost) > _MAX_LISTED else "")
     copied = nearest if known else _USUAL
     write = f"kinespace examples {copied}.toml > my.toml copies a table, to be edited for --names my.toml"

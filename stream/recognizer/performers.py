@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05, unknown_names
 from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.oddities import FLAT
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.joints.carried import carried_by
@@ -240,12 +241,9 @@ class Performers(Following[_Performer]):
     def compared(self) -> dict[str, str]:
         """Performers with other joints than the library's: the convention of their names, and how many are compared.
 
-        Also performers whose joints move unlike the library's.
+        Also performers whose joints move unlike the library's, or in a plane.
         """
-        notes = {
-            name: (self._described(each), UNLIKE if each.recognizer.unlike else "")
-            for name, each in self._performers.items()
-        }
+        notes = {name: (self._described(each), _oddity(each.recognizer)) for name, each in self._performers.items()}
         return {name: "; ".join(filter(None, each)) for name, each in notes.items() if any(each)}
 
     def skeleton_of(self, name: str) -> Skeleton | None:
@@ -453,6 +451,11 @@ class Performers(Following[_Performer]):
         if name in self._announced:
             self._learn_joints(performer, self._announced[name])
         return performer
+
+
+def _oddity(recognizer: Recognizer) -> str:
+    """Say what is odd about a body that has moved for some seconds."""
+    return FLAT if recognizer.flat else UNLIKE if recognizer.unlike else ""
 
 
 def _in_order(frame: Frame, performer: _Performer) -> Frame:

@@ -245,6 +245,11 @@ class Recognizer:
         return self._fitting.unlike
 
     @property
+    def flat(self) -> bool:
+        """Whether the body lies in a plane; False until it has moved."""
+        return self._fitting.flat
+
+    @property
     def long_ago(self) -> LongAgo | None:
         """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
         return self._joints.long_ago

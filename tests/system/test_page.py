@@ -197,7 +197,7 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     for name in (GRAB, ARMS, KICK, SQUAT) * 3 if for_readme() else (KICK, SQUAT):
         sees_motion(page, performer, name, takes(name)[1])
     assert page.evaluate(f"{DRAWN}.toDataURL()") != before
-    assert SQUAT in page.inner_text("#classes")
+    assert "squat" in page.inner_text("#classes").split()
     picture(page, "page-dark.png", folder)
     performer.away = True
     until(page, "document.querySelector('.stage.silent .moment')?.textContent.startsWith('no frames for')")
@@ -218,12 +218,12 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
 
 def teaches(page: Page, performer: Performer) -> None:
     """Switch a class off, teach its motion by another name, see it recognised, and say that a bar was wrong."""
-    page.click(f"#classes button:has-text('{SQUAT}')")
+    page.click("#classes button:has-text('squat')")
     page.uncheck("#enabled")
     page.click("#class button:has-text('Close')")
     until(page, f"kinespace.control.off.includes('{SQUAT}')")
     # Chromium closes a dialog some milliseconds after the click, and gives the keyboard back then.
-    until(page, f"document.activeElement.textContent.startsWith('{SQUAT}')")
+    until(page, "document.activeElement.textContent.startsWith('squat')")
     page.keyboard.press("t")
     page.keyboard.type("my squat")
     page.keyboard.press("Enter")
@@ -238,7 +238,7 @@ def teaches(page: Page, performer: Performer) -> None:
         until(page, f"{LESSON}.textContent === ''")
         page.evaluate("document.activeElement.blur()")
     sees_motion(page, performer, "my squat", takes(SQUAT)[2])
-    page.click(f"#motions button:has-text('{KICK}')")
+    page.click("#motions button:has-text('kick')")
     page.select_option("#meant", "nothing")
     page.click("#wrong button.main")
     until(page, "kinespace.control.taught.nothing === 1")

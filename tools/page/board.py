@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching.notices import Step
 from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
@@ -306,6 +307,9 @@ class Board:
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:
                 shown[name] = noted.shown
+        if "classes" in shown:
+            titles = {name: title for name in self._classes.shown if (title := title_of(name)) != name}
+            shown |= {"titles": titles} if titles else {}
         for field_name in ("skeleton", "carried", "answer"):
             newer = {
                 name: noted.shown

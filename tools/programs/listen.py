@@ -138,6 +138,8 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
     elif guess.missing:
         lines.append(f"missing for recognition: {', '.join(guess.missing)}")
         lines.append("let the sender send them, or leave them out of [joints] in a copy of the preset")
+    if guess.at_rest:
+        lines.append(f"bones that never came, and stay at rest: {', '.join(guess.at_rest)}")
     if guess.unknown:
         lines.append(f"joints sent that the preset does not name: {', '.join(guess.unknown[:12])}")
     if not guess.frames and not guess.missing:

@@ -235,7 +235,7 @@ def test_answers_and_segments_are_tables(folder: Path, takes: list[Take], librar
     answers, segments = tmp_path / "answers.csv", tmp_path / "segments.csv"
     files = ("--answers", answers, "--segments", segments)
     assert _evaluate(folder, "--library", library, "--map", "salute=hail", "--actor-in", "name", *files) == 0
-    rows = [*csv.DictReader(answers.open(encoding="utf-8"))]
+    rows = [*csv.DictReader(answers.read_text("utf-8").splitlines())]
     played = course(takes[0], MotionLibrary.load(library), CLASSES[:3], Settings())
     own = [row for row in rows if row["take"] == played.name]
     assert len(own) == len(played.answers)
@@ -244,7 +244,7 @@ def test_answers_and_segments_are_tables(folder: Path, takes: list[Take], librar
         assert [float(row[f"score {name}"]) for name in answer.classes] == pytest.approx(answer.scores, abs=1e-6)
     assert {row["truth"] for row in rows} >= {"clap", "hail", "row"}
     right = [row["truth"] == row["guess"] for row in own if row["truth"]]
-    table = [*csv.DictReader(segments.open(encoding="utf-8"))]
+    table = [*csv.DictReader(segments.read_text("utf-8").splitlines())]
     assert [(each["performed"], each["person"]) for each in table][:3] == [(name, "ann") for name, _ in KNOWN]
     ours = [float(each["right"]) for each in table if each["take"] == played.name]
     assert np.mean(ours) == pytest.approx(np.mean(right), abs=0.1)

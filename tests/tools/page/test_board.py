@@ -187,3 +187,11 @@ def test_the_last_performer_who_leaves_is_news() -> None:
     before = board.number
     board.take(zeromq_answers.encode_gone("ann"), 1.0)
     assert _told(board, before)[0]["here"] == []
+
+
+def test_classes_have_the_titles_that_people_say() -> None:
+    """HDM05's classes come with their titles, once; a class of one's own has none."""
+    board = _board(zeromq_answers.encode_classes(("my wave", "squat1Reps")))
+    told = _told(board)[0]
+    assert (told["classes"], told["titles"]) == (["my wave", "squat1Reps"], {"squat1Reps": "squat"})
+    assert "titles" not in _told(board, board.number)[0]

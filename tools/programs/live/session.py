@@ -86,6 +86,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         # Before the program says that it runs.
         stop_on_signals(service.stop)
         listening, answering = ", ".join(map(str, [*sources, *controls])), ", ".join(map(str, sinks)) or "nobody"
+        # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
+        listening += ", also for /motion/teach" if lessons and preset else ""
         say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
         if page:
             say(f"page: {page.address}")

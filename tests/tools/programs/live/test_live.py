@@ -108,7 +108,7 @@ def test_the_table_shows_the_recognised_motion() -> None:
     with live(environment={"FORCE_COLOR": "1"}) as stage:
         stage.program.expect(r"waiting for frames on OSC 127\.0\.0\.1:\d+ \.\.\.")
         stage.play(cues)
-        stage.program.expect(r"me .*lieDownFloor")
+        stage.program.expect(r"me .*lie down")
         counts = stage.stopped()
     assert counts["frames"] == 180
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
+    from kinespace.tools.websocket.server import SocketPlan
+
 #: Seconds after which a new process is given up.
 _MAX_START = 30.0
 #: Seconds after which a process that is to end is killed.
@@ -48,6 +50,15 @@ class PagePlan:
     address: str
     control: str | None = None
     keys: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """The process's name in messages."""
+        return "page"
+
+    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """As `serve_page`."""
+        serve_page(self, started, wants_end)
 
 
 def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
@@ -82,19 +93,19 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
 
 
 class PageProcess:
-    """A page in a process of its own, which is started again once when it dies; a context manager.
+    """A page, or another server of browsers, in a process that is started again once when it dies; a context manager.
 
     Parameters
     ----------
     plan
-        The addresses of the page.
+        The addresses of the page, or `tools.websocket.server.SocketPlan`.
     say
         Is given a line for a person when the process has died, from another thread.
 
     Attributes
     ----------
-    address
-        The page's address.
+    name, address
+        What it is called in messages, and the page's address.
 
     Raises
     ------
@@ -102,15 +113,15 @@ class PageProcess:
         As `serve_page`.
     """
 
-    def __init__(self, plan: PagePlan, say: Callable[[str], object] = lambda _: None) -> None:
-        self._say = say
+    def __init__(self, plan: PagePlan | SocketPlan, say: Callable[[str], object] = lambda _: None) -> None:
+        self._say, self.name = say, plan.name
         #: Whether the page is to end; the lock is held while it is begun again or ended.
         self._ending, self._lock = False, threading.Lock()
         self._begin(plan)
         self._watching = threading.Thread(target=self._watch, args=(plan,), name="kinespace page", daemon=True)
         self._watching.start()
 
-    def _begin(self, plan: PagePlan) -> None:
+    def _begin(self, plan: PagePlan | SocketPlan) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
@@ -118,9 +129,13 @@ class PageProcess:
             self._process.start()
         theirs.close()
         try:
-            reply = self._connection.recv() if self._connection.poll(_MAX_START) else TimeoutError("the page is silent")
+            reply = (
+                self._connection.recv()
+                if self._connection.poll(_MAX_START)
+                else TimeoutError(f"the {plan.name} is silent")
+            )
         except EOFError:
-            reply = ChildProcessError("the page's process ended before it began")
+            reply = ChildProcessError(f"the process of the {plan.name} ended before it began")
         if isinstance(reply, Exception):
             self._shut()
             raise reply
@@ -132,24 +147,24 @@ class PageProcess:
     def __exit__(self, *_: object) -> None:
         self._end()
 
-    def _watch(self, plan: PagePlan) -> None:
+    def _watch(self, plan: PagePlan | SocketPlan) -> None:
         wait([self._process.sentinel])
         with self._lock:
             if self._ending:
                 return
             self._shut()
-            self._say(f"page: its process died ({self._process.exitcode}) and is started again")
+            self._say(f"{plan.name}: its process died ({self._process.exitcode}) and is started again")
             # An open page finds it where it was.
             place = f"{plan.address.rpartition(':')[0]}:{urlsplit(self.address).port}"
             try:
                 self._begin(replace(plan, address=place))
             except (OSError, ValueError) as error:
-                self._say(f"page: not started again: {error}")
+                self._say(f"{plan.name}: not started again: {error}")
                 return
-        self._say(f"page: {self.address}")
+        self._say(f"{plan.name}: {self.address}")
         wait([self._process.sentinel])
         if not self._ending:
-            self._say("page: its process died again; kinespace goes on without a page")
+            self._say(f"{plan.name}: its process died again; kinespace goes on without it")
 
     def _end(self) -> None:
         with self._lock:
@@ -165,11 +180,11 @@ class PageProcess:
             self._process.join()
 
 
-def _serve(connection: Connection, plan: PagePlan) -> None:
+def _serve(connection: Connection, plan: PagePlan | SocketPlan) -> None:
     """Run in the child: say the address, go on until the parent closes its end or is gone."""
     leave_signals_to_parent()
     with suppress(BrokenPipeError, ConnectionError):
         try:
-            serve_page(plan, connection.send, connection.poll)
+            plan.serve(connection.send, connection.poll)
         except (OSError, ValueError) as error:
             connection.send(error)

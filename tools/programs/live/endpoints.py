@@ -46,9 +46,16 @@ _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 def open_ends(
-    options: argparse.Namespace, preset: Preset | None, keyring: Keyring | None, admission: Admission
+    options: argparse.Namespace,
+    preset: Preset | None,
+    keyring: Keyring | None,
+    admission: Admission,
+    browsers: zeromq.ZmqReceiver | None = None,
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
-    """Open the addresses and the recording; after a failure the open addresses are closed again."""
+    """Open the addresses and the recording; after a failure the open addresses are closed again.
+
+    `browsers` is the receiver of WebSocket clients' frames, which are our own whatever the feed.
+    """
     networks = _networks(options)
     if getattr(options, "camera", None) or getattr(options, "lsl_in", None):
         networks = _and_here(networks)
@@ -75,10 +82,13 @@ def open_ends(
                 known = bool(keyring or networks) or not endpoint.is_open_to_others
                 sink = ZmqSink(zeromq.ZmqSender(endpoint, keyring, _and_here(networks)), named=known)
             sinks.append(opened.enter_context(closing(sink)))
+        receivers += [browsers] if browsers else []
         # Last, because it may take another file's place.
         writer = _writer(options.record, receivers, preset) if options.record else None
         recorders = [Recorder(writer, index) if writer else None for index in range(len(receivers))]
-        sources = [_source(*each, preset, options.sender, admission) for each in zip(receivers, recorders, strict=True)]
+        presets = [None if receiver is browsers else preset for receiver in receivers]
+        each_end = zip(receivers, recorders, presets, strict=True)
+        sources = [_source(*each, options.sender, admission) for each in each_end]
         for source, receiver in zip(sources, receivers, strict=True):
             if isinstance(receiver, osc.OscReceiver):
                 source.unread = Unread(receiver.address, preset)
@@ -198,6 +208,32 @@ def _networks(options: argparse.Namespace) -> Networks:
 def _endpoint(options: argparse.Namespace, address: str) -> zeromq.Endpoint:
     """Read the address of an endpoint, which is bound unless it says otherwise; ValueError for no address."""
     return zeromq.Endpoint.parse(address, bind=True, to_anybody=options.open)
+
+
+def open_websocket(
+    options: argparse.Namespace, keyring: Keyring | None
+) -> tuple[zeromq.ZmqReceiver | None, list[Sink], PageProcess | None]:
+    """Start the server of WebSocket clients that is asked for; open a receiver of its frames, and a publisher for it.
+
+    Raises
+    ------
+    OSError, ValueError
+        As `tools.page.process.PageProcess`.
+    """
+    if not options.ws:
+        return None, [], None
+    from kinespace.tools.websocket.server import SocketPlan  # noqa: PLC0415 - slow to load
+
+    receiver, sender = zeromq.ZmqReceiver(_HERE, keyring=keyring), zeromq.ZmqSender(_HERE, keyring)
+    with ExitStack() as opened:
+        opened.callback(receiver.close)
+        opened.callback(sender.close)
+        plan = SocketPlan(
+            options.ws, sender.address, receiver.address, options.keys, options.ws_origin, options.allow_from
+        )
+        process = PageProcess(plan, say)
+        opened.pop_all()
+    return receiver, [ZmqSink(sender)], process
 
 
 def open_controls(

@@ -20,7 +20,14 @@ from kinespace.stream.service.loop import Service
 from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.programs.live.endpoints import open_camera, open_controls, open_ends, open_lsl, open_page
+from kinespace.tools.programs.live.endpoints import (
+    open_camera,
+    open_controls,
+    open_ends,
+    open_lsl,
+    open_page,
+    open_websocket,
+)
 from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.programs.live.supervisor import supervisors
 from kinespace.tools.teaching.keys import Keys
@@ -59,7 +66,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
             opened.callback(each.close)
         # Before the sockets are open: no packet is to wait until the page runs.
         page_sinks, page_sources, page_process = open_page(options, keyring, performers, commands=lessons is not None)
-        sources, sinks, kept = open_ends(options, preset, keyring, admission)
+        browsers, browser_sinks, browser_process = open_websocket(options, keyring)
+        sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
         for each in (*sources, *sinks, *([kept] if kept else ())):
             opened.callback(each.close)
         controls = open_controls(options, sources, keyring) if lessons else []
@@ -73,11 +81,12 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         Service(
             performers,
             [*sources, *controls, *page_sources, *from_workers],
-            [*sinks, shown, *page_sinks, *([lessons] if lessons else []), *supervisors()],
+            [*sinks, shown, *page_sinks, *browser_sinks, *([lessons] if lessons else []), *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,
         page_process or nullcontext() as page,
+        browser_process or nullcontext(),
         camera,
         lsl_feed,
     ):
@@ -89,8 +98,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
         listening += ", also for /motion/teach" if lessons and preset else ""
         say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
-        if page:
-            say(f"page: {page.address}")
+        for server in filter(None, (page, browser_process)):
+            say(f"{server.name}: {server.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)

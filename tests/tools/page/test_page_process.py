@@ -63,7 +63,7 @@ def test_a_page_whose_process_died_is_started_again_once() -> None:
             assert reply.status == 200
         os.kill(page._process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as above
         _wait(lambda: len(said) > 2)
-        assert said[2:] == ["page: its process died again; kinespace goes on without a page"]
+        assert said[2:] == ["page: its process died again; kinespace goes on without it"]
     with PageProcess(PagePlan(NOBODY, "127.0.0.1:0"), said.append):
         pass
     assert len(said) == 3

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library.naming import hdm05
 from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from kinespace.stream.packet import Networks
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
+    from kinespace.tools.announcing.announcer import Announcer
     from kinespace.tools.feeding.lsl_feed import LslFeed
     from kinespace.tools.programs.camera.process import CameraProcess
 
@@ -234,6 +236,21 @@ def open_websocket(
         process = PageProcess(plan, say)
         opened.pop_all()
     return receiver, [ZmqSink(sender)], process
+
+
+def open_announcer(options: argparse.Namespace, sources: Sequence[Source], classes: Sequence[str]) -> list[Announcer]:
+    """Announce the port on which our own messages come in by OSC, if that is possible and wanted."""
+    ours = [each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver)]
+    if not (options.announce and ours) or options.feed:
+        return []
+    from kinespace.tools.announcing.announcer import Announcer, is_possible  # noqa: PLC0415 - slow to load
+
+    if not is_possible():
+        return []
+    from kinespace.tools.announcing.description import Known  # noqa: PLC0415 - as above
+
+    known = Known(len(hdm05.SKELETON.joints), classes, teaches=bool(getattr(options, "teach", None)))
+    return [Announcer(ours[0].address[:2], known, _networks(options))]
 
 
 def open_controls(

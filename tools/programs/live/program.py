@@ -123,6 +123,10 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
     add_shared(parser, "--page")
+    text = (
+        "do not announce the OSC port by mDNS (_osc._udp, _oscjson._tcp) where it listens (needs kinespace[discovery])"
+    )
+    parser.add_argument("--no-announce", dest="announce", action="store_false", help=text)
     parser.add_argument(
         "--ws",
         nargs="?",

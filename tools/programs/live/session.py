@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from contextlib import ExitStack, closing, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.live import Live
 
@@ -21,6 +21,7 @@ from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.programs.live.endpoints import (
+    open_announcer,
     open_camera,
     open_controls,
     open_ends,
@@ -73,6 +74,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         controls = open_controls(options, sources, keyring) if lessons else []
         camera = open_camera(options, sources)
         lsl_feed = open_lsl(options, sources)
+        # Last: threads that nothing else ends.
+        announcers = open_announcer(options, sources, (lessons or performers).classes)
         opened.pop_all()
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
@@ -81,7 +84,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         Service(
             performers,
             [*sources, *controls, *page_sources, *from_workers],
-            [*sinks, shown, *page_sinks, *browser_sinks, *([lessons] if lessons else []), *supervisors()],
+            [*sinks, shown, *page_sinks, *browser_sinks, *announcers, *([lessons] if lessons else []), *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,
@@ -98,7 +101,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
         listening += ", also for /motion/teach" if lessons and preset else ""
         say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
-        for server in filter(None, (page, browser_process)):
+        servers: list[Any] = [page, browser_process, *announcers]
+        for server in filter(None, servers):
             say(f"{server.name}: {server.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Protocol, Self
 from urllib.parse import urlsplit
 
 from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
@@ -22,12 +22,28 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-    from kinespace.tools.websocket.server import SocketPlan
-
 #: Seconds after which a new process is given up.
 _MAX_START = 30.0
 #: Seconds after which a process that is to end is killed.
 _MAX_END = 5.0
+
+
+class Plan(Protocol):
+    """A server of browsers: a dataclass that another process gets."""
+
+    @property
+    def name(self) -> str:
+        """The process's name in messages."""
+
+    @property
+    def address(self) -> str:
+        """HOST:PORT."""
+
+    def at(self, address: str) -> Self:
+        """Give the same server at another address."""
+
+    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Serve browsers; `started` gets the address, and `wants_end` is asked some times a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +71,10 @@ class PagePlan:
     def name(self) -> str:
         """The process's name in messages."""
         return "page"
+
+    def at(self, address: str) -> Self:
+        """Give the same page at another address."""
+        return replace(self, address=address)
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """As `serve_page`."""
@@ -98,7 +118,7 @@ class PageProcess:
     Parameters
     ----------
     plan
-        The addresses of the page, or `tools.websocket.server.SocketPlan`.
+        The addresses of the page, or another server's.
     say
         Is given a line for a person when the process has died, from another thread.
 
@@ -113,7 +133,7 @@ class PageProcess:
         As `serve_page`.
     """
 
-    def __init__(self, plan: PagePlan | SocketPlan, say: Callable[[str], object] = lambda _: None) -> None:
+    def __init__(self, plan: Plan, say: Callable[[str], object] = lambda _: None) -> None:
         self._say, self.name = say, plan.name
         #: Whether the page is to end; the lock is held while it is begun again or ended.
         self._ending, self._lock = False, threading.Lock()
@@ -121,7 +141,7 @@ class PageProcess:
         self._watching = threading.Thread(target=self._watch, args=(plan,), name="kinespace page", daemon=True)
         self._watching.start()
 
-    def _begin(self, plan: PagePlan | SocketPlan) -> None:
+    def _begin(self, plan: Plan) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
@@ -147,7 +167,7 @@ class PageProcess:
     def __exit__(self, *_: object) -> None:
         self._end()
 
-    def _watch(self, plan: PagePlan | SocketPlan) -> None:
+    def _watch(self, plan: Plan) -> None:
         wait([self._process.sentinel])
         with self._lock:
             if self._ending:
@@ -157,7 +177,7 @@ class PageProcess:
             # An open page finds it where it was.
             place = f"{plan.address.rpartition(':')[0]}:{urlsplit(self.address).port}"
             try:
-                self._begin(replace(plan, address=place))
+                self._begin(plan.at(place))
             except (OSError, ValueError) as error:
                 self._say(f"{plan.name}: not started again: {error}")
                 return
@@ -180,7 +200,7 @@ class PageProcess:
             self._process.join()
 
 
-def _serve(connection: Connection, plan: PagePlan | SocketPlan) -> None:
+def _serve(connection: Connection, plan: Plan) -> None:
     """Run in the child: say the address, go on until the parent closes its end or is gone."""
     leave_signals_to_parent()
     with suppress(BrokenPipeError, ConnectionError):

@@ -10,8 +10,8 @@ import asyncio
 import ipaddress
 from collections import deque
 from contextlib import closing, suppress
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import serve
@@ -73,6 +73,10 @@ class SocketPlan:
     def name(self) -> str:
         """The process's name in messages."""
         return "WebSocket"
+
+    def at(self, address: str) -> Self:
+        """Give the same server at another address."""
+        return replace(self, address=address)
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Serve clients; `started` gets the address, and `wants_end` is asked some times a second.

@@ -64,6 +64,8 @@ def open_ends(
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
+        if browsers:
+            opened.callback(browsers.close)
         if options.osc_in:
             with opening("--osc-in"):
                 receiver: _AnyReceiver = osc.OscReceiver(*host_and_port(options.osc_in), networks)

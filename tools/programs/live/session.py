@@ -38,6 +38,7 @@ from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterable
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
@@ -63,14 +64,14 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
     admission = Admission(silence=performers.silence, allowed=options.allow)
     with ExitStack() as opened:
-        for each in from_workers:
-            opened.callback(each.close)
+        _close_in(opened, from_workers)
         # Before the sockets are open: no packet is to wait until the page runs.
         page_sinks, page_sources, page_process = open_page(options, keyring, performers, commands=lessons is not None)
+        _close_in(opened, [*page_sinks, *page_sources])
         browsers, browser_sinks, browser_process = open_websocket(options, keyring)
+        _close_in(opened, browser_sinks)
         sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
-        for each in (*sources, *sinks, *([kept] if kept else ())):
-            opened.callback(each.close)
+        _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring) if lessons else []
         camera = open_camera(options, sources)
         lsl_feed = open_lsl(options, sources)
@@ -117,6 +118,12 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     if kept:
         say(f"{record}: {kept.written} packets, {kept.failed} could not be written")
     return 2 if lessons and lessons.has_unsaved else 0
+
+
+def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
+    """Close these if a later one cannot be opened."""
+    for each in ends:
+        opened.callback(each.close)
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

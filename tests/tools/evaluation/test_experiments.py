@@ -148,3 +148,13 @@ def test_the_share_of_motions_that_begin_a_lesson() -> None:
     motion = MotionLibrary.builtin().motions[0]
     standing = replace(motion, positions=np.repeat(motion.positions[:1], 60, axis=0))
     assert begun([motion, standing]) == {"begins": 0.5, "motions": 2}
+
+
+def test_takes_of_which_nothing_asks_are_said(cmu_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two takes that each have a class of their own both teach, so none is left to ask: a sentence, and status 1."""
+    takes = [str(cmu_folder / name) for name in ("13_29.amc", "13_30.amc")]
+    assert main(["evaluate", "teach", *takes, "--person", "ann", "--examples", "1", "--draws", "2"]) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "nothing asked: a take that teaches does not ask" in printed.err
+    assert "(ArmCircle, Jog, ToeTouchOneHand)" in printed.err

@@ -15,8 +15,8 @@ export PYTHONDONTWRITEBYTECODE :=
 
 setup: $(MADE)
 
-SOURCES := pyproject.toml library/kernels/compiled.c library/kernels/loops.h
-# Two of setuptools' keys are still called experimental, as often as they are read.
+SOURCES := pyproject.toml setup.py library/kernels/compiled.c library/kernels/loops.h
+# setuptools warns of every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 
 $(VENV)/pyvenv.cfg:
@@ -93,7 +93,7 @@ fuzz: setup
 
 # A wheel that is built twice, in two folders, is the same; installed in an environment of its own, away from the
 # sources, it does the main job.
-WHEEL := PYTHONWARNINGS=ignore SOURCE_DATE_EPOCH=1700000000 $(CURDIR)/$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps
+WHEEL := SOURCE_DATE_EPOCH=1700000000 $(CURDIR)/$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps
 wheel-check: setup
 	rm -rf build/wheel && mkdir -p build/wheel/first build/wheel/second
 	tar -c --exclude-vcs --exclude=./.venv --exclude=./build . | tar -x -C build/wheel/second

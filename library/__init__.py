@@ -4,7 +4,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.motion_library.library_file import LibraryFileError
-from kinespace.library.recordings import Reading, find_recordings, read_recordings
+from kinespace.library.recordings import Reading, clips_of, find_recordings, read_recordings
 from kinespace.library.signature.leading import signature_of, similarity
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.library.windows.index import WindowIndex, opened
@@ -18,6 +18,7 @@ __all__ = [
     "Skeleton",
     "SkeletonMismatchError",
     "WindowIndex",
+    "clips_of",
     "distance_rows",
     "find_recordings",
     "opened",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray  # noqa: TC002 - msgspec reads annotations
@@ -253,6 +254,29 @@ class Recognition:
         """
         second = self.second_index
         return self.score - float(self.scores[second]) if second >= 0 else self.score
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give the answer as a flat row of numbers and texts for a table, like a pandas DataFrame.
+
+        `class`, `guess` and `event` are empty where there is none; `score <class>` is the score of each class.
+        """
+        names = (*self.classes, "")
+        return {
+            "performer": self.performer,
+            "time": float(self.time),
+            "outcome": str(self.outcome),
+            "label": self.label,
+            "class": names[self.class_index],
+            "guess": names[self.guess_index],
+            "score": self.score,
+            "margin": self.margin,
+            "movement": float(self.movement),
+            "share": float(self.share),
+            "event": ", ".join(f"{event.kind} {event.label}" for event in self.events),
+            "done": self.done.label if self.done else "",
+            "doubted": ", ".join(self.doubted),
+            **{f"score {name}": score for name, score in zip(self.classes, self.scores.tolist(), strict=True)},
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,8 @@ class Status:
         library's own motions that this misses, None where that is not known.
     notes
         Notes for a person, a line each: trouble with a recording, the last reason why packets were refused.
+    listening
+        Where frames come in.
     """
 
     inputs: InputCounts
@@ -114,6 +116,7 @@ class Status:
     stale: int = 0
     promised: float = 0.0
     missed: float | None = None
+    listening: tuple[str, ...] = ()
 
     @property
     def frames_per_second(self) -> float:
@@ -139,6 +142,7 @@ class Status:
         refused = self.admission.other_sender + self.admission.odd_times
         at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
         at_the_border += inputs.thrown_away
+        at_the_border += outcomes.opening
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 
 

@@ -255,6 +255,8 @@ def _numbers(
 
 
 def _read_header(path: Path, archive: zipfile.ZipFile) -> _Header:
+    if "header.npy" not in archive.namelist() and "joints.npy" in archive.namelist():
+        raise LibraryFileError(f"{path}: a recording, no motion library: kinespace build {path} -o FILE makes one")
     text = bytes(_numbers(_content(archive, "header", MAX_HEADER_BYTES), "header", [np.uint8]))
     kind = msgspec.json.decode(text, type=_Kind)
     if kind.format != FORMAT:

@@ -379,7 +379,10 @@ def _as_motion(clip: Clip, skeleton: Skeleton) -> Clip:
         raise ValueError(f"clip {clip.name!r}: expected at least {every + 1} frames, got {clip.frames}")
     positions = library_file.rounded(clip.as_of(skeleton).positions[::every])
     if np.abs(positions).max() > library_file.MAX_METRES:
-        raise ValueError(f"clip {clip.name!r}: expected joints within {library_file.MAX_METRES:g} m of the origin")
+        farthest = f"{np.abs(positions).max():.3g}: millimetres? Divide them by 1000"
+        raise ValueError(
+            f"clip {clip.name!r}: expected joints within {library_file.MAX_METRES:g} m of the origin, got {farthest}"
+        )
     if np.ptp(distance_rows(positions, skeleton), axis=0).max() <= _ROUNDING:
         raise ValueError(f"clip {clip.name!r}: expected a motion, got a body that does not move")
     positions.setflags(write=False)

@@ -39,6 +39,21 @@ SKELETON = Skeleton(
     ),
 )
 
+#: How people call HDM05's classes.
+_TITLES = {
+    "depositFloorR": "put down",
+    "elbowToKnee1RepsLelbowStart": "elbow to knee",
+    "grabHighR": "grab",
+    "hopBothLegs1hops": "hop",
+    "jogLeftCircle4StepsRstart": "jog",
+    "kickLFront1Reps": "kick",
+    "lieDownFloor": "lie down",
+    "rotateArmsBothBackward1Reps": "rotate arms",
+    "sneak2StepsLStart": "sneak",
+    "squat1Reps": "squat",
+    "throwBasketball": "throw",
+}
+
 #: A cut clip says its class and a take of three digits; an uncut take says scene-part and a take of two digits.
 _NAME = re.compile(
     r"HDM_(?P<actor>[a-z]{2})_(?:(?P<class>.+)_(?P<take>\d{3})|(?P<uncut>\d{2}-\d{2}_\d{2}))_(?P<rate>\d+)",
@@ -69,6 +84,11 @@ def read_clip_name(path: Path) -> ClipName | None:
     if named is None or int(named["rate"]) == 0:
         return None
     return ClipName(named["actor"], named["class"] or "", named["take"] or named["uncut"], float(named["rate"]))
+
+
+def title_of(class_name: str) -> str:
+    """Give the name by which people call a class; a class of one's own has its own."""
+    return _TITLES.get(class_name, class_name)
 
 
 def titled(clip: Clip, path: Path) -> Clip:

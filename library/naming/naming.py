@@ -23,6 +23,10 @@ _MIN_KNOWN = 6
 _SHARE = 0.6
 #: Skeletons whose names are remembered, at most.
 _MAX_REMEMBERED = 64
+#: Names that are listed because they are not known, and characters of each, at most.
+_MAX_LISTED, _MAX_LABEL = 5, 24
+#: The table that is copied where none is near.
+_USUAL = "mixamo"
 
 
 class NamedJoints(NamedTuple):
@@ -49,6 +53,21 @@ def summary(title: str, joints: Sequence[str]) -> str:
     """Say in a line which convention was applied, and how many of our joints it found."""
     ours = hdm05.SKELETON.joints
     return f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"
+
+
+def unknown_names(labels: Sequence[str], joints: Collection[str]) -> str:
+    """List the labels that name none of some joints of ours, and say which table is nearest; empty for no labels."""
+    named = Naming().met(labels, joints).joints
+    lost = [label[:_MAX_LABEL] for label, name in zip(labels, named, strict=True) if name not in joints]
+    if not lost:
+        return ""
+    tables = [(each.known(each.spelled(labels)), each.name) for each in conventions() if each != own_convention()]
+    known, nearest = max(tables, key=lambda each: each[0])
+    near = f"the nearest table ({nearest}) knows {known} of {len(labels)}" if known else "no table knows them"
+    listed = ", ".join(lost[:_MAX_LISTED]) + (" ..." if len(lost) > _MAX_LISTED else "")
+    copied = nearest if known else _USUAL
+    write = f"kinespace examples {copied}.toml > my.toml copies a table, to be edited for --names my.toml"
+    return f"names not known: {listed}; {near}; {write}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from kinespace.library.recordings.reader import (
     ActorIn,
     Reading,
     RecordingReader,
+    clips_of,
     find_recordings,
     instead_of_recording,
     is_recording,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -15,7 +16,7 @@ from kinespace.library.naming import Naming
 from kinespace.library.recordings.formats import acclaim, bvh, joint_table
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
-from kinespace.library.recordings.formats.labels import labels_beside, read_labels
+from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
 from kinespace.library.recordings.formats.units import metres_of
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from kinespace.library.clip import Clip
-    from kinespace.library.recordings.formats.labels import Segment
 
 _AMC = ".amc"
 _C3D = ".c3d"
@@ -111,12 +111,22 @@ def instead_of_recording(path: Path) -> str:
     """Describe a file that is no recording."""
     if path.is_file() and not path.stat().st_size:
         return "an empty file"
+    if why := joint_table.why_no_table(path) if path.suffix.lower() in (*_TABLES, ".npy") else "":
+        return why
     if path.suffix.lower() in _TABLES:
         return f"a {path.suffix} without joints' positions: columns like time, head_x, head_y, head_z"
     return path.suffix or "no ending"
 
 
-def find_recordings(places: Sequence[Path]) -> list[Path]:
+def paths_of(given: str | Path | Iterable[str | Path]) -> list[Path]:
+    """Give one path, or several, as a list; ValueError for anything else."""
+    several = [given] if isinstance(given, (str, Path)) else list(given) if isinstance(given, Iterable) else None
+    if several is None or not all(isinstance(each, (str, Path)) for each in several):
+        raise ValueError(f"paths: expected a path or several, as text or Path, got {type(given).__name__}")
+    return list(map(Path, several))
+
+
+def find_recordings(places: str | Path | Iterable[str | Path]) -> list[Path]:
     """List the recordings under some folders (at any depth) and files, sorted within each folder, each once.
 
     Films count only in a folder that has no other recordings: else they show what was recorded by better means.
@@ -126,7 +136,7 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
     RecordingError
         A place does not exist, or no place holds a recording.
     """
-    found = list[Path]()
+    found, places = list[Path](), paths_of(places)
     for place in places:
         if not place.exists():
             raise RecordingError(f"{place}: no such file or folder")
@@ -140,24 +150,26 @@ def find_recordings(places: Sequence[Path]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def read_recordings(paths: Sequence[Path], reading: Reading | None = None) -> Iterator[Clip]:
+def read_recordings(paths: str | Path | Iterable[str | Path], reading: Reading | None = None) -> Iterator[Clip]:
     """Read recordings one after the other; each Acclaim skeleton is read once.
 
     Parameters
     ----------
     paths
-        Files, in the order of `find_recordings`.
+        One file or several, in the order of `find_recordings`.
     reading
         How to read them; by default as each file says.
 
     Raises
     ------
+    ValueError
+        Something else than paths is given.
     RecordingError
         The file is of no kind that can be read, or cannot be used (the format's own error).
     OSError
         The file cannot be opened.
     """
-    yield from map(RecordingReader(reading).clip, paths)
+    return map(RecordingReader(reading).clip, paths_of(paths))
 
 
 class RecordingReader:
@@ -248,6 +260,32 @@ def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
             return replace(clip, actor=path.stem.partition("_")[0])
         case ActorIn.FOLDER:
             return replace(clip, actor=path.absolute().parent.parent.name)
+
+
+def clips_of(take: Clip, labels: str | Path | Iterable[tuple[float, float, str]]) -> list[Clip]:
+    """Cut a take into its motions.
+
+    Parameters
+    ----------
+    take
+        A recording of one performer.
+    labels
+        A file of labels (`start_s,end_s,label`, or an export), or start, end, seconds, and class of each motion.
+
+    Returns
+    -------
+    A clip for each label, with its class.
+
+    Raises
+    ------
+    ValueError
+        The labels cannot be used.
+    OSError
+        The file cannot be opened.
+    """
+    if isinstance(labels, (str, Path)):
+        return list(cut(take, read_labels(Path(labels))))
+    return list(cut(take, [Segment(*each) for each in labels]))
 
 
 def segments_beside(take: Path) -> tuple[Segment, ...] | None:

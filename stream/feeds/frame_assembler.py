@@ -109,7 +109,8 @@ class _Body:
     ahead: float | None = None
     #: Whether an end message came in a bundle that is not over.
     ending: bool = False
-    announced: bool = False
+    #: The joints of its frames, in their order, as they were announced; none before.
+    announced: tuple[str, ...] = ()
 
 
 class FrameAssembler:
@@ -135,6 +136,8 @@ class FrameAssembler:
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
         self._targets = preset.sent
+        #: Whether joints may never come.
+        self._takes_some = bool(preset.bones) or preset.closings.some
         self._body = LandmarkBody(preset.sent) if preset.guessed else None
         self._axes = np.array([axis for axis, _ in preset.axes])
         signs = np.array([sign for _, sign in preset.axes])
@@ -314,7 +317,7 @@ class FrameAssembler:
 
     def _is_all_that_comes(self, body: _Body) -> bool:
         """Say whether the frame has every joint that came lately; False until all joints have come once."""
-        return len(body.open) >= self._coming(body) and (bool(self.preset.bones) or self._has_all(body.seen))
+        return len(body.open) >= self._coming(body) and (self._takes_some or self._has_all(body.seen))
 
     def _has_all(self, joints: Iterable[str]) -> bool:
         return {self.preset.joint_map[joint] for joint in joints}.issuperset(self._targets)
@@ -339,13 +342,14 @@ class FrameAssembler:
             self.counts.late += len(opened)
             return
         self.counts.closed_by[str(by)] += 1
-        places = self._placed_bones(body, opened) if self.preset.bones else self._placed(body, opened)
+        targets = self._coming_targets(body) if self.preset.closings.some else self._targets
+        places = self._placed_bones(body, opened) if self.preset.bones else self._placed(body, opened, targets)
         if places is None:
             self.counts.incomplete += 1
             return
         # A number that overflows is impossibly far, and is refused as such.
         with np.errstate(over="ignore", invalid="ignore"):
-            positions = np.array([places[target] for target in self._targets])[:, self._axes] * self._metres
+            positions = np.array([places[target] for target in targets])[:, self._axes] * self._metres
         if self._body:
             positions = self._body.of(positions)
         try:
@@ -354,9 +358,10 @@ class FrameAssembler:
             self.counts.absurd += 1
             return
         self.counts.frames += 1
-        if not body.announced:
-            body.announced = True
-            self._out.append(Announcement(name, self.preset.joints))
+        joints = targets if self.preset.closings.some else self.preset.joints
+        if body.announced != joints:
+            body.announced = joints
+            self._out.append(Announcement(name, joints))
         self._out.append(frame)
 
     def _moment(self, body: _Body) -> float:
@@ -367,20 +372,25 @@ class FrameAssembler:
             body.ahead = body.time - body.opened
         return body.opened + (body.ahead or 0.0)
 
-    def _placed(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
+    def _coming_targets(self, body: _Body) -> tuple[str, ...]:
+        """Give the joints that came in the last seconds, in the preset's order."""
+        came = {self.preset.joint_map[name] for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER}
+        return tuple(target for target in self._targets if target in came)
+
+    def _placed(self, body: _Body, opened: Mapping[str, Sighting], targets: Sequence[str]) -> dict[str, Vector] | None:
         """Find each joint in the frame or, held, in an earlier one; None when too many are absent for too long."""
         places: dict[str, Vector] = {}
         absent = dict[str, None]()
         for name in self._needed:
             target = self.preset.joint_map[name]
-            if target in places and name not in opened:
+            if (target in places and name not in opened) or target not in targets:
                 continue
             sighting = opened.get(name) or self._held(body, name, self.preset.closings.hold)
             if sighting is None or sighting.position is None:
                 absent[target] = None
             else:
                 places[target] = sighting.position
-        return self._done_without([target for target in absent if target not in places], places)
+        return self._done_without([target for target in absent if target not in places], places, len(targets))
 
     def _placed_bones(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
         """Place bones in the world; bones that the sender never sends stay at rest.
@@ -396,12 +406,14 @@ class FrameAssembler:
                 lost.add(name)
         world = world_positions(self.preset.bones, poses)
         places = {self.preset.joint_map[name]: world[name] for name in self._needed}
-        return self._done_without([self.preset.joint_map[name] for name in self._needed if name in lost], places)
+        return self._done_without(
+            [self.preset.joint_map[name] for name in self._needed if name in lost], places, len(self._targets)
+        )
 
-    def _done_without(self, lacking: Sequence[str], places: dict[str, Vector]) -> dict[str, Vector] | None:
+    def _done_without(self, lacking: Sequence[str], places: dict[str, Vector], joints: int) -> dict[str, Vector] | None:
         """Give positions with NaN for missing joints; None when too many are missing for a frame."""
         self.counts.absent.update(lacking)
-        if len(lacking) > _LOST * len(self._targets):
+        if len(lacking) > _LOST * joints:
             return None
         return places | dict.fromkeys(lacking, _NOWHERE)
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from kinespace.library.naming import spelling
+from kinespace.library.naming import convention_named, spelling
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.feeds.kinematics import Bone  # noqa: TC001 - msgspec reads the types
@@ -162,6 +162,8 @@ class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         A joint sent with less than this is absent.
     words
         The confidence of words that come in place of a number, in small letters.
+    some
+        Whether frames hold the joints that came in the last seconds alone, not all of the preset's.
     """
 
     by: frozenset[Closing] = msgspec.field(name="close", default=frozenset({Closing.REPEAT, Closing.TIMEOUT}))
@@ -169,6 +171,7 @@ class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hold: Annotated[float, Meta(ge=0, le=10)] = 0.2
     confidence: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
     words: dict[str, float] = {}
+    some: bool = False
 
     def __post_init__(self) -> None:
         """Spell the words in small letters."""
@@ -236,6 +239,8 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         Tried in order; the first that fits a message's address and arguments is used.
     joint_map
         The sender's joint names with the motion library's names; an empty one for a joint that the library lacks.
+    tables
+        Naming conventions whose names are joints, too; of a name that two have, the first one's joint counts.
     order, order_from
         Joint names in the order of their numbers, and the first number; also their order in messages without names.
     bones
@@ -249,6 +254,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     port: _Port
     messages: tuple[MessageRule, ...] = msgspec.field(name="message")
     joint_map: dict[str, str] = msgspec.field(name="joints")
+    tables: tuple[str, ...] = ()
     product: Text = ""
     sender: Text = "nothing: this is your own preset"
     rate: Annotated[float, Meta(ge=1, le=1000)] = 30.0
@@ -282,6 +288,9 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     def _check_joints(self) -> None:
         joints = {name: target.strip() for name, target in self.joint_map.items()}
+        given = set(map(spelling, joints))
+        for table in reversed(self.tables):
+            joints |= {name: joint for name, joint in convention_named(table).targets.items() if name not in given}
         msgspec.structs.force_setattr(self, "joint_map", joints)
         if len(self.sent) < 2:
             raise ValueError(

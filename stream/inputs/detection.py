@@ -90,6 +90,8 @@ class Guess(NamedTuple):
         The arrivals of each performer's frames, seconds.
     unknown
         Joints that came and that the preset does not name.
+    at_rest
+        Bones that never came, and stay as they are in the standard skeleton.
     """
 
     preset: Preset
@@ -99,6 +101,7 @@ class Guess(NamedTuple):
     refused: int
     times: Mapping[str, Sequence[float]]
     unknown: tuple[str, ...] = ()
+    at_rest: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -220,6 +223,7 @@ class Survey:
                 if isinstance(made, Frame):
                     times.setdefault(made.performer, []).append(arrival)
         came = {preset.joint_map[name] for name in joints} - {""}
+        at_rest = tuple(name for name in preset.joint_map if name not in joints) if preset.bones and came else ()
         if preset.bones and came:
             # A bone that does not come stays at rest.
             came = set(preset.sent)
@@ -231,6 +235,7 @@ class Survey:
             assembler.counts.incomplete,
             times,
             tuple(sorted(mapper.unknown)),
+            at_rest,
         )
 
     def _as_our_own(self, preset: Preset) -> Guess:

@@ -12,7 +12,7 @@ import math
 import time
 from collections import Counter, deque
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from kinespace.stream.packet import datagram_of, sender_name
 
@@ -47,12 +47,24 @@ _MAX_DEBT = 0.1
 PER_EVENT = 5e-5
 #: Seconds after which a silent sender counts as gone.
 _THERE = 1.0
+#: Seconds without a frame after which packets are looked at otherwise.
+_SILENCE = 1.0
 #: Senders whose debts are kept, at most; only a program that sends each packet from another port reaches the limit.
 _MAX_SENDERS = 1024
 #: Bytes of packets that are put aside, at most.
 MAX_ASIDE = 4 << 20
 #: Packets that are put aside, at most.
 _MAX_PACKETS = 1024
+
+
+class Unread(Protocol):
+    """Looks at packets of which no frame comes."""
+
+    def keep(self, packet: Packet, arrival: float, sender: Sender) -> None:
+        """Take in a packet at a moment in seconds. Never raises."""
+
+    def note(self, now: float) -> str:
+        """Give a line for a person; empty when nothing is known."""
 
 
 class Source:
@@ -77,6 +89,10 @@ class Source:
         Whether packets were put aside; the socket does not wake the loop for them.
     commands
         Reads the commands among the packets; None where nobody may command.
+    unread
+        Looks at packets while no frame comes of them; None: nobody does.
+    is_of_browsers
+        Whether a process of ours sends what browsers sent to it.
     waited
         Seconds for which the last packet waited before it was taken in.
     """
@@ -92,6 +108,10 @@ class Source:
         self.decoder = decoder
         self.recorder: Recorder | Survey | None = recorder
         self.commands: CommandReader | None = None
+        self.is_of_browsers = False
+        self.unread: Unread | None = None
+        #: When a frame or an announcement last came, seconds on our clock.
+        self._made = -math.inf
         self._admission = admission
         self.waited = 0.0
         self._turns, self.has_put_aside = Turns(), False
@@ -102,6 +122,11 @@ class Source:
 
     def __str__(self) -> str:
         return str(self.receiver)
+
+    @property
+    def place(self) -> str:
+        """Where frames come in; empty for browsers, which know another address."""
+        return "" if self.is_of_browsers else str(self)
 
     @property
     def pollable(self) -> object:
@@ -132,7 +157,8 @@ class Source:
         recording = [self.recorder.note] if self.recorder and self.recorder.note else []
         last = [sender_name(sender) or "a sender" for sender in self._turns.last(self._now)[:_MAX_NAMED]]
         greedy = [f"{name} sends more than its share: served last" for name in last]
-        return [*recording, *greedy, *self.decoder.refusals.lines()]
+        unread = self.unread.note(self._now) if self.unread and self._now - self._made > _SILENCE else ""
+        return [*recording, *greedy, *([unread] if unread else self.decoder.refusals.lines())]
 
     def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
         """Take in one packet; give its commands and frames in order, or None when no packet waits. Never raises."""
@@ -147,6 +173,10 @@ class Source:
         # A bundle may hold both commands and frames.
         has_frames = asked is None or datagram_of(packet).startswith(b"#bundle")
         decoded = self.decoder.decode(packet, arrival, sender) if has_frames else ()
+        if decoded:
+            self._made = arrival
+        elif self.unread and asked is None and arrival - self._made > _SILENCE:
+            self.unread.keep(packet, arrival, sender)
         self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
         admitted = self._admitted(decoded, arrival, known)
         # Answers to senders go by OSC only.

@@ -3,3 +3,4 @@
 from kinespace.stream.recognizer.performers import Performers, SentJoints
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
+from kinespace.stream.recognizer.whole import recognise

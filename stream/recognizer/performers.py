@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import Naming, hdm05
+from kinespace.library.naming import Naming, hdm05, unknown_names
 from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.oddities import FLAT
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.joints.carried import carried_by
@@ -66,6 +67,8 @@ class PerformerCounts:
     dropped: int = 0
     #: Sums over all recognisers, of dropped performers too.
     recognizers: RecognizerCounts = field(default_factory=RecognizerCounts)
+    #: Frames that came while the library was being restricted to the performer's joints.
+    opening: int = 0
 
 
 @dataclass(slots=True)
@@ -151,7 +154,7 @@ class Performers(Following[_Performer]):
         self._sets: set[tuple[str, ...]] = set()
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
-        self._other_joints = 0
+        self._other_joints = self._opening = 0
         #: Counts of recognisers that are no longer needed.
         self._past = RecognizerCounts()
 
@@ -231,7 +234,7 @@ class Performers(Following[_Performer]):
         total = replace(self._past)
         for performer in self._performers.values():
             total.add(performer.recognizer.counts)
-        return PerformerCounts(self._no_room, self._other_joints, self._dropped, total)
+        return PerformerCounts(self._no_room, self._other_joints, self._dropped, total, self._opening)
 
     @property
     def refused(self) -> dict[str, str]:
@@ -247,9 +250,10 @@ class Performers(Following[_Performer]):
     def compared(self) -> dict[str, str]:
         """Performers with other joints than the library's: the convention of their names, and how many are compared.
 
-        Also performers of another kind of feed than the library's, or whose joints move unlike the library's.
+        Also performers of another kind of feed than the library's, or whose joints move unlike the library's, or in a
+        plane.
         """
-        notes = {name: (self._described(each), _unfit(each.recognizer)) for name, each in self._performers.items()}
+        notes = {name: (self._described(each), _oddity(each.recognizer)) for name, each in self._performers.items()}
         return {name: "; ".join(filter(None, each)) for name, each in notes.items() if any(each)}
 
     def skeleton_of(self, name: str) -> Skeleton | None:
@@ -410,7 +414,7 @@ class Performers(Following[_Performer]):
         if performer.is_waiting:
             self._fit(performer)
             if performer.is_waiting and performer.unusable:
-                self._other_joints += 1
+                self._opening += 1
                 return None
         if performer.unusable or len(frame.positions) != len(performer.joints):
             self._other_joints += 1
@@ -436,9 +440,11 @@ class Performers(Following[_Performer]):
         """Note the reason why a performer's frames are refused."""
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
-            why = f"{size} joints whose names were never sent, expected {named}"
+            why = f"{size} joints whose names were never sent, expected {named}: let the sender send them, or --joints"
         elif performer.unusable:
             why = f"{named} joints, {performer.unusable}"
+            if unknown := unknown_names(performer.joints, self.library.skeleton.joints):
+                why += f"; {unknown}"
         else:
             why = f"{size} joints, but {named} names were sent"
         self._remember(self._refused, name, why)
@@ -457,8 +463,10 @@ class Performers(Following[_Performer]):
         return performer
 
 
-def _unfit(recognizer: Recognizer) -> str:
-    """Say why few right names are to be expected; nothing if they are not."""
+def _oddity(recognizer: Recognizer) -> str:
+    """Say what is odd about a body that has moved for some seconds."""
+    if recognizer.flat:
+        return FLAT
     if recognizer.other_kind:
         return NOTES[recognizer.other_kind]
     return UNLIKE if recognizer.unlike else ""

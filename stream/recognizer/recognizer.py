@@ -251,6 +251,11 @@ class Recognizer:
         return self._fitting.other_kind
 
     @property
+    def flat(self) -> bool:
+        """Whether the body lies in a plane; False until it has moved."""
+        return self._fitting.flat
+
+    @property
     def long_ago(self) -> LongAgo | None:
         """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
         return self._joints.long_ago
@@ -324,11 +329,15 @@ class Recognizer:
         Raises
         ------
         ValueError
-            The frame has another number of joints than the library's skeleton, or is another performer's.
+            It is no frame, has another number of joints than the library's skeleton, or is another performer's.
         RuntimeError
             Another thread is using this recogniser.
         """
-        positions, time = frame.positions, frame.time
+        try:
+            positions, time = frame.positions, frame.time
+        except AttributeError:
+            got = type(frame).__name__
+            raise ValueError(f"frame: expected a Frame(performer, seconds, positions), got {got}") from None
         if positions.shape != self._shape:
             raise ValueError(f"positions: expected {self._shape}, got {positions.shape}")
         # As `_alone`, which costs as much as all the rest of a frame between hops.

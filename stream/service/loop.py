@@ -53,6 +53,10 @@ class Source(Protocol):
     """A source of frames; `kinespace.stream.inputs.Source` is one."""
 
     @property
+    def place(self) -> str:
+        """Where frames come in, for a person; empty where none do."""
+
+    @property
     def pollable(self) -> object:
         """The object that `zmq.Poller` waits for: an owner of a file number, or a ZeroMQ socket."""
 
@@ -374,6 +378,7 @@ class Service:
             compared=self.performers.compared,
             admission=replace(self._admission.counts),
             clocks={name: clock for name, clock in self._admission.clocks.items() if name in self.performers.names},
+            listening=tuple(source.place for source in self.sources if source.place),
             notes=(*dict.fromkeys(notes), *self._admission.notes(self._clock())),
             promised=promised,
             missed=missed,

@@ -319,6 +319,9 @@ class GatewaySource:
         No counts: answers are not input.
     """
 
+    #: No frames come in here.
+    place = ""
+
     def __init__(self, gateway: Gateway) -> None:
         self.answers = deque[tuple["Recognition", float]]()
         self.waited = 0.0

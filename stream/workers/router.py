@@ -361,6 +361,7 @@ def _summed(reports: Sequence[Report]) -> Report:
     for each in reports:
         counts.recognizers.add(each.counts.recognizers)
         counts.other_joints += each.counts.other_joints
+        counts.opening += each.counts.opening
     return Report(counts, dropped=sum(each.dropped for each in reports))
 
 

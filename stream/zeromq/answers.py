@@ -138,6 +138,6 @@ def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
     """Encode every counter; with the names of performers and senders only if the listeners may know them."""
     described = {"v": VERSION, "alive": True, **asdict(status), "followed": len(status.performers)}
     if not named:
-        described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": []}
+        described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": [], "listening": []}
     described |= {"frames_per_second": status.frames_per_second, "lost": status.lost, "health": status.health}
     return [b"status/", _encode(described)]

@@ -33,6 +33,7 @@ class FakeClock:
 class FakeSource:
     """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
 
+    place = ""
     tended_within = math.inf
     has_put_aside = False
     notes = ()

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from kinespace.stream.feeds import builtin_preset
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -331,6 +331,13 @@ def touchdesigner(moment: Moment) -> list[bytes]:
     ]
 
 
+def by_table(moment: Moment) -> Iterator[tuple[str, NDArray[np.floating]]]:
+    """Name all joints by a name that the preset `joints` knows, of some table."""
+    first = {target: name for name, target in reversed(builtin_preset("joints").joint_map.items()) if target}
+    for target in builtin_preset("joints").sent:
+        yield first[target], moment.places[target]
+
+
 #: Every layout, with the preset that reads it.
 LAYOUTS: dict[str, tuple[str, Layout]] = {
     "native": ("native", native),
@@ -376,6 +383,11 @@ LAYOUTS: dict[str, tuple[str, Layout]] = {
     ),
     "mediapipe": ("mediapipe", mediapipe),
     "mediapipe pose2art": ("mediapipe", mediapipe_loose),
+    "joints": ("joints", lambda moment: [message(f"/{name}", "fff", *place) for name, place in by_table(moment)]),
+    "joints of two": (
+        "joints",
+        lambda moment: [message(f"/ann/{name}", "fff", *place) for name, place in by_table(moment)],
+    ),
     "captury": ("captury", joint_by_joint("captury", "/John-Doe/blender/{}/vector", _millimetres)),
     "wekinator": ("wekinator", wekinator),
     "rokoko": ("rokoko", rokoko),

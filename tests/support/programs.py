@@ -89,12 +89,14 @@ class Program:
 
 @contextmanager
 def started(*arguments: object, environment: dict[str, str] | None = None) -> Iterator[Program]:
-    """Start `kinespace` with some arguments; a program that still runs at the end is killed."""
+    """Start `kinespace` with some arguments, unannounced; a program that still runs at the end is killed."""
+    if arguments[0] in ("live", "gateway") and "--announce" not in arguments:
+        arguments = (arguments[0], "--no-announce", *arguments[1:])
     with tempfile.TemporaryDirectory() as folder:
         output, errors = Path(folder) / "output", Path(folder) / "errors"
         with output.open("wb") as out, errors.open("wb") as err:
             surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200", **(environment or {})}
-            command = [*_COMMAND, *map(str, arguments)]
+            command = [*_COMMAND, *(str(each) for each in arguments if each != "--announce")]
             process = subprocess.Popen(
                 command, cwd=ROOT, env=surroundings, stdin=subprocess.DEVNULL, stdout=out, stderr=err
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import threading
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import pytest
 from films import raw
+from golden import LAYOUTS, Moment
 from PIL import Image
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
@@ -207,7 +209,7 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     for name in (GRAB, ARMS, KICK, SQUAT) * 3 if for_readme() else (KICK, SQUAT):
         sees_motion(page, performer, name, takes(name)[1])
     assert page.evaluate(f"{DRAWN}.toDataURL()") != before
-    assert SQUAT in page.inner_text("#classes")
+    assert "squat" in page.inner_text("#classes").split()
     picture(page, "page-dark.png", folder)
     performer.away = True
     until(page, "document.querySelector('.stage.silent .moment')?.textContent.startsWith('no frames for')")
@@ -228,12 +230,12 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
 
 def teaches(page: Page, performer: Performer) -> None:
     """Switch a class off, teach its motion by another name, see it recognised, and say that a bar was wrong."""
-    page.click(f"#classes button:has-text('{SQUAT}')")
+    page.click("#classes button:has-text('squat')")
     page.uncheck("#enabled")
     page.click("#class button:has-text('Close')")
     until(page, f"kinespace.control.off.includes('{SQUAT}')")
     # Chromium closes a dialog some milliseconds after the click, and gives the keyboard back then.
-    until(page, f"document.activeElement.textContent.startsWith('{SQUAT}')")
+    until(page, "document.activeElement.textContent.startsWith('squat')")
     page.keyboard.press("t")
     page.keyboard.type("my squat")
     page.keyboard.press("Enter")
@@ -248,7 +250,7 @@ def teaches(page: Page, performer: Performer) -> None:
         until(page, f"{LESSON}.textContent === ''")
         page.evaluate("document.activeElement.blur()")
     sees_motion(page, performer, "my squat", takes(SQUAT)[2])
-    page.click(f"#motions button:has-text('{KICK}')")
+    page.click("#motions button:has-text('kick')")
     page.select_option("#meant", "nothing")
     page.click("#wrong button.main")
     until(page, "kinespace.control.taught.nothing === 1")
@@ -275,6 +277,25 @@ def teaches(page: Page, performer: Performer) -> None:
     # A refusal is told in words.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")
+def test_an_empty_page_says_where_it_listens_and_what_pours_in(tmp_path: Path) -> None:
+    """The address stands in the middle, and below it the product whose packets came and the command that reads them."""
+    port, complaints = free_udp_port(), list[str]()
+    with live(port, "0", tmp_path / "mine.npz") as (_, address), opened(address, complaints) as page:
+        until(page, f"document.querySelector('#empty').textContent.includes('OSC 127.0.0.1:{port}')")
+        places = dict(zip(builtin_library().skeleton.joints, takes(SQUAT)[0][0], strict=True))
+        with contextlib.closing(OscSender(LOOPBACK, port)) as sender:
+            moments = [LAYOUTS["vmc"][1](Moment(places, 1 + number / 30, number)) for number in range(60)]
+            for packets in moments:
+                for packet in packets:
+                    sender.send(packet)
+                time.sleep(1 / 30)
+        until(page, f"document.querySelector('#why').innerText.includes('--feed vmc --osc-in 127.0.0.1:{port}')")
+        sent = sum(map(len, moments))
+        until(page, f"document.querySelector('#counters').innerText.includes('received {sent},')")
+        assert complaints == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")

@@ -17,6 +17,7 @@ from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, s
 from kinespace.stream import Frame, Recognizer
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.zeromq.keys import make_keys
+from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -194,3 +195,14 @@ def test_untested_examples_use_our_messages_and_ports(file: str) -> None:
     text = (EXAMPLES / file).read_text(encoding="utf-8")
     assert "/motion/frame" in text
     assert "9310" in text
+
+
+def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) -> None:
+    """`kinespace examples` lists every file, prints one as it is, and says which names there are."""
+    assert main(["examples"]) == 0
+    listed = capsys.readouterr().out.splitlines()
+    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= set(listed)
+    assert main(["examples", "node.mjs"]) == 0
+    assert capsys.readouterr().out == (EXAMPLES / "node.mjs").read_text(encoding="utf-8")
+    assert main(["examples", "node"]) == 2
+    assert "perhaps node.mjs is meant" in capsys.readouterr().err

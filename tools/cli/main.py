@@ -43,6 +43,7 @@ PROGRAMS: Programs = {
     "bench": ("bench.run", "measure the cost of every step, and of other methods"),
     "keys": ("programs.keys", "make keys, so that only known programs connect by ZeroMQ"),
     "feeds": ("programs.feeds", "list the products whose feeds kinespace understands, and their settings"),
+    "examples": ("programs.examples", "list programs and tables of joint names to copy, or print one"),
     "listen": ("programs.listen", "show the packets on a port, guess the feed, name the missing joints"),
 }
 #: Characters that say why a program failed, or for each of several files why, at most.

@@ -19,6 +19,7 @@ from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.report import write_report
+from kinespace.tools.evaluation.scoring.answer_tables import answer_rows, segment_rows, write_rows
 from kinespace.tools.evaluation.scoring.protocols import Protocol
 from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, score_courses
 from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
@@ -51,13 +52,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "leave these parts of the signature out, to see their worth"
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
     parser.add_argument("--page", type=Path, metavar="HTML", help="write a page that plays takes, answers and bodies")
+    parser.add_argument("--answers", type=Path, metavar="CSV", help="write a row for each answer: truth, guess, scores")
+    parser.add_argument(
+        "--segments", type=Path, metavar="CSV", help="write a row for each segment: right, named, delays"
+    )
     add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
     """Replay takes, score the answers, and print the results; return the exit status."""
-    if options.page:
-        require_place_for(options.page)
+    for file in filter(None, (options.page, options.answers, options.segments)):
+        require_place_for(file)
     settings = settings_of(options)
     asked, classes = harness.asked_of(options)
     by_person = options.resample == "persons"
@@ -72,6 +77,10 @@ def run(options: argparse.Namespace) -> int:
     persons = _by_person(asked, courses, classes)
     if options.page:
         write_report(options.page, [*zip(courses, (each.take.clip for each in asked), strict=True)], classes)
+    if options.answers:
+        write_rows(options.answers, answer_rows(courses, classes))
+    if options.segments:
+        write_rows(options.segments, segment_rows(courses, classes, harness.INSIDE))
     if options.json:
         scored = score.as_json(by_person=by_person)
         harness.print_json(scored | ({"persons": persons, **_over(persons)} if persons else {}))

@@ -20,7 +20,7 @@ from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, values_of
-from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.console import note, progress
 from kinespace.tools.terminal.tables import counted, print_scores
 
 if TYPE_CHECKING:
@@ -135,16 +135,36 @@ def run(options: argparse.Namespace) -> int:
                     for whose, clips in (("same", left), ("other", others)):
                         asked = _some(clips, known, _ASKED[whose], generator)
                         replies[whose, count] += [ask(clip, index, settings) for clip in asked]
-    figures = {"examples": options.examples, **scored(replies, options.examples)}
+    if not any(replies.values()):
+        note(f"nothing asked: {_why_nobody_asks(by_person)}")
+        return 1
+    motions = [clip for each in by_person.values() for _, clip in each]
+    _report(options, {"examples": options.examples, **scored(replies, options.examples)}, len(teachers), motions)
+    return 0
+
+
+def _report(
+    options: argparse.Namespace, figures: Mapping[str, Sequence[float | None]], persons: int, motions: Sequence[Clip]
+) -> None:
     if options.json:
-        whole = {"persons": len(teachers), "draws": options.draws}
-        harness.print_json({**figures, **whole, **begun([clip for each in by_person.values() for _, clip in each])})
-        return 0
+        harness.print_json({**figures, "persons": persons, "draws": options.draws, **begun(motions)})
+        return
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"
-    caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
+    caption = f"{counted(persons, 'person')}, {counted(options.draws, 'draw')} each"
     print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
-    return 0
+
+
+def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
+    """Say what the takes lack: motions apart from those of the takes that teach."""
+    takes = defaultdict[str, set[str]](set)
+    for take, clip in (each for motions in by_person.values() for each in motions):
+        takes[clip.class_name].add(take)
+    single = sorted(name for name, own in takes.items() if len(own) == 1)
+    return (
+        "a take that teaches does not ask, so each class needs a take more than examples, and a class that one take "
+        f"alone has keeps that take from asking ({', '.join(single) or 'here none'}): give more takes"
+    )
 
 
 def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching.notices import Step
 from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
@@ -76,6 +77,7 @@ class _Status(msgspec.Struct):
     notes: list[str] = []
     promised: float = 0.0
     missed: float | None = None
+    listening: list[str] = []
 
 
 class _Notice(msgspec.Struct):
@@ -262,6 +264,7 @@ class Board:
             "hop": [status.hop_p50, status.hop_p99],
             "notes": [*said_of(status), *status.notes],  # type: ignore[arg-type]  # of the same fields
             "further": len(self._further),
+            "listening": status.listening,
         }
         self._status = _Noted(shown, self.number)
 
@@ -311,6 +314,9 @@ class Board:
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:
                 shown[name] = noted.shown
+        if "classes" in shown:
+            titles = {name: title for name in self._classes.shown if (title := title_of(name)) != name}
+            shown |= {"titles": titles} if titles else {}
         for field_name in ("skeleton", "carried", "answer"):
             newer = {
                 name: noted.shown

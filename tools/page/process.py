@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Protocol, Self
 from urllib.parse import urlsplit
 
 from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
@@ -28,6 +28,24 @@ _MAX_START = 30.0
 _MAX_END = 5.0
 
 _NO_FRAMES = "no camera here: start kinespace live with --page, or kinespace page with --frames"
+
+
+class Plan(Protocol):
+    """A server of browsers: a dataclass that another process gets."""
+
+    @property
+    def name(self) -> str:
+        """The process's name in messages."""
+
+    @property
+    def address(self) -> str:
+        """HOST:PORT."""
+
+    def at(self, address: str) -> Self:
+        """Give the same server at another address."""
+
+    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Serve browsers; `started` gets the address, and `wants_end` is asked some times a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +72,18 @@ class PagePlan:
     frames: str | None = None
     keys: Path | None = None
 
+    @property
+    def name(self) -> str:
+        """The process's name in messages."""
+        return "page"
 
-def require_websockets() -> None:
-    """Refuse to go on without the library that the page needs; ImportError says how to get it."""
-    try:
-        import websockets  # noqa: F401, PLC0415 - an extra
-    except ImportError as error:
-        raise ImportError("the page needs websockets: pip install 'kinespace[page]'") from error
+    def at(self, address: str) -> Self:
+        """Give the same page at another address."""
+        return replace(self, address=address)
+
+    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """As `serve_page`."""
+        serve_page(self, started, wants_end)
 
 
 def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
@@ -68,16 +91,13 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
 
     Raises
     ------
-    ImportError
-        The library is not installed.
     OSError
         The address is taken, or impossible.
     ValueError
         An address cannot be read, or the keys cannot be used.
     """
-    require_websockets()
     from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
-    from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
     from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
 
     host, port = host_and_port(plan.address)
@@ -103,36 +123,35 @@ def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callab
 
 
 class PageProcess:
-    """A page in a process of its own, which is started again once when it dies; a context manager.
+    """A page, or another server of browsers, in a process that is started again once when it dies; a context manager.
 
     Parameters
     ----------
     plan
-        The addresses of the page.
+        The addresses of the page, or another server's.
     say
         Is given a line for a person when the process has died, from another thread.
 
     Attributes
     ----------
-    address
-        The page's address.
+    name, address
+        What it is called in messages, and the page's address.
 
     Raises
     ------
-    ImportError, OSError, ValueError
+    OSError, ValueError
         As `serve_page`.
     """
 
-    def __init__(self, plan: PagePlan, say: Callable[[str], object] = lambda _: None) -> None:
-        require_websockets()
-        self._say = say
+    def __init__(self, plan: Plan, say: Callable[[str], object] = lambda _: None) -> None:
+        self._say, self.name = say, plan.name
         #: Whether the page is to end; the lock is held while it is begun again or ended.
         self._ending, self._lock = False, threading.Lock()
         self._begin(plan)
         self._watching = threading.Thread(target=self._watch, args=(plan,), name="kinespace page", daemon=True)
         self._watching.start()
 
-    def _begin(self, plan: PagePlan) -> None:
+    def _begin(self, plan: Plan) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
@@ -140,9 +159,13 @@ class PageProcess:
             self._process.start()
         theirs.close()
         try:
-            reply = self._connection.recv() if self._connection.poll(_MAX_START) else TimeoutError("the page is silent")
+            reply = (
+                self._connection.recv()
+                if self._connection.poll(_MAX_START)
+                else TimeoutError(f"the {plan.name} is silent")
+            )
         except EOFError:
-            reply = ChildProcessError("the page's process ended before it began")
+            reply = ChildProcessError(f"the process of the {plan.name} ended before it began")
         if isinstance(reply, Exception):
             self._shut()
             raise reply
@@ -154,24 +177,24 @@ class PageProcess:
     def __exit__(self, *_: object) -> None:
         self._end()
 
-    def _watch(self, plan: PagePlan) -> None:
+    def _watch(self, plan: Plan) -> None:
         wait([self._process.sentinel])
         with self._lock:
             if self._ending:
                 return
             self._shut()
-            self._say(f"page: its process died ({self._process.exitcode}) and is started again")
+            self._say(f"{plan.name}: its process died ({self._process.exitcode}) and is started again")
             # An open page finds it where it was.
             place = f"{plan.address.rpartition(':')[0]}:{urlsplit(self.address).port}"
             try:
-                self._begin(replace(plan, address=place))
+                self._begin(plan.at(place))
             except (OSError, ValueError) as error:
-                self._say(f"page: not started again: {error}")
+                self._say(f"{plan.name}: not started again: {error}")
                 return
-        self._say(f"page: {self.address}")
+        self._say(f"{plan.name}: {self.address}")
         wait([self._process.sentinel])
         if not self._ending:
-            self._say("page: its process died again; kinespace goes on without a page")
+            self._say(f"{plan.name}: its process died again; kinespace goes on without it")
 
     def _end(self) -> None:
         with self._lock:
@@ -187,11 +210,11 @@ class PageProcess:
             self._process.join()
 
 
-def _serve(connection: Connection, plan: PagePlan) -> None:
+def _serve(connection: Connection, plan: Plan) -> None:
     """Run in the child: say the address, go on until the parent closes its end or is gone."""
     leave_signals_to_parent()
     with suppress(BrokenPipeError, ConnectionError):
         try:
-            serve_page(plan, connection.send, connection.poll)
-        except (OSError, ValueError, ImportError) as error:
+            plan.serve(connection.send, connection.poll)
+        except (OSError, ValueError) as error:
             connection.send(error)

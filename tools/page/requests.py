@@ -125,19 +125,23 @@ class Gate:
             By lower-case name.
         """
         host = headers.get("host", "")
-        if not self._knows(host):
+        if not self.knows(host):
             return refusal(403, "this name is not ours")
         path, _, query = target.partition("?")
         if path != SOCKET:
             return static_file(path, host, self.no_camera)
         if headers.get("origin") != f"http://{host}":
             return refusal(403, "not our page")
-        shown = parse_qs(query).get("token", [""])[0]
+        return self.checked(parse_qs(query).get("token", [""])[0])
+
+    def checked(self, shown: str) -> Response | None:
+        """Refuse a wrong token; None for the right one, or where none is needed."""
         if self.token and not secrets.compare_digest(shown.encode(errors="replace"), self.token.encode()):
             return refusal(401, "the address that kinespace printed has a token")
         return None
 
-    def _knows(self, host: str) -> bool:
+    def knows(self, host: str) -> bool:
+        """Say whether a name, perhaps with a port, is an address or a name of ours."""
         if not re.fullmatch(r"[\w.:\[\]-]+", host, re.ASCII):
             return False
         try:

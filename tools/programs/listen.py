@@ -16,7 +16,7 @@ import zmq
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import NamedJoints, Naming, hdm05, summary
+from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknown_names
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
@@ -138,6 +138,8 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
     elif guess.missing:
         lines.append(f"missing for recognition: {', '.join(guess.missing)}")
         lines.append("let the sender send them, or leave them out of [joints] in a copy of the preset")
+    if guess.at_rest:
+        lines.append(f"bones that never came, and stay at rest: {', '.join(guess.at_rest)}")
     if guess.unknown:
         lines.append(f"joints sent that the preset does not name: {', '.join(guess.unknown[:12])}")
     if not guess.frames and not guess.missing:
@@ -187,10 +189,8 @@ def _named_otherwise(survey: Survey) -> list[str]:
     shared = set(Naming().read(survey.announced).joints) & set(hdm05.SKELETON.joints)
     if len(shared) >= MIN_JOINTS:
         return []
-    return [
-        f"{len(shared)} of the {len(survey.announced)} announced joints have known names: name their convention,",
-        "kinespace live --names NAME, or build your own library from this feed",
-    ]
+    unknown = unknown_names(survey.announced, hdm05.SKELETON.joints)
+    return [f"{len(shared)} of the {len(survey.announced)} announced joints have known names; {unknown}"]
 
 
 def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str, object]:

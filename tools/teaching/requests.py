@@ -42,6 +42,8 @@ class RequestSource:
         The socket.
     """
 
+    #: No frames come in here.
+    place = ""
     #: Nothing is due by the clock.
     tended_within = float("inf")
     has_put_aside = False
@@ -69,7 +71,7 @@ class RequestSource:
 
     @property
     def counts(self) -> InputCounts:
-        """Counts of packets; a copy."""
+        """Counts of requests of strangers; a copy."""
         return replace(self._counts)
 
     def take(self, arrival: float) -> Sequence[Asked] | None:  # noqa: ARG002 - as in a source
@@ -81,7 +83,6 @@ class RequestSource:
         except zmq.Again:
             return None
         self._owes = True
-        self._counts.received += 1
         return [self._asked(request)]
 
     def _asked(self, request: zmq.Frame) -> Asked:

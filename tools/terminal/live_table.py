@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
+from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.teaching.notices import State, Step
@@ -53,6 +54,7 @@ COUNTERS = (
     ("other joints", "outcomes.other_joints"),
     ("no room", "outcomes.no_room"),
     ("performers gone", "outcomes.dropped"),
+    ("while the library opens", "outcomes.opening"),
     ("from other senders", "admission.other_sender"),
     ("not allowed", "admission.not_allowed"),
     ("odd times", "admission.odd_times"),
@@ -200,7 +202,7 @@ class LiveTable(Sink):
         if event.kind is EventKind.START:
             self._going_on[event.performer] = event
         elif begun := self._going_on.pop(event.performer, None):
-            over = f"{shortened(event.label, _PERFORMER)} {event.time - begun.time:.1f} s"
+            over = f"{shortened(title_of(event.label), _PERFORMER)} {event.time - begun.time:.1f} s"
             self._over[event.performer] = (*self._over.get(event.performer, ()), over)[-_MOTIONS:]
 
     def publish_done(self, done: Done) -> None:
@@ -238,22 +240,33 @@ class LiveTable(Sink):
             if last is None:
                 cells.append(())
                 continue
-            doing = going_on[name].label if name in going_on else ""
-            label = "no frames" if name in silent else last.label
+            doing = title_of(going_on[name].label) if name in going_on else ""
+            label = "no frames" if name in silent else title_of(last.label)
             cells.append(
                 (
                     shortened(printable(name), _PERFORMER),
                     Text(shortened(doing, room), style="bold"),
-                    Text(shortened(label, room), style="" if label == last.class_name else "dim"),
+                    Text(shortened(label, room), style="" if last.class_name and name not in silent else "dim"),
                     score_shown(last.score, width),
                     f"{last.margin:.3f}",
                     f"{rates[name]:.0f}" if name in rates else "",
                 )
             )
         if not latest:
-            cells.append(("", Text("waiting for frames ...", style="dim")))
+            cells.append(("", Text(self._waiting(), style="dim")))
         headings = ("performer", "doing", "this moment", "score", "margin", "frames/s")
         return table_of("kinespace live", headings, cells, caption=self._caption(silent), names=3)
+
+    def _waiting(self) -> str:
+        """Say what is waited for while nobody is answered."""
+        status = self._status
+        if status and status.performers and not self._classes:
+            return "frames come; no motion is taught yet"
+        if status and status.performers:
+            return "frames come, no answer yet"
+        return (
+            f"waiting for frames on {', '.join(status.listening)} ..." if status and status.listening else "waiting ..."
+        )
 
     def _caption(self, silent: Mapping[str, float]) -> str:
         status = self._status
@@ -262,7 +275,7 @@ class LiveTable(Sink):
         lines = [f"{printable(name)} before: {', '.join(over)}" for name, over in list(self._over.items())]
         for name, done in list(self._done.items()):
             last = list(done.items())[-_MOTIONS:]
-            lines.append(f"{printable(name)} done: {', '.join(f'{label} {count}' for label, count in last)}")
+            lines.append(f"{printable(name)} done: {', '.join(f'{title_of(label)} {count}' for label, count in last)}")
         lines += [f"performer {printable(name)}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
         lines += [*said_of(status), *map(printable, status.notes)]
         lines += [*(printable(as_line(each)) for each in self._taught), *([self.hint] if self.hint else ())]
@@ -283,10 +296,8 @@ def promise(promised: float, missed: float | None) -> str:
 
 
 def refused_frames(performer: str, why: str) -> str:
-    """Name the reason why a performer's frames are refused, and the remedy."""
-    return (
-        f"performer {printable(performer)}: frames refused: {why}. Let the sender send them, or say them with --joints"
-    )
+    """Name the reason why a performer's frames are refused."""
+    return f"performer {printable(performer)}: frames refused: {why}"
 
 
 def counted(status: Mapping[str, Any]) -> Iterator[tuple[str, int]]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from kinespace.library import find_recordings, read_recordings
 from kinespace.library.naming import summary
 from kinespace.library.recordings import labelled
+from kinespace.library.windows.oddities import remarks
 from kinespace.tools.terminal.console import note, progress
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class NameNotes:
-    """Says, once for each, which convention clips' joint names had and how many of our joints they have."""
+    """Says, once for each, which convention clips' joint names had, how many of our joints they have, and oddities."""
 
     def __init__(self) -> None:
         self._noted = set[str]()
@@ -28,6 +29,11 @@ class NameNotes:
         if line and line not in self._noted:
             self._noted.add(line)
             note(line)
+        for remark in remarks(clip):
+            # A folder's recordings mostly have the same oddity: one line of each kind is enough.
+            if (kind := remark.partition(":")[0]) not in self._noted:
+                self._noted.add(kind)
+                note(f"{clip.name}: {remark}")
         return clip
 
 

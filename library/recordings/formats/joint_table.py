@@ -67,6 +67,26 @@ def is_joint_table(path: Path) -> bool:
         return False
 
 
+def why_no_table(path: Path) -> str:
+    """Say what a file lacks to be a table of joints; empty where it is none of the usual mistakes."""
+    if path.suffix.lower() == ".npy":
+        return "a bare array without times and joint names: np.savez them as `kinespace convert` does, or make a Clip"
+    if path.suffix.lower() == ".npz":
+        return "a .npz without the arrays time, positions and joints"
+    try:
+        rows = _rows(memory.lines(path, memory.MAX_LINE, errors="replace"))
+        first, second = next(rows, []), next(rows, [])
+    except (*_DAMAGE, csv.Error):
+        return ""
+    axes = {each.strip().lower() for each in second} - {""}
+    if {"x", "y"} <= axes:
+        return "two lines of headings, as pandas writes a MultiIndex: join them, df.columns = map('_'.join, df.columns)"
+    ends = {name.strip().lower()[-2:] for name in first}
+    if ends & {"_x", ".x"} and ends & {"_y", ".y"} and not ends & {"_z", ".z"}:
+        return "columns x and y but no z: 2-D landmarks cannot be compared, their distances are no body's"
+    return ""
+
+
 def read_clip(
     path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
 ) -> Clip:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library.windows.oddities import is_flat
 from kinespace.library.windows.segments import logs_of
 from kinespace.stream.recognizer.joints.kinds import kind_of, kinds_of
 
@@ -40,6 +41,8 @@ class Fitting:
         Whether the body is unlike the library's; None until that is decided.
     other_kind
         The kind of the feed if it did not teach the library; None if it did, and until that is decided.
+    flat
+        Whether all frames looked at lie in a plane; False until that is decided.
     due
         When to look next, seconds on the feed's clock; never once it is decided.
     """
@@ -49,6 +52,7 @@ class Fitting:
         self._bodies: list[NDArray[np.float64]] = []
         self.unlike: bool | None = None
         self.other_kind: Kind | None = None
+        self.flat = False
         self.due = -math.inf
 
     def begin_again(self) -> None:
@@ -63,6 +67,7 @@ class Fitting:
             bodies = np.array(self._bodies)
             logs = logs_of(self._body.lengths(bodies))
             stretch = float(logs.std(axis=0).mean()) if logs.size else 0.0
+            self.flat = is_flat(bodies)
             self.unlike, self.due = self._body.unlike(logs.mean(axis=0), stretch) > UNLIKE, math.inf
             kind = kind_of(self._library.skeleton.joints, bodies)
             self.other_kind = None if kind in kinds_of(self._library) else kind

@@ -16,6 +16,7 @@ import numpy as np
 
 from kinespace.library.kernels import bind
 from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.windows.oddities import in_disorder
 from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step
 
 if TYPE_CHECKING:
@@ -148,8 +149,7 @@ class Joints:
     def note(self) -> str:
         """A note in words: joints that are not believed now, else a jump a moment ago, else nothing."""
         if not self.believed:
-            count, every = len(self.left_out), len(self._names)
-            return f"joints: {count} of {every} where no body has them: in another order, or angles for positions?"
+            return in_disorder(len(self.left_out), len(self._names))
         if self.left_out:
             return f"joints: done without {', '.join(self.doubted)}"
         if self._jump is None or self._last_time - self._last_jump > _SHOWN:

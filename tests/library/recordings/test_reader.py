@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames
 
-from kinespace.library.recordings import Reading, RecordingError, find_recordings, read_recordings
+from kinespace.library import LibraryFileError, MotionLibrary
+from kinespace.library.recordings import (
+    Reading,
+    RecordingError,
+    clips_of,
+    find_recordings,
+    read_recordings,
+)
 from kinespace.library.recordings.formats import acclaim
+from kinespace.tools.cli.main import main
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -114,3 +122,62 @@ def test_a_given_skeleton_that_is_gone_is_an_os_error(tmp_path: Path) -> None:
     paths = _write_arm(tmp_path, "arm_1.amc")
     with pytest.raises(FileNotFoundError, match=r"absent\.asf"):
         list(read_recordings(paths, Reading(asf=tmp_path / "absent.asf")))
+
+
+# --- as a person writes it ----------------------------------------------------------------------------------------
+
+
+def test_paths_are_text_or_path_one_or_many(tmp_path: Path) -> None:
+    """A name, a path, a list and a generator of them give the same clips; anything else is a mistake, said at once."""
+    (path,) = _write_arm(tmp_path, "arm_1.amc")
+    for given in (str(path), path, [str(path)], (each for each in [path])):
+        assert [clip.name for clip in read_recordings(given)] == ["arm_1"]
+    assert find_recordings(str(tmp_path)) == [path]
+    for wrong in (3, [path, 3], None):
+        with pytest.raises(ValueError, match="paths: expected a path or several, as text or Path"):
+            read_recordings(wrong)  # type: ignore[arg-type] # a mistake
+
+
+def test_a_take_is_cut_by_labels(tmp_path: Path) -> None:
+    """By a file of labels or by a list, into clips with the labels' classes and frames."""
+    (path,) = _write_arm(tmp_path, "arm_1.amc", frames=240)
+    (take,) = read_recordings(path)
+    (tmp_path / "take.csv").write_text("start_s,end_s,label\n0,0.5,wave\n1,1.5,bow\n")
+    for labels in (tmp_path / "take.csv", str(tmp_path / "take.csv"), [(0, 0.5, "wave"), (1, 1.5, "bow")]):
+        wave, bow = clips_of(take, labels)
+        assert (wave.class_name, bow.class_name, bow.take) == ("wave", "bow", "arm_1")
+        np.testing.assert_array_equal(bow.positions, take.positions[120:180])
+    with pytest.raises(ValueError, match="expected 0 <= start < end"):
+        clips_of(take, [(1, 0.5, "wave")])
+
+
+WRONG = {
+    "flat.csv": ("time,head_x,head_y,hip_x,hip_y\n0,1,2,3,4\n", "columns x and y but no z: 2-D landmarks"),
+    "pandas.csv": (",head,head,head,hip,hip,hip\n,x,y,z,x,y,z\n0,1,2,3,4,5,6\n", "pandas writes a MultiIndex"),
+    "other.csv": ("a,b\n1,2\n", "a .csv without joints' positions"),
+}
+
+
+@pytest.mark.parametrize("name", [*WRONG, "bare.npy", "bare.npz"])
+def test_a_table_that_is_none_has_its_own_sentence(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """2-D columns, pandas' two headings, bare arrays: each is said, by the reader and by `kinespace info`."""
+    text, said = WRONG.get(name, ("", "a bare array" if name.endswith("npy") else "without the arrays time, positions"))
+    if text:
+        (tmp_path / name).write_text(text)
+    else:
+        {"bare.npy": np.save, "bare.npz": np.savez}[name](tmp_path / name, np.zeros((3, 5, 3)))
+    with pytest.raises(RecordingError, match=re.escape(said)):
+        list(read_recordings(tmp_path / name))
+    if not name.endswith("npz"):
+        assert main(["info", str(tmp_path / name)]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_a_recording_given_as_a_library_is_said(tmp_path: Path) -> None:
+    """The message gives the command that makes a library of it."""
+    joints = {"time": np.arange(3.0), "positions": np.zeros((3, 5, 3)), "joints": np.array(list("abcde"))}
+    np.savez(tmp_path / "take.npz", parents=np.array([], int), performer="", **joints)
+    with pytest.raises(LibraryFileError, match=r"a recording, no motion library: kinespace build .*take\.npz -o FILE"):
+        MotionLibrary.load(tmp_path / "take.npz")

@@ -115,6 +115,8 @@ def test_frames_of_too_few_of_the_joints_are_counted(sticks: MotionLibrary, join
     assert performers.ordered(Frame("p", 0.0, np.zeros((7, 3)))) is None
     assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (2, 0)
     assert "of them among the 6 compared, expected 5 at least" in performers.refused["p"]
+    unknown = [name for name in joints if name not in STICK.joints]
+    assert (f"names not known: {', '.join(unknown)}; " in performers.refused["p"]) == bool(unknown)
     performers.announce(Announcement("p", STICK.joints), 0.0)
     assert_same(_pushed(performers, _frames("p", "bow")), _alone(sticks, _frames("p", "bow")))
     assert (performers.refused, performers.counts.other_joints) == ({}, 2)
@@ -164,7 +166,7 @@ def test_a_performer_is_answered_once_the_windows_are_open(sticks: MotionLibrary
     performers.push(Frame("p", 0.0, POSE[:5]), 0.0)
     told = "the library is being restricted to 5 of its joints, which takes some seconds"
     assert (performers.compared, performers.refused, performers.opening) == ({"p": told}, {}, ("p",))
-    assert performers.counts.other_joints == 1
+    assert (performers.counts.other_joints, performers.counts.opening) == (0, 1)
     ready[0] = True
     assert_same(_pushed(performers, frames), _alone(opened(sticks).by_joints(FIVE), frames))
     assert (performers.refused, performers.opening) == ({}, ())

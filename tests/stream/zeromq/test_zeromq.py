@@ -90,6 +90,7 @@ def test_classes_and_status_are_json() -> None:
     described = json.loads(encoded)
     assert described == {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13} | dataclasses.asdict(status) | {
         "notes": [],
+        "listening": [],
         "followed": 1,
         "health": "ok: 1 performers, 120 frames a second, 13 lost, hop 2.0 ms",
     }

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
+import zipfile
 from importlib import resources
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -27,6 +30,18 @@ FOLDERS = {"tools/front": "kinespace"} | {
     if path.parent != ROOT / "tools" / "front"
 }
 
+#: Folders of files without modules of the product, which count as packages, too.
+FILES = {
+    f"kinespace.{folder.replace('/', '.')}": folder
+    for folder in (
+        "library/naming/conventions",
+        "stream/feeds/presets",
+        "tools/examples",
+        "tools/examples/processing",
+        "tools/page/static",
+    )
+}
+
 
 def project() -> dict[str, dict[str, Any]]:
     """Read pyproject.toml."""
@@ -35,13 +50,14 @@ def project() -> dict[str, dict[str, Any]]:
 
 def package_folder(path: Path) -> Path:
     """Find the folder of the package that a file belongs to, as its module or as its data."""
-    return next(folder for folder in path.parents if (folder / "__init__.py").exists())
+    files = {ROOT / folder for folder in FILES.values()}
+    return next(folder for folder in path.parents if folder in files or (folder / "__init__.py").exists())
 
 
 def test_exactly_the_packages_there_are_are_shipped() -> None:
     """The packages are named one by one, and they are all the packages the sources have beside the tests."""
     setuptools = project()["tool"]["setuptools"]
-    assert sorted(setuptools["packages"]) == sorted(FOLDERS.values())
+    assert sorted(setuptools["packages"]) == sorted([*FOLDERS.values(), *FILES])
     assert len(FOLDERS) > 10
     assert {find_spec(package).origin for package in FOLDERS.values()} == {  # type: ignore[union-attr]
         str(ROOT / folder / "__init__.py") for folder in FOLDERS
@@ -55,38 +71,55 @@ def test_declared_data_files_exist() -> None:
     assert declared >= {("kinespace.library", "hdm05.npz"), ("kinespace.library", "LICENSE-hdm05.txt")}
     assert ("kinespace", "py.typed") in declared
     for package, name in declared:
-        with resources.as_file(resources.files(package)) as folder:
-            found = list(folder.glob(name))
+        top, _, below = FILES[package].partition("/") if package in FILES else ("", "", "")
+        with resources.as_file(resources.files(f"kinespace.{top}" if top else package)) as folder:
+            found = list((folder / below).glob(name))
             assert found
             assert name == "py.typed" or all(path.read_bytes() for path in found)
 
 
 def test_every_file_in_a_package_is_declared() -> None:
     """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
-    setuptools = project()["tool"]["setuptools"]
-    modules = setuptools["ext-modules"]
-    sources = {name for module in modules for name in (*module["sources"], *module["depends"])}
-    for folder, package in FOLDERS.items():
-        globs = setuptools["package-data"].get(package, [])
-        declared = {path for each in globs for path in (ROOT / folder).glob(each)}
-        within = [path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-        # Programs to be copied are in the source archive alone.
-        within = [path for path in within if not path.is_relative_to(ROOT / "tools" / "examples")]
+    declared_by = project()["tool"]["setuptools"]["package-data"]
+    for package, folder in ({package: folder for folder, package in FOLDERS.items()} | FILES).items():
+        declared = {path for each in declared_by.get(package, []) for path in (ROOT / folder).glob(each)}
+        within = [path for path in (ROOT / folder).rglob("*") if path.is_file()]
+        within = [path for path in within if not {"__pycache__", "node_modules"} & {*path.parts}]
         own = {path for path in within if package_folder(path) == ROOT / folder}
-        others = {path for path in own if path.suffix not in (".py", ".so", ".pyd")}
-        assert {path for path in others if path.relative_to(ROOT).as_posix() not in sources} == declared
+        assert {path for path in own if path.suffix not in (".py", ".so", ".pyd", ".c", ".h")} <= declared <= own
 
 
 def test_compiled_modules_are_optional() -> None:
-    """Compiled modules are optional and serve every Python from 3.11 on; all their sources are in the project."""
-    setuptools = project()["tool"]["setuptools"]
-    distutils = project()["tool"]["distutils"]
-    for module in setuptools["ext-modules"]:
-        assert module["optional"] is True
-        assert module["py-limited-api"] is True
-        included = re.findall(r'^#include "(.+)"$', (ROOT / module["sources"][0]).read_text("utf-8"), re.MULTILINE)
-        assert {f"library/kernels/{name}" for name in included} == set(module["depends"])
-    assert distutils["bdist_wheel"]["py-limited-api"] == "cp311"
+    """The compiled loops are optional and serve every Python from 3.11 on; all their sources are in the project."""
+    build = (ROOT / "setup.py").read_text(encoding="utf-8")
+    assert "optional=True" in build
+    assert "py_limited_api=True" in build
+    assert '"py_limited_api": "cp311"' in build
+    included = re.findall(r'^#include "(.+)"$', (ROOT / "library/kernels/compiled.c").read_text("utf-8"), re.MULTILINE)
+    assert included
+    assert all(f"library/kernels/{name}" in build for name in ("compiled.c", *included))
+
+
+@pytest.mark.slow
+def test_a_wheel_is_built_in_silence_and_afresh(tmp_path: Path) -> None:
+    """The build of a wheel warns of nothing, and loops of an earlier build are not put into a wheel without them."""
+    sources = tmp_path / "sources"
+    kept = ("library", "stream", "tools", "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE")
+    sources.mkdir()
+    for name in kept:
+        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy2)(ROOT / name, sources / name)
+    command = [sys.executable, "-W", "error", "-m", "pip", "wheel", "--no-deps", "--wheel-dir", str(tmp_path), "."]
+    held = []
+    for environment in ({}, {"CC": "false"}):
+        done = subprocess.run(
+            command, cwd=sources, env=os.environ | environment, capture_output=True, text=True, check=False, timeout=300
+        )
+        assert done.returncode == 0, done.stderr
+        assert "Warning:" not in done.stdout + done.stderr
+        with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+            held.append([name for name in wheel.namelist() if name.endswith((".so", ".pyd"))])
+            assert "kinespace/tools/examples/squat.txt" in wheel.namelist()
+    assert held[1] == []
 
 
 def test_the_librarys_terms_stand_beside_it() -> None:

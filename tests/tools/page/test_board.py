@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -147,6 +148,7 @@ def test_the_counters_have_the_words_of_the_table() -> None:
     everything = Status(
         InputCounts(*[4] * 8), PerformerCounts(1, 1), 1, {}, 0.0, 0.0, notes=("a note",), refused={"ann": "3 joints"}
     )
+    everything = replace(everything, listening=("OSC 127.0.0.1:9310",))
     told = _told(_board(zeromq_answers.encode_status(everything)))[0]
     shown = dict(told["status"]["counters"])
     assert shown["incomplete"] == 4
@@ -154,6 +156,7 @@ def test_the_counters_have_the_words_of_the_table() -> None:
     assert set(shown) <= {words for words, _ in COUNTERS}
     assert "ann" in told["status"]["notes"][0]
     assert told["status"]["notes"][1] == "a note"
+    assert told["status"]["listening"] == ["OSC 127.0.0.1:9310"]
 
 
 @pytest.mark.parametrize(
@@ -198,3 +201,11 @@ def test_the_last_performer_who_leaves_is_news() -> None:
     before = board.number
     board.take(zeromq_answers.encode_gone("ann"), 1.0)
     assert _told(board, before)[0]["here"] == []
+
+
+def test_classes_have_the_titles_that_people_say() -> None:
+    """HDM05's classes come with their titles, once; a class of one's own has none."""
+    board = _board(zeromq_answers.encode_classes(("my wave", "squat1Reps")))
+    told = _told(board)[0]
+    assert (told["classes"], told["titles"]) == (["my wave", "squat1Reps"], {"squat1Reps": "squat"})
+    assert "titles" not in _told(board, board.number)[0]

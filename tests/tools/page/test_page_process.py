@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import socket
-import sys
 import threading
 import time
 import urllib.error
@@ -19,7 +18,6 @@ from programs import PATIENCE
 from websockets.sync.client import connect
 
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-from kinespace.tools.cli.main import main
 from kinespace.tools.page.process import PagePlan, PageProcess, serve_page
 
 if TYPE_CHECKING:
@@ -27,15 +25,6 @@ if TYPE_CHECKING:
 
 #: An endpoint at which nobody publishes: a page waits for it without complaint.
 NOBODY = "tcp://127.0.0.1:9"
-
-
-def test_without_the_library_one_line_says_how_to_get_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The extra is named, and nothing is started."""
-    monkeypatch.setitem(sys.modules, "websockets", None)
-    assert main(["page", "--port", "0"]) == 2
-    assert capsys.readouterr().err == "kinespace: the page needs websockets: pip install 'kinespace[page]'\n"
 
 
 def test_a_port_that_is_taken_is_told() -> None:
@@ -104,7 +93,7 @@ def test_a_page_whose_process_died_is_started_again_once() -> None:
             assert reply.status == 200
         os.kill(page._process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as above
         _wait(lambda: len(said) > 2)
-        assert said[2:] == ["page: its process died again; kinespace goes on without a page"]
+        assert said[2:] == ["page: its process died again; kinespace goes on without it"]
     with PageProcess(PagePlan(NOBODY, "127.0.0.1:0"), said.append):
         pass
     assert len(said) == 3

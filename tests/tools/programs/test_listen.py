@@ -237,6 +237,18 @@ def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], titl
     assert as_object(survey, guess, [])["names"] == title
 
 
+def test_bones_that_never_came_are_named() -> None:
+    """A body of VMC with some bones alone is made whole by the standard skeleton: the others are said to be at rest."""
+    survey = Survey()
+    for number in range(20):
+        cues = [message("/VMC/Ext/Bone/Pos", "sfffffff", bone, *[0.0] * 6, 1.0) for bone in ("Hips", "Spine", "Neck")]
+        survey.keep(bundle(*cues), 1 + number / 30, None)
+    guess = survey.looked_at_as(builtin_preset("vmc"))
+    assert "LeftHand" in guess.at_rest
+    assert "Spine" not in guess.at_rest
+    assert any(line.startswith("bones that never came, and stay at rest: ") for line in advice(survey, guess, None))
+
+
 def test_unknown_names_are_reported() -> None:
     """Unknown names make no frames, and the program names the remedy."""
     survey = _heard(("hip", "knee", "toe", "elbow", "nose"))
@@ -244,7 +256,7 @@ def test_unknown_names_are_reported() -> None:
     assert guess.frames == 0
     lines = " ".join(advice(survey, guess, None))
     assert "0 of the 5 announced joints have known names" in lines
-    assert "--names NAME" in lines
+    assert "the nearest table (kinect2) knows 1 of 5" in lines
 
 
 SQUAT = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")

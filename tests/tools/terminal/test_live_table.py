@@ -124,13 +124,13 @@ def test_a_score_is_a_bar_and_a_number(score: float, full: int) -> None:
     assert score_shown(score, 109).plain == f"{score:.3f}"
 
 
-LONGEST = ("elbowToKnee1RepsLelbowStart", "rotateArmsBothBackward1Reps")
+LONGEST = ("elbowToKnee3RepsLelbowStart", "rotateArmsBothForward1Reps")
 
 
 @pytest.mark.parametrize(
     ("width", "names"),
     [
-        (120, ("rotateArmsBothBackward1Reps", "elbowToKnee1RepsLelbowStart")),
+        (120, ("rotateArmsBothForward1Reps", "elbowToKnee3RepsLelbowStart")),
         (80, ("rotateArm…ward1Reps", "elbowToKn…lbowStart")),
         (60, ("rota…Reps", "elbo…tart")),
     ],

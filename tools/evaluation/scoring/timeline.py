@@ -61,6 +61,8 @@ class Course:
         Share of the frames at which the body was implausible or joints were left out.
     unlike
         Whether the body was found unlike the library's; None while that was not decided.
+    answers
+        The answers, by time.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Course:
     contains: tuple[int, ...] = ()
     doubted: float = 0.0
     unlike: bool | None = None
+    answers: Sequence[Recognition] = field(default=(), repr=False)
 
     @property
     def seconds(self) -> float:
@@ -138,6 +141,7 @@ def course_of(
         score=_held([each.score for each in recognitions], last, np.nan),
         person=take.person,
         contains=tuple(places[each] for each in take.contains if each in known),
+        answers=recognitions,
         doubted=float(_held([each.is_doubted for each in recognitions], last, before=False).mean()),
     )
 

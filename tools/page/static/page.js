@@ -19,8 +19,10 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  hits: [], wrong: null, taught: "", held: "", sound: true, theme: null };
+  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true, theme: null };
 window.kinespace = page;
+/** How people call a class; the wire has its name. */
+const titleOf = (name) => page.titles[name] ?? name;
 
 // --- what comes ---
 
@@ -78,6 +80,7 @@ function take(news) {
     for (const name of [...page.performers.keys()].filter((each) => !news.here.includes(each))) leave(name);
     news.here.filter((each) => !page.performers.has(each)).forEach(enter);
   }
+  Object.assign(page.titles, news.titles);
   if (news.classes) { page.classes = news.classes; listClasses(); }
   if (news.control) { page.control = news.control; listClasses(); showControl(); }
   if (news.status) { page.status = news.status; showStatus(); }
@@ -111,7 +114,8 @@ function takeMotion([name, key, className, begin, end, mark]) {
   for (const [old, motion] of performer.motions) if (motion.end !== null && motion.end < page.now - SHOWN - 5) performer.motions.delete(old);
   performer.guesses = performer.guesses.filter(([at], place, all) => !(place < all.length - 1 && all[place + 1][0] < page.now - SHOWN));
   const going = [...performer.motions.values()].find((motion) => motion.end === null);
-  const doing = going ? going.className : "";
+  performer.going = going ? going.className : "";
+  const doing = titleOf(performer.going);
   if (performer.doing.textContent !== doing) performer.doing.textContent = doing;
   if (name === page.chosen) listMotions();
 }
@@ -177,14 +181,14 @@ function drawPerformer(performer) {
     return;
   }
   const { answer, stage, carried } = performer;
-  const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.doing.textContent) : -1;
+  const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.going) : -1;
   const progress = answer?.progress;
   stage.draw({ colour: colourOf(class_, isLight() ? 0.58 : 0.78), carried: answer?.label === "still" ? null : carried,
     phase: progress ? progress.phase : null, theme: page.theme });
   if (!answer) return;
   const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
   const how = progress ? [`${Math.round(100 * progress.phase)} %`, `${number(progress.speed, 1)} × as fast`] : [];
-  performer.moment.replaceChildren(made("b", { text: answer.label }), ` ${[...scores, ...how].join(" · ")}`);
+  performer.moment.replaceChildren(made("b", { text: titleOf(answer.label) }), ` ${[...scores, ...how].join(" · ")}`);
   performer.carriedBy.textContent = answer.label === "still" || !carried || !stage.names?.length ? "" : carriedInWords(stage, carried);
 }
 
@@ -219,7 +223,7 @@ function drawPast() {
 
 function rowOf(performer) {
   const until = performer.answer?.at ?? page.now;
-  const bars = [...performer.motions.values()].map((motion) => ({ ...motion, end: motion.end ?? until, label: motion.className,
+  const bars = [...performer.motions.values()].map((motion) => ({ ...motion, end: motion.end ?? until, label: titleOf(motion.className),
     colour: colourOf(page.classes.indexOf(motion.className)) }));
   const guesses = performer.guesses.map(([begin, guess], place, all) => ({ begin, end: all[place + 1]?.[0] ?? until,
     colour: guess ? colourOf(page.classes.indexOf(guess)) : "transparent" }));
@@ -239,7 +243,8 @@ function listClasses() {
     fill.style.background = colourOf(index);
     const score = made("span", { className: "score" });
     const examples = page.control?.taught[name];
-    const named = made("span", { className: "name", text: name }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
+    const named = made("span", { className: "name", text: titleOf(name) }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
+    named.title = name;
     const done = made("small", { className: "done" });
     done.title = "how often it was done, from beginning to end";
     named.append(done);
@@ -267,22 +272,30 @@ function listMotions() {
   const performer = page.performers.get(page.chosen);
   const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
   byId("motions").replaceChildren(...motions.map((motion) => {
-    const seconds = `${motion.className} ${number(motion.end - motion.begin, 1)} s`;
+    const seconds = `${titleOf(motion.className)} ${number(motion.end - motion.begin, 1)} s`;
     const button = made("button", { className: motion.mark, text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
     button.style.borderLeftColor = colourOf(page.classes.indexOf(motion.className));
-    if (motion.mark === "wrong") button.append(` was ${motion.meant}`);
+    if (motion.mark === "wrong") button.append(` was ${titleOf(motion.meant)}`);
     button.addEventListener("click", () => openWrong(performer, motion));
     return made("li", {}, button);
   }));
 }
 
 function showStatus() {
-  const { counters, hop, notes, further, frames, promise } = page.status;
+  const { counters, hop, notes, further, frames, listening, promise } = page.status;
+  if (listening.length) byId("place").textContent = listening.join(", ");
   byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
   byId("promise").textContent = promise;
   byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
-  byId("notes").replaceChildren(...lines.map((text) => made("li", { text })));
+  for (const each of page.performers.values()) {
+    if (!each.answer) each.moment.textContent = notes.find((line) => line.startsWith(`performer ${each.name}: `)) ?? "";
+  }
+  // While nobody is answered the reasons stand where everybody looks.
+  const answered = [...page.performers.values()].some((each) => each.answer);
+  for (const [id, shown] of [["why", !answered], ["notes", answered]]) {
+    byId(id).replaceChildren(...(shown ? lines : []).map((text) => made("li", { text })));
+  }
   showState(`live · ${number(frames, 0)} frames/s`, false);
 }
 
@@ -400,7 +413,7 @@ function beep(pitch, seconds) {
 
 function openClass(name) {
   const dialog = byId("class");
-  byId("class-title").textContent = name;
+  byId("class-title").textContent = titleOf(name);
   byId("enabled").checked = !page.control.off.includes(name);
   byId("enabled").onchange = ({ target }) => ask({ do: "enable", class: name, on: target.checked });
   byId("own").hidden = !(name in page.control.taught);
@@ -417,8 +430,8 @@ function openClass(name) {
 function openWrong(performer, motion) {
   if (!teaches() || motion.end === null || motion.mark === "taught") return;
   const dialog = byId("wrong");
-  byId("wrong-title").textContent = `${motion.className}, ${number(motion.end - motion.begin, 1)} s`;
-  byId("meant").replaceChildren(...["nothing", ...page.classes.filter((name) => name !== motion.className)].map((name) => new Option(name)));
+  byId("wrong-title").textContent = `${titleOf(motion.className)}, ${number(motion.end - motion.begin, 1)} s`;
+  byId("meant").replaceChildren(...["nothing", ...page.classes.filter((name) => name !== motion.className)].map((name) => new Option(titleOf(name), name)));
   dialog.returnValue = "";
   dialog.onclose = () => {
     if (dialog.returnValue) correct(performer, motion, byId("meant").value);

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinespace.library.naming import hdm05
 from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader
@@ -19,7 +20,8 @@ from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
-from kinespace.tools.page.process import PagePlan, PageProcess, require_websockets
+from kinespace.tools.page.process import PagePlan, PageProcess
+from kinespace.tools.programs.live.unread import Unread
 from kinespace.tools.teaching.requests import RequestSource
 from kinespace.tools.terminal.console import say
 
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from kinespace.stream.packet import Networks
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
+    from kinespace.tools.announcing.announcer import Announcer
     from kinespace.tools.feeding.lsl_feed import LslFeed
     from kinespace.tools.programs.camera.process import CameraProcess
 
@@ -49,11 +52,11 @@ def open_ends(
     preset: Preset | None,
     keyring: Keyring | None,
     admission: Admission,
-    page: zeromq.ZmqReceiver | None = None,
+    browsers: Sequence[zeromq.ZmqReceiver] = (),
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
     """Open the addresses and the recording; after a failure the open addresses are closed again.
 
-    The last source is that of the page's cameras, if there is a page.
+    `browsers` are the receivers of pages' cameras and of WebSocket clients, whose frames are our own whatever the feed.
     """
     networks = _networks(options)
     if getattr(options, "camera", None) or getattr(options, "lsl_in", None):
@@ -61,6 +64,8 @@ def open_ends(
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
     with ExitStack() as opened:
+        for each in browsers:
+            opened.callback(each.close)
         if options.osc_in:
             with opening("--osc-in"):
                 receiver: _AnyReceiver = osc.OscReceiver(*host_and_port(options.osc_in), networks)
@@ -81,7 +86,7 @@ def open_ends(
                 known = bool(keyring or networks) or not endpoint.is_open_to_others
                 sink = ZmqSink(zeromq.ZmqSender(endpoint, keyring, _and_here(networks)), named=known)
             sinks.append(opened.enter_context(closing(sink)))
-        read = [(each, preset) for each in receivers] + ([(page, None)] if page else [])
+        read = [*((each, preset) for each in receivers), *((each, None) for each in browsers)]
         # Last, because it may take another file's place.
         writer = _writer(options.record, read) if options.record else None
         recorders = [Recorder(writer, index) if writer else None for index in range(len(read))]
@@ -89,6 +94,10 @@ def open_ends(
             _source(receiver, recorder, fed, options.sender, admission)
             for (receiver, fed), recorder in zip(read, recorders, strict=True)
         ]
+        for source in sources:
+            source.is_of_browsers = source.receiver in browsers
+            if isinstance(source.receiver, osc.OscReceiver):
+                source.unread = Unread(source.receiver.address, preset)
         opened.pop_all()
     return sources, sinks, writer
 
@@ -207,6 +216,47 @@ def _endpoint(options: argparse.Namespace, address: str) -> zeromq.Endpoint:
     return zeromq.Endpoint.parse(address, bind=True, to_anybody=options.open)
 
 
+def open_websocket(
+    options: argparse.Namespace, keyring: Keyring | None
+) -> tuple[zeromq.ZmqReceiver | None, list[Sink], PageProcess | None]:
+    """Start the server of WebSocket clients that is asked for; open a receiver of its frames, and a publisher for it.
+
+    Raises
+    ------
+    OSError, ValueError
+        As `tools.page.process.PageProcess`.
+    """
+    if not options.ws:
+        return None, [], None
+    from kinespace.tools.websocket.server import SocketPlan  # noqa: PLC0415 - slow to load
+
+    receiver, sender = zeromq.ZmqReceiver(_HERE, keyring=keyring), zeromq.ZmqSender(_HERE, keyring)
+    with ExitStack() as opened:
+        opened.callback(receiver.close)
+        opened.callback(sender.close)
+        plan = SocketPlan(
+            options.ws, sender.address, receiver.address, options.keys, options.ws_origin, options.allow_from
+        )
+        process = PageProcess(plan, say)
+        opened.pop_all()
+    return receiver, [ZmqSink(sender)], process
+
+
+def open_announcer(options: argparse.Namespace, sources: Sequence[Source], classes: Sequence[str]) -> list[Announcer]:
+    """Announce the port on which our own messages come in by OSC, if that is possible and wanted."""
+    ours = [each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver)]
+    if not (options.announce and ours) or options.feed:
+        return []
+    from kinespace.tools.announcing.announcer import Announcer, is_possible  # noqa: PLC0415 - slow to load
+
+    if not is_possible():
+        return []
+    from kinespace.tools.announcing.description import Known  # noqa: PLC0415 - as above
+
+    known = Known(len(hdm05.SKELETON.joints), classes, teaches=bool(getattr(options, "teach", None)))
+    return [Announcer(ours[0].address[:2], known, _networks(options))]
+
+
 def open_controls(
     options: argparse.Namespace, sources: Sequence[Source], keyring: Keyring | None
 ) -> list[RequestSource]:
@@ -232,12 +282,11 @@ def open_page(
 
     Raises
     ------
-    ImportError, OSError, ValueError
+    OSError, ValueError
         As `tools.page.process.PageProcess`.
     """
     if not options.page:
         return [], [], None, None
-    require_websockets()
     sender = zeromq.ZmqSender(_HERE, keyring)
     requests = [RequestSource(_HERE, (), keyring)] if commands else []
     frames = zeromq.ZmqReceiver(_HERE, keyring=keyring)

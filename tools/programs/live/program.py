@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
+#: Where WebSocket clients come unless the user says otherwise.
+WS = "127.0.0.1:9313"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -121,6 +123,19 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
     add_shared(parser, "--page")
+    text = (
+        "do not announce the OSC port by mDNS (_osc._udp, _oscjson._tcp) where it listens (needs kinespace[discovery])"
+    )
+    parser.add_argument("--no-announce", dest="announce", action="store_false", help=text)
+    parser.add_argument(
+        "--ws",
+        nargs="?",
+        const=WS,
+        metavar="[HOST:]PORT",
+        help=f"also take frames and give answers by WebSocket, in JSON (default {WS})",
+    )
+    text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"
+    parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
 

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from contextlib import ExitStack, closing, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.live import Live
 
@@ -20,7 +20,15 @@ from kinespace.stream.service.loop import Service
 from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.programs.live.endpoints import open_camera, open_controls, open_ends, open_lsl, open_page
+from kinespace.tools.programs.live.endpoints import (
+    open_announcer,
+    open_camera,
+    open_controls,
+    open_ends,
+    open_lsl,
+    open_page,
+    open_websocket,
+)
 from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.programs.live.supervisor import supervisors
 from kinespace.tools.teaching.keys import Keys
@@ -30,6 +38,7 @@ from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterable
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
@@ -55,18 +64,22 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
     admission = Admission(silence=performers.silence, allowed=options.allow)
     with ExitStack() as opened:
-        for each in from_workers:
-            opened.callback(each.close)
+        _close_in(opened, from_workers)
         # Before the sockets are open: no packet is to wait until the page runs.
         page_sinks, page_sources, page_frames, page_process = open_page(
             options, keyring, performers, commands=lessons is not None
         )
-        sources, sinks, kept = open_ends(options, preset, keyring, admission, page_frames)
-        for each in (*sources, *sinks, *([kept] if kept else ())):
-            opened.callback(each.close)
+        _close_in(opened, [*page_sinks, *page_sources])
+        websocket, browser_sinks, browser_process = open_websocket(options, keyring)
+        _close_in(opened, browser_sinks)
+        browsers = [each for each in (page_frames, websocket) if each]
+        sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
+        _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring) if lessons else []
         camera = open_camera(options, sources)
         lsl_feed = open_lsl(options, sources)
+        # Last: threads that nothing else ends.
+        announcers = open_announcer(options, sources, (lessons or performers).classes)
         opened.pop_all()
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
@@ -75,11 +88,12 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         Service(
             performers,
             [*sources, *controls, *page_sources, *from_workers],
-            [*sinks, shown, *page_sinks, *([lessons] if lessons else []), *supervisors()],
+            [*sinks, shown, *page_sinks, *browser_sinks, *announcers, *([lessons] if lessons else []), *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,
         page_process or nullcontext() as page,
+        browser_process or nullcontext(),
         camera,
         lsl_feed,
     ):
@@ -87,12 +101,15 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
             lessons.sinks = service.sinks
         # Before the program says that it runs.
         stop_on_signals(service.stop)
-        open_to_senders = [each for each in sources if each.receiver is not page_frames]
+        open_to_senders = [each for each in sources if each.place]
         listening = ", ".join(map(str, [*open_to_senders, *controls]))
         answering = ", ".join(map(str, sinks)) or "nobody"
+        # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
+        listening += ", also for /motion/teach" if lessons and preset else ""
         say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
-        if page:
-            say(f"page: {page.address}")
+        servers: list[Any] = [page, browser_process, *announcers]
+        for server in filter(None, servers):
+            say(f"{server.name}: {server.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
@@ -106,6 +123,12 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     if kept:
         say(f"{record}: {kept.written} packets, {kept.failed} could not be written")
     return 2 if lessons and lessons.has_unsaved else 0
+
+
+def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
+    """Close these if a later one cannot be opened."""
+    for each in ends:
+        opened.callback(each.close)
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

@@ -9,6 +9,7 @@ import codecs
 import csv
 import tempfile
 from array import array
+from collections import Counter
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -54,27 +55,42 @@ class _Motion:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE", help="a file that ends in .npz or .csv"
-    )
+    parser.add_argument("sources", nargs="+", type=Path, metavar="FILE", help=".kinerec, motion files, folders of them")
+    text = "a file that ends in .npz or .csv; of several FILEs a folder, for an .npz of each"
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help=text)
     parser.add_argument("--performer", help="the performer to convert, if there are several")
     add_shared(parser, "--overwrite", "--feed")
     add_reading(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Convert one file, frame by frame; return the exit status.
+    """Convert files, frame by frame; return the exit status.
 
     An `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
     they are not known; and `performer`. A `.csv` has a column for the time and three for each joint.
     """
-    source, output, feed = options.source, options.output, options.feed
+    sources, output = options.sources, options.output
+    if len(sources) == 1 and not sources[0].is_dir():
+        _convert(sources[0], output, options)
+        return 0
+    if output.suffix.lower() in (".csv", ".npz"):
+        raise ValueError(f"{output}: expected a folder for several files")
+    found = find_recordings(sources)
+    targets = [output / f"{each.stem}.npz" for each in found]
+    if twice := [each.name for each, count in Counter(targets).items() if count > 1]:
+        raise ValueError(f"{output}: expected files of different names, got {twice[0]} twice")
+    output.mkdir(exist_ok=True)
+    for source, target in zip(found, targets, strict=True):
+        _convert(source, target, options)
+    return 0
+
+
+def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
+    """Convert one file."""
+    feed = options.feed
     write = {".csv": _write_csv, ".npz": _write_npz}.get(output.suffix.lower())
     if write is None:
         raise ValueError(f"{output}: expected a file that ends in .npz or .csv")
-    if source.is_dir():
-        raise ValueError(f"{source}: expected a recording, got a folder")
     require_place_for(output, overwrite=options.overwrite)
     damage = ""
     if source.suffix.lower() == ENDING:
@@ -93,7 +109,6 @@ def run(options: argparse.Namespace) -> int:
     )
     if damage:
         say(damage)
-    return 0
 
 
 def _of_file(source: Path, reading: Reading) -> _Motion:

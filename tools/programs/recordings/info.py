@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinespace.library import distance_rows, find_recordings, kernels
-from kinespace.library.recordings import is_recording, labelled
+from kinespace.library.recordings import instead_of_recording, is_recording, labelled
 from kinespace.library.windows.index import opened
 from kinespace.library.windows.whole_motions import without_course
 from kinespace.stream.feeds import builtin_names, builtin_preset
@@ -79,6 +79,8 @@ def run(options: argparse.Namespace) -> int:
         described, show = _raw(file, preset_named(feed) if feed else None), _show_raw
     elif file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
         described, show = _recordings(file, reading_of(options), clips=options.clips), _show_recordings
+    elif file and file.is_file() and file.suffix != ".npz":
+        raise ValueError(f"{file}: expected a recording or a library, got {instead_of_recording(file)}")
     else:
         described, show = _library(file, clips=options.clips), _show_library
     if options.json:

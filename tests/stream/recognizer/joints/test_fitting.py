@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from kinespace.library.windows.index import opened
+from kinespace.library.windows.oddities import FLAT
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recognizer.performers import UNLIKE
@@ -81,3 +82,14 @@ def test_a_library_taught_by_the_body_itself_is_like_it(small_index: WindowIndex
     performers.exchange(opened(small_index.library).with_motions([taught]))
     play(8.0)
     assert performers.compared == {}
+
+
+def test_a_flat_body_is_said_to_be_flat(small_library: MotionLibrary, squat: Clip) -> None:
+    """2-D landmarks with zeros for depth are said to be flat, once they have moved; a body in space is not."""
+    for depth, said in ((0.0, FLAT), (1.0, None)):
+        performers = Performers(small_library)
+        there_and_back = np.concatenate([squat.positions, squat.positions[::-1]]) * (1.0, 1.0, depth)
+        for index in range(round(5 * RATE)):
+            frame = Frame("p", index / RATE, there_and_back[index % len(there_and_back)])
+            performers.push(frame, index / RATE)
+        assert performers.compared.get("p") == said

@@ -106,9 +106,9 @@ def test_the_table_shows_the_recognised_motion() -> None:
     """On a terminal a table is drawn that waits, then shows performer and motion; Ctrl-C ends it with the counts."""
     cues = ghost_cues("lieDownFloor", 1.5, performer="me")
     with live(environment={"FORCE_COLOR": "1"}) as stage:
-        stage.program.expect(r"waiting for frames \.\.\.")
+        stage.program.expect(r"waiting for frames on OSC 127\.0\.0\.1:\d+ \.\.\.")
         stage.play(cues)
-        stage.program.expect(r"me .*lieDownFloor")
+        stage.program.expect(r"me .*lie down")
         counts = stage.stopped()
     assert counts["frames"] == 180
 

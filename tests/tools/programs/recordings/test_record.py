@@ -294,6 +294,20 @@ def test_unannounced_joints_are_numbered(tmp_path: Path) -> None:
         assert len(numbers["positions"]) == 3
 
 
+def test_several_files_become_files_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files and folders of them are written into one folder; files of one name are refused before any is written."""
+    paths = [tmp_path / "one" / "a.csv", tmp_path / "two" / "b.csv", tmp_path / "two" / "a.csv"]
+    for path in paths:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("a_x,a_y,a_z,b_x,b_y,b_z\n0,0,0,0,1,0\n0,0,0,0,1,1\n")
+    (tmp_path / "three").mkdir()
+    out = tmp_path / "out"
+    assert main(["convert", str(paths[0]), str(tmp_path / "two"), "-o", str(out)]) == 2
+    assert "expected files of different names, got a.npz twice" in capsys.readouterr().err
+    assert main(["convert", str(paths[0]), str(paths[1]), "-o", str(out)]) == 0
+    assert sorted(each.name for each in out.iterdir()) == ["a.npz", "b.npz"]
+
+
 def test_impossible_conversions_end_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -308,7 +322,7 @@ def test_impossible_conversions_end_in_one_line(
         assert main(["convert", str(path), "-o", *options.split()]) == 2
         assert capsys.readouterr().err == f"kinespace: {expected}\n"
     assert main(["convert", str(tmp_path), "-o", "a.csv"]) == 2
-    assert capsys.readouterr().err == f"kinespace: {tmp_path}: expected a recording, got a folder\n"
+    assert capsys.readouterr().err == "kinespace: a.csv: expected a folder for several files\n"
     assert [each.name for each in tmp_path.iterdir()] == ["a.kinerec"]
 
 

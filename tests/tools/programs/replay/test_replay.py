@@ -163,8 +163,7 @@ def test_a_recording_that_cannot_be_read_ends_the_feed(
     assert replay(tmp_path, "--osc", target(stage), "--json") == 2
     printed = capsys.readouterr()
     assert json.loads(printed.out)["sent"] == len(frames_in(received(stage))) == 60
-    assert printed.err.startswith(f"kinespace: {paths[-1]}")
-    assert printed.err.count("\n") == 1
+    assert printed.err.splitlines()[-1].startswith(f"kinespace: {paths[-1]}")
 
 
 def test_without_a_recording_the_built_in_motions_are_played(
@@ -234,7 +233,9 @@ def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys
     _, sent, unheard = capsys.readouterr().out.splitlines()
     assert sent == "180 frames sent, 0 refused by the system"
     place = to[1].removeprefix("@")
-    assert re.match(rf"no program listens at {re.escape(place)}: 18\d packets were lost; start", unheard)
+    assert re.match(
+        rf"no program listens at {re.escape(place)}(, or it lets in none .*)?: 18\d packets were lost; start", unheard
+    )
 
 
 @pytest.mark.parametrize("performer", ["my dancer", "[/]"])

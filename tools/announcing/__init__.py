@@ -1,0 +1,1 @@
+"""A recogniser announced by mDNS, and its OSC addresses described by OSCQuery."""

@@ -1,0 +1,41 @@
+"""`kinespace examples`: lists programs that send frames or receive answers, and tables of joint names; prints one."""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from kinespace.tools.cli.choice import one_of
+from kinespace.tools.terminal.console import say
+
+if TYPE_CHECKING:
+    import argparse
+
+#: Folders and endings of files that are no examples.
+_PASSED_OVER = {"node_modules", "__pycache__", ".pyc"}
+#: The page that says what each needs.
+PAGE = ".github/docs/examples.md"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="print this example, to be kept in a file")
+
+
+def run(options: argparse.Namespace) -> int:
+    """List the examples, or print one; return the exit status."""
+    files = _files("tools", "examples") | _files("library", "naming/conventions")
+    if options.name is not None:
+        print(files[one_of("NAME", options.name, files)], end="")
+        return 0
+    for name in files:
+        say(f"{name}  (joint names)" if name.endswith(".toml") else name)
+    say(f"\nkinespace examples NAME > NAME keeps one; {PAGE} in the sources says what each needs.")
+    return 0
+
+
+def _files(room: str, folder: str) -> dict[str, str]:
+    """Read the files of a folder and the folders in it, by their names."""
+    with resources.as_file(resources.files(f"kinespace.{room}") / folder) as place:
+        found = [each for each in sorted(place.rglob("*.*")) if not _PASSED_OVER & {*each.parts, each.suffix}]
+        return {each.name: each.read_text(encoding="utf-8") for each in found if each.is_file()}

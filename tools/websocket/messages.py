@@ -1,0 +1,51 @@
+"""Frames and answers as WebSocket messages: pure functions between them and ZeroMQ's messages.
+
+A frame is text, one JSON object: `performer`, `positions` (a list of [x, y, z] in metres for each joint, null for what
+is lost), and perhaps `t` (seconds; 0 or none: the arrival) and `joints` (names, in the first frame and when they
+change); or binary, the msgpack map of ZeroMQ. An answer is text: ZeroMQ's JSON with its topic as `type`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from kinespace.stream.zeromq.frames import VERSION
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+class _Sent(msgspec.Struct):
+    """A frame as a browser sends it."""
+
+    performer: str
+    positions: list[tuple[float | None, float | None, float | None]]
+    t: float = 0.0
+    joints: list[str] | None = None
+
+
+_read = msgspec.json.Decoder(_Sent).decode
+
+
+def packed(message: str | bytes) -> bytes:
+    """Give a frame as ZeroMQ's msgpack map; anything else as it is: the recogniser counts it."""
+    if isinstance(message, bytes):
+        return message
+    try:
+        sent = _read(message)
+    except (ValueError, RecursionError):
+        return message.encode(errors="replace")
+    with np.errstate(over="ignore"):
+        positions = np.array(sent.positions, dtype=np.float64).astype("<f4").reshape(-1, 3)
+    header = {"v": VERSION, "performer": sent.performer, "t": sent.t, "shape": positions.shape, "dtype": "<f4"}
+    joints = {} if sent.joints is None else {"joints": sent.joints}
+    return msgspec.msgpack.encode(header | joints | {"data": positions.tobytes()})
+
+
+def as_text(parts: Sequence[bytes]) -> str:
+    """Give one of the recogniser's messages, topic and JSON, as one JSON object."""
+    kind = parts[0].partition(b"/")[0]
+    return (b'{"type":"' + kind + b'",' + parts[1].removeprefix(b"{")).decode()

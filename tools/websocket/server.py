@@ -1,0 +1,199 @@
+"""The server of WebSocket clients, in a process of its own, so that no browser ever makes the recogniser wait.
+
+Each client's frames go to the recogniser by a ZeroMQ socket of their own, so that it knows them apart. A client that
+reads too slowly loses the oldest answers.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+from collections import deque
+from contextlib import closing, suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import serve
+from websockets.exceptions import ConnectionClosed
+
+from kinespace.stream.packet import is_within
+from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
+from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.page.link import Subscription
+from kinespace.tools.page.requests import Gate, refusal
+from kinespace.tools.websocket.messages import as_text, packed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+_THIS_MACHINE = ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128")
+#: Clients at once, at most.
+MAX_CLIENTS = 64
+#: Bytes of a message from a client, at most: as over ZeroMQ.
+_MAX_MESSAGE = 256_000
+#: Answers that wait for a client, at most.
+MAX_WAITING = 512
+#: Seconds in which a client's own socket reaches the recogniser: earlier frames would be lost.
+_MEETING = 0.1
+#: Seconds between two looks for messages.
+_LOOK = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class SocketPlan:
+    """WebSockets to be served.
+
+    Attributes
+    ----------
+    address
+        HOST:PORT of the clients.
+    answers, frames
+        The ZeroMQ endpoints on which the recogniser publishes, and on which it takes frames in.
+    keys
+        Folder of the keys of all ZeroMQ; None for none.
+    origins
+        Sites whose pages may connect, like https://editor.p5js.org; pages of this machine may anyway.
+    networks
+        Networks whose clients may connect, and this machine; empty for all.
+    """
+
+    address: str
+    answers: str
+    frames: str
+    keys: Path | None = None
+    origins: tuple[str, ...] = ()
+    networks: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The process's name in messages."""
+        return "WebSocket"
+
+    def at(self, address: str) -> Self:
+        """Give the same server at another address."""
+        return replace(self, address=address)
+
+    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Serve clients; `started` gets the address, and `wants_end` is asked some times a second.
+
+        Raises
+        ------
+        OSError
+            The address is taken, or impossible.
+        ValueError
+            An address cannot be read, or the keys cannot be used.
+        """
+        host, port = host_and_port(self.address)
+        keyring = Keyring(self.keys) if self.keys else None
+        server = SocketServer(self, keyring, Gate.for_host(host))
+        with closing(server), opening("--ws"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+            try:
+                runner.run(server.run(host, port, started, wants_end))
+            except OSError as error:
+                raise OSError(error.errno, f"{self.address}: {error.strerror}") from error
+        if keyring:
+            keyring.close()
+
+
+def answer(gate: Gate, origins: Sequence[str], target: str, headers: Mapping[str, str]) -> Response | None:
+    """Answer the request of a client; None opens its WebSocket.
+
+    Browsers say which site a page is of, other programs do not. A page of another site may connect only if it is named.
+    """
+    host, origin = headers.get("host", ""), headers.get("origin")
+    if not gate.knows(host):
+        return refusal(403, "this name is not ours")
+    if origin is not None and origin not in origins and not _is_near(origin, host):
+        return refusal(403, f"a page of another site, {origin[:100]}: --ws-origin lets it in")
+    return gate.checked(parse_qs(urlsplit(target).query).get("token", [""])[0])
+
+
+def _is_near(origin: str, host: str) -> bool:
+    """Say whether a page comes from this machine, or from the name by which it asks for us."""
+    with suppress(ValueError):
+        name, ours = urlsplit(origin).hostname, urlsplit(f"//{host}").hostname
+        return name in ("localhost", ours) or ipaddress.ip_address(name or "").is_loopback
+    return False
+
+
+class _Client:
+    """The answers that wait for a client."""
+
+    def __init__(self) -> None:
+        self.waiting, self.woken = deque[str](maxlen=MAX_WAITING), asyncio.Event()
+
+
+class SocketServer:
+    """Passes frames from clients to the recogniser, and its answers to all clients."""
+
+    def __init__(self, plan: SocketPlan, keyring: Keyring | None, gate: Gate) -> None:
+        self._plan, self._keyring, self._gate = plan, keyring, gate
+        self._networks = [ipaddress.ip_network(each, strict=False) for each in plan.networks]
+        self._subscription = Subscription(Endpoint.parse(plan.answers, bind=False), keyring)
+        self._clients: set[_Client] = set()
+
+    def close(self) -> None:
+        """Close the subscription."""
+        self._subscription.close()
+
+    async def run(self, host: str, port: int, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Serve until it is to end, which is asked some times a second; `started` gets the address."""
+        loop = asyncio.get_running_loop()
+        loop.add_reader(self._subscription.fileno(), self._take_answers)
+        serving = serve(
+            self._serve, host, port, process_request=self._answer, max_size=_MAX_MESSAGE, compression=None,
+            server_header=None,
+        )  # fmt: skip
+        async with serving as server:
+            port = next(iter(server.sockets)).getsockname()[1]
+            named = f"[{host}]" if ":" in host else host
+            started(f"ws://{named}:{port}/" + (f"?token={self._gate.token}" if self._gate.token else ""))
+            while not wants_end():
+                self._take_answers()
+                await asyncio.sleep(_LOOK)
+        loop.remove_reader(self._subscription.fileno())
+
+    def _take_answers(self) -> None:
+        for parts in self._subscription.messages():
+            text = as_text(parts)
+            for client in self._clients:
+                client.waiting.append(text)
+                client.woken.set()
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        headers = {name.lower(): value for name, value in request.headers.raw_items()}
+        peer = str(connection.remote_address[0])
+        if self._networks and not is_within(peer, [*self._networks, *_THIS_MACHINE]):
+            return refusal(403, "this network is not let in: see --allow-from")
+        if len(self._clients) >= MAX_CLIENTS:
+            return refusal(503, "too many clients")
+        return answer(self._gate, self._plan.origins, request.path, headers)
+
+    async def _serve(self, connection: ServerConnection) -> None:
+        """Serve one client until it leaves."""
+        client = _Client()
+        self._clients.add(client)
+        sending = asyncio.create_task(_send(connection, client))
+        with closing(ZmqSender(Endpoint.parse(self._plan.frames, bind=False), self._keyring)) as sender:
+            await asyncio.sleep(_MEETING)
+            with suppress(ConnectionClosed):
+                async for message in connection:
+                    sender.send([packed(message)])
+        self._clients.discard(client)
+        sending.cancel()
+        await asyncio.gather(sending, return_exceptions=True)
+
+
+async def _send(connection: ServerConnection, client: _Client) -> None:
+    """Send a client the answers that wait, in their order."""
+    with suppress(ConnectionClosed):
+        while True:
+            await client.woken.wait()
+            client.woken.clear()
+            while client.waiting:
+                await connection.send(client.waiting.popleft())

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 #: Examples in a roster, at most.
 MAX_EXAMPLES = 2000
 #: Seconds between two windows of an example.
-_EVERY = 0.1
+EVERY = 0.1
 #: Share of an example's windows that another class wins: up to the first number the example is good, and from the
 #: second number on the two classes do not differ.
 _GOOD, _ALIKE = 0.05, 0.5
@@ -190,7 +190,7 @@ class TaughtWindows:
             # One person is enough: all performers' examples of a class count as one person's.
             motions = self._shown([replace(each.motion, actor="") for each in new])
             before = {id(motion) for motion in self._everything.library.motions}
-            self._everything = self._everything.with_motions(motions, every=_EVERY)
+            self._everything = self._everything.with_motions(motions, every=EVERY)
             added = [each for each in self._everything.library.motions if id(each) not in before]
             for each in new:
                 own = each.class_name, each.motion.take

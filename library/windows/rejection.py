@@ -44,6 +44,9 @@ _RIDGE = 0.02
 _NOISE = 0.01
 #: Seconds over which evidence is averaged, unless the numbers were learned for another time.
 USUAL_OVER = 0.3
+#: The evidence for a named motion may fall this much below the threshold, so that a motion at the threshold does not
+#: flicker. Less where one person's motions teach what is unknown: else an unknown motion that was named stays named.
+HELD, HELD_ONE = 1.5, 0.5
 
 
 class Evidence(NamedTuple):
@@ -116,6 +119,8 @@ class Rejection:
         were learned for the library as it is.
     over
         Seconds over which evidence is averaged before it is compared with a threshold.
+    held
+        How much the evidence for a named motion may fall below the threshold.
     """
 
     weights: NDArray[np.float64] = field(repr=False)
@@ -126,6 +131,7 @@ class Rejection:
     typical: NDArray[np.float64] = field(repr=False)
     joints: int = 0
     over: float = USUAL_OVER
+    held: float = HELD
     _listed: tuple[float, ...] = field(init=False, repr=False)
     _constant: float = field(init=False, repr=False)
     _lead: float = field(init=False, repr=False)
@@ -214,11 +220,11 @@ def stand_in(groups: int) -> Rejection:
     """Give numbers for a library with too few motions to learn from.
 
     The thresholds are where these shares of unknown time were named when three persons of HDM05 had taught one example
-    of each of ten classes, and they and the others performed the eleventh (tests/TRIED.md).
+    of each of ten classes, and performed the eleventh (tests/TRIED.md).
     """
     weights = np.repeat([-2.0 / groups, 2.0 / groups, 0.0], [groups, groups, 1])
-    thresholds = np.array([0.75, 0.45, 0.0, -0.37, -0.7, -1.12])
-    return Rejection(weights, 0.0, {}, {}, thresholds, np.zeros(2 * groups))
+    thresholds = np.array([0.55, 0.29, -0.22, -0.56, -1.04, -1.55])
+    return Rejection(weights, 0.0, {}, {}, thresholds, np.zeros(2 * groups), held=HELD_ONE)
 
 
 def learned_rejection(index: WindowIndex) -> Rejection:
@@ -233,7 +239,8 @@ def learned_rejection(index: WindowIndex) -> Rejection:
     slope[groups:] = np.maximum(slope[groups:], 0.0)
     typical = np.median(known, axis=0)
     thresholds = _thresholds((unknown - typical) @ slope, classes)
-    return Rejection(np.append(slope, 0.0), 0.0, {}, {}, thresholds, typical)
+    held = HELD if len({motion.actor for motion in index.compared}) > 1 else HELD_ONE
+    return Rejection(np.append(slope, 0.0), 0.0, {}, {}, thresholds, typical, held=held)
 
 
 def _thresholds(logits: NDArray[np.float64], classes: NDArray[np.intp]) -> NDArray[np.float64]:

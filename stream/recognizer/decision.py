@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.windows.index import WindowIndex
+    from kinespace.library.windows.rejection import Rejection
     from kinespace.stream.recognition import Recognition
     from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 
@@ -43,9 +44,6 @@ _MAX_EVENT_PACE = 1.0
 #: A pause between two recognitions that is longer counts as this long (seconds), so that a gap in the feed does not
 #: add lead.
 _MAX_HOP = 0.1
-#: The evidence for a named motion may fall this much below the threshold; without this margin a motion at the threshold
-#: would flicker.
-_HELD = 1.5
 #: Seconds of stillness, and of unknown, ambiguous or implausible movement, after which a motion has ended.
 _ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4, Outcome.IMPLAUSIBLE: 0.8}
 #: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
@@ -126,20 +124,22 @@ class Judgement:
         self.average = math.nan
         self._known = False
 
-    def push(self, logit: float, threshold: float, elapsed: float, over: float) -> bool:
+    def push(self, logit: float, threshold: float, elapsed: float, rejection: Rejection) -> bool:
         """Take in the evidence of the newest window; say whether the guess is known.
 
         Parameters
         ----------
         logit, threshold
             The evidence, and from which evidence a guess is known.
-        elapsed, over
-            Seconds since the last window, and over which evidence is averaged.
+        elapsed
+            Seconds since the last window.
+        rejection
+            Says over how many seconds evidence is averaged, and how far it may fall for a named motion.
         """
         if math.isnan(self.average):
             self.average = logit
-        self.average -= math.expm1(-elapsed / over) * (logit - self.average)
-        self._known = self.average >= threshold - (_HELD if self._known else 0.0)
+        self.average -= math.expm1(-elapsed / rejection.over) * (logit - self.average)
+        self._known = self.average >= threshold - (rejection.held if self._known else 0.0)
         return self._known
 
 
@@ -238,7 +238,7 @@ class Decision:
         if weighing.judges:
             evidence = Evidence.of(comparer.alone, classes.index(guess), noise)
             rejection = index.rejection
-            known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection.over)
+            known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and seen.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS

@@ -51,9 +51,10 @@ def usual_sensitivity(library: MotionLibrary) -> float:
     """Give the sensitivity for a library when none is set."""
     if library.judged_by_strangers:
         return SENSITIVITY_LEARNED
-    if _is_one_persons(library):
+    if len(library.motions) == len({motion.class_name for motion in library.motions}):
         return SENSITIVITY_ONE
-    return SENSITIVITY_CAMERA if kinds_of(library) == {"guessed"} else SENSITIVITY_OWN
+    several = not _is_one_persons(library)
+    return SENSITIVITY_CAMERA if several and kinds_of(library) == {"guessed"} else SENSITIVITY_OWN
 
 
 def needed_lead(library: MotionLibrary, settings: Settings) -> float:

@@ -14,8 +14,8 @@ SENSITIVITY_OWN = 0.2
 #: The same where several people taught them before cameras: other movement looks more like theirs than their own other
 #: classes do (tests/TRIED.md).
 SENSITIVITY_CAMERA = 0.025
-#: The same where these are of one person.
-SENSITIVITY_ONE = 0.28
+#: The same where each class has a single motion.
+SENSITIVITY_ONE = 0.17
 #: Lead that a class needs before a start event.
 LEAD_USUAL = 3.0
 #: The same in a library of one person that learned what is unknown from its own classes: one example of each shows less
@@ -52,14 +52,15 @@ class Settings:
     sensitivity
         Share of the time of unknown motions that may be answered with a class. The library estimates it from the
         motions that taught it what is unknown; None is 0.05 where strangers' motions did (`kinespace learn`), and 0.2
-        where its own classes did, each left out in turn, which are harder to distinguish; 0.28 where these are of one
-        person, 0.025 where they are of several before cameras. A larger share answers more, of known and of unknown
-        motions. WINDOWS only.
+        where its own classes did, each left out in turn, which are harder to distinguish; 0.17 where each of these has
+        a single motion, 0.025 where they are of several persons before cameras. A larger share answers more, of known
+        and of unknown motions. WINDOWS only.
     hop
         Seconds between answers, at most 60; 0 answers every frame.
     lead
         How clear a lead, added up over time, a class needs before a start event (`stream.recognizer.decision`): a
-        larger lead makes events later and surer. None is 3, and 3.6 where the sensitivity is 0.28.
+        larger lead makes events later and surer. None is 3, and 3.6 in a library of one person that learned what is
+        unknown from its own classes.
     longest_gap
         Seconds without a frame after which the window starts again, because the movement in between is unknown. The
         longest window is an upper limit: after that time nothing is left in it.

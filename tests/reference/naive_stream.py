@@ -23,8 +23,6 @@ MICROSECOND = 1e-6
 FIRST_FRAMES, FIRST_SECONDS, LONGEST = 3, 0.15, 2.0
 #: Noise from which rows are averaged (metres), over how many seconds, and how many frames are measured together.
 NOISY, AVERAGED_OVER, TOGETHER = 0.0113, 0.1, 16
-#: How far a named motion's evidence may fall below the threshold.
-HELD = 1.5
 #: A lead counts no more than this.
 MAX_LEAD = 3.0
 #: Events: seconds of no class until an end, the longest hop that counts, and the lead that counts most.
@@ -206,15 +204,18 @@ def lead_of(distances: Matrix, leader: int) -> float:
     return min(min(others, default=math.inf) - float(distances[leader]), MAX_LEAD)
 
 
-def known(times: Sequence[float], logits: Sequence[float], threshold: float, over: float) -> list[bool]:
-    """Judge at every hop from the whole course of logits since the feed began, averaged over some seconds."""
+def known(times: Sequence[float], logits: Sequence[float], threshold: float, over: float, held: float) -> list[bool]:
+    """Judge at every hop from the whole course of logits since the feed began, averaged over some seconds.
+
+    `held` says how far the evidence for a named motion may fall below the threshold.
+    """
     made = list[bool]()
     for hop, now in enumerate(times):
         ages = [math.exp(-(now - time) / over) for time in times[: hop + 1]]
         # The first logit counts as if it had always been so; each later one for the time since the one before.
         weights = [ages[0], *(after - before for before, after in pairwise(ages))]
         average = sum(weight * logit for weight, logit in zip(weights, logits[: hop + 1], strict=True))
-        made.append(average >= threshold - (HELD if made and made[-1] else 0.0))
+        made.append(average >= threshold - (held if made and made[-1] else 0.0))
     return made
 
 

@@ -50,6 +50,7 @@ SQUAT, KICK, ARMS, GRAB = "squat1Reps", "kickLFront1Reps", "rotateArmsBothBackwa
 SENT = 45.0
 #: Metres by which the joints of one picture's body may differ, on average; bodies that must be so alike.
 ALIKE, FEW = 0.05, 5
+MOTIONS = "kinespace.performers.get('ann').motions.values()"
 #: The body as drawn, the motion that goes on, the state of a lesson.
 DRAWN, DOING, LESSON = (
     f"document.querySelector('.stage[aria-label=ann] {part}')" for part in ("canvas", ".doing", ".lesson")
@@ -180,7 +181,7 @@ def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
         sees(page, performer, tmp_path)
         accessible = Axe().run(page)
         assert accessible.violations_count == 0, accessible.generate_report()
-        teaches(page, performer)
+        teaches(page, performer, tmp_path)
         assert complaints == []
         # The recogniser is started anew on the same address: the page comes back by itself.
         assert program.interrupt() == 0
@@ -228,7 +229,7 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     page.set_viewport_size({"width": 1180, "height": 770})
 
 
-def teaches(page: Page, performer: Performer) -> None:
+def teaches(page: Page, performer: Performer, folder: Path) -> None:
     """Switch a class off, teach its motion by another name, see it recognised, and say that a bar was wrong."""
     page.click("#classes button:has-text('squat')")
     page.uncheck("#enabled")
@@ -274,9 +275,42 @@ def teaches(page: Page, performer: Performer) -> None:
     page.wait_for_timeout(1500)
     page.keyboard.up("h")
     until(page, "kinespace.control.taught.statue === 1")
+    teaches_the_past(page, performer, folder)
     # A refusal is told in words.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
+
+
+def teaches_the_past(page: Page, performer: Performer, folder: Path) -> None:
+    """Drag over a motion on the timeline, and name it; then the same by the keyboard alone."""
+    sees_motion(page, performer, KICK, takes(KICK)[1])
+    until(page, f"{DOING}.textContent === ''")
+    box = page.locator("#timeline").bounding_box()
+    assert box is not None
+    from_x, to_x = page.evaluate(
+        "[LAST.begin - 0.7, LAST.end].map((at) => SCALE.left + (at - nowThere() + SHOWN) / SCALE.seconds)".replace(
+            "LAST", f"[...{MOTIONS}].findLast((each) => each.end !== null)"
+        ).replace("SCALE", "scaleOf(timeline)")
+    )
+    page.mouse.move(box["x"] + from_x, box["y"] + 12)
+    page.mouse.down()
+    page.mouse.move(box["x"] + to_x, box["y"] + 12, steps=4)
+    page.mouse.up()
+    until(page, "document.activeElement.id === 'span-name' && span.performer === 'ann'")
+    assert not page.is_visible("#wrong")
+    assert 0.5 < page.evaluate("span.end - span.begin") < 15
+    picture(page, "page-span.png", folder)
+    page.keyboard.type("my kick")
+    page.keyboard.press("Enter")
+    until(page, "kinespace.control.taught['my kick'] === 1 && span === null")
+    until(page, f"[...{MOTIONS}].some((each) => each.className === 'my kick' && each.mark === 'taught')")
+    performer.show(takes(KICK)[2])
+    page.wait_for_timeout(3000)
+    page.focus("#span-from")
+    for text in ("3.2", "0", "my kick"):
+        page.keyboard.type(text)
+        page.keyboard.press("Enter" if text == "my kick" else "Tab")
+    until(page, "kinespace.control.taught['my kick'] === 2")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")

@@ -6,6 +6,7 @@ each moment with the movement performed at that moment.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,9 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.signature.parts import Kind
-from kinespace.library.windows.index import WindowIndex, usual_weighing
+from kinespace.library.teaching.examples import EVERY
+from kinespace.library.windows.index import WindowIndex, opened, usual_weighing
 from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
+from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.scoring.answer_tables import answer_rows, segment_rows, write_rows
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping, Sequence
 
-    from kinespace.library import MotionLibrary
+    from kinespace.library import Clip, MotionLibrary
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.evaluation.takes import Take
 
@@ -47,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "recordings in which nothing known happens, or folders of them"
     parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
     harness.add_protocol(parser)
+    text = "beside the library up to N motions of each of its classes out of the person's other takes, as if confirmed"
+    parser.add_argument("--confirmed", type=above_zero, default=0, metavar="N", help=text)
     text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     text = "leave these parts of the signature out, to see their worth"
@@ -63,16 +68,13 @@ def run(options: argparse.Namespace) -> int:
     """Replay takes, score the answers, and print the results; return the exit status."""
     for file in filter(None, (options.page, options.answers, options.segments)):
         require_place_for(file)
-    settings = settings_of(options)
     asked, classes = harness.asked_of(options)
     by_person = options.resample == "persons"
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
-    without = Kind(options.without_part) if options.without_part else None
-    courses = [
-        course(each.take, _compared(each.library, without), classes, settings)
-        for each in progress(asked, "Replaying", len(asked))
-    ]
+    if options.confirmed and options.protocol != Protocol.LIBRARY:
+        raise ValueError(f"--confirmed: expected --protocol library, got {options.protocol}")
+    courses = _courses(asked, classes, options)
     score = score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
     if options.page:
@@ -89,6 +91,18 @@ def run(options: argparse.Namespace) -> int:
     if persons:
         print_persons(persons, _over(persons), Protocol(options.protocol))
     return 0
+
+
+def _courses(asked: Sequence[harness.Asked], classes: Sequence[str], options: argparse.Namespace) -> list[Course]:
+    """Replay every take against the library that it asks."""
+    without = Kind(options.without_part) if options.without_part else None
+    settings, courses = settings_of(options), list[Course]()
+    for each in progress(asked, "Replaying", len(asked)):
+        compared = _compared(each.library, without)
+        if options.confirmed:
+            compared = _with_confirmed(compared, each.take, [other.take for other in asked], options.confirmed)
+        courses.append(course(each.take, compared, classes, settings))
+    return courses
 
 
 def course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings) -> Course:
@@ -115,6 +129,20 @@ def course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[
 def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | WindowIndex:
     """Give the library, or its windows without some parts."""
     return WindowIndex.of(library, weighing=usual_weighing(library).without(without)) if without else library
+
+
+def _with_confirmed(
+    compared: MotionLibrary | WindowIndex, asking: Take, takes: Sequence[Take], most: int
+) -> MotionLibrary | WindowIndex:
+    """Add motions of a person's other takes as examples of their classes, up to so many of each (`live --teach`)."""
+    others = (take for take in takes if take is not asking and take.person == asking.person)
+    index = compared if isinstance(compared, WindowIndex) else opened(compared)
+    examples, counts = list["Clip"](), Counter[str]()
+    for motion in (motion for take in others for motion in take.motions()):
+        if motion.class_name in index.library.classes and counts[motion.class_name] < most:
+            counts[motion.class_name] += 1
+            examples.append(replace(motion, actor="").as_of(index.library.skeleton))
+    return index.with_motions(examples, every=EVERY) if examples else index
 
 
 def _by_person(asked: Sequence[harness.Asked], courses: Sequence[Course], classes: Sequence[str]) -> dict[str, _Values]:

@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library import MotionLibrary
+from kinespace.library.teaching.examples import EVERY
 from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.index import WindowIndex, teacher_of
-from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, values_of
+from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.terminal.console import note, progress
 from kinespace.tools.terminal.tables import counted, print_scores
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
     from kinespace.library import Clip
     from kinespace.stream.recognizer import Settings
+    from kinespace.tools.evaluation.takes import Take
 
     #: A motion, and the name of the recording that it was cut from.
     Motion = tuple[str, Clip]
@@ -37,8 +40,10 @@ if TYPE_CHECKING:
 _ASKED = {"same": 4, "other": 2}
 #: Seed of the draws.
 _SEED = 0
-#: Seconds between two windows of a taught motion.
-_EVERY = 0.1
+#: How much slower a motion is played to see whether it begins a lesson all the same.
+_SLOW = 0.4
+#: Seconds of a time of standing still, and how far a joint may be from its mean in them, metres.
+_STOOD, _STAYS = 2.0, 0.05
 _COLUMNS = (
     ("examples", "{examples}"),
     ("same person", "{same_first_right:.1%}"),
@@ -51,11 +56,16 @@ _COLUMNS = (
 
 
 class Reply(NamedTuple):
-    """The start events of a motion that asked: their classes, and the seconds from its first frame to the first."""
+    """The start events of a motion that asked: their classes, and the seconds from its first frame to the first.
+
+    And of its answers the number, and of these the number that named a class.
+    """
 
     motion: Clip
     classes: tuple[str, ...]
     delay: float
+    answers: int = 0
+    named: int = 0
 
     @property
     def right(self) -> bool:
@@ -99,7 +109,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--draws", type=above_zero, default=20, help=text)
     text = "the persons who teach (default: all, in turn)"
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
-    parser.add_argument("--beside", action="store_true", help="compare with the built-in library, too")
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument("--beside", action="store_true", help="compare with the built-in library, too")
+    text = "ask each motion again with its class left out: how much of its time is named all the same?"
+    either.add_argument("--left-out", action="store_true", help=text)
     add_settings(parser)
     add_shared(parser, "--json")
 
@@ -111,12 +124,9 @@ def run(options: argparse.Namespace) -> int:
     they must win over the built-in classes, even over those of the same motion. The built-in library knows its own
     persons, so they do not ask.
     """
-    builtin, mine = MotionLibrary.builtin(), "my {}" if options.beside else "{}"
-    by_person = defaultdict[str, list["Motion"]](list)
-    for take in harness.takes_at(harness.sources_of(options), options, builtin):
-        for clip in take.motions():
-            named = replace(clip, class_name=mine.format(clip.class_name), actor=clip.actor or options.person)
-            by_person[named.actor].append((take.clip.name, named))
+    builtin = MotionLibrary.builtin()
+    takes = harness.takes_at(harness.sources_of(options), options, builtin)
+    by_person = _motions(takes, options)
     if strange := {*options.teachers} - {*by_person}:
         raise ValueError(f"--teachers: expected some of {', '.join(sorted(by_person))}, got {min(strange)!r}")
     teachers = sorted(options.teachers or by_person)
@@ -135,19 +145,28 @@ def run(options: argparse.Namespace) -> int:
                     for whose, clips in (("same", left), ("other", others)):
                         asked = _some(clips, known, _ASKED[whose], generator)
                         replies[whose, count] += [ask(clip, index, settings) for clip in asked]
+                        if options.left_out:
+                            replies[f"unknown {whose}", count] += _strangers(asked, taught, examples, settings)
     if not any(replies.values()):
         note(f"nothing asked: {_why_nobody_asks(by_person)}")
         return 1
-    motions = [clip for each in by_person.values() for _, clip in each]
-    _report(options, {"examples": options.examples, **scored(replies, options.examples)}, len(teachers), motions)
+    _report(
+        options, {"examples": options.examples, **scored(replies, options.examples)}, len(teachers), takes, by_person
+    )
     return 0
 
 
 def _report(
-    options: argparse.Namespace, figures: Mapping[str, Sequence[float | None]], persons: int, motions: Sequence[Clip]
+    options: argparse.Namespace,
+    figures: Mapping[str, Sequence[float | None]],
+    persons: int,
+    takes: Sequence[Take],
+    by_person: Mapping[str, Sequence[Motion]],
 ) -> None:
     if options.json:
-        harness.print_json({**figures, "persons": persons, "draws": options.draws, **begun(motions)})
+        motions = [clip for each in by_person.values() for _, clip in each]
+        whole = {"persons": persons, "draws": options.draws}
+        harness.print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
         return
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"
@@ -167,6 +186,20 @@ def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
     )
 
 
+def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:
+    """Give each person's motions, over the joints that the built-in library has, too: its persons teach the metrics."""
+    builtin, mine = MotionLibrary.builtin(), "my {}" if options.beside else "{}"
+    by_person = defaultdict[str, list["Motion"]](list)
+    joints = harness.shared_joints([*(take.clip.skeleton for take in takes), builtin.skeleton])
+    for take in takes:
+        for clip in take.motions():
+            actor, named = clip.actor or options.person, mine.format(clip.class_name)
+            by_person[actor].append(
+                (take.clip.name, replace(clip.restricted_to(joints), class_name=named, actor=actor))
+            )
+    return by_person
+
+
 def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:
     """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
     library = MotionLibrary.of_clips([clip for _, clip in own])
@@ -177,7 +210,7 @@ def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:
     names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
     if with_builtin:
         taught = [replace(motion, actor="").as_of(strangers.skeleton) for motion in library.motions]
-        index = WindowIndex.of(strangers).with_motions(taught, every=_EVERY)
+        index = WindowIndex.of(strangers).with_motions(taught, every=EVERY)
         own_names = iter(names)
         return Taught(index, tuple("" if motion.actor else next(own_names) for motion in index.library.motions))
     teacher = teacher_of(library)
@@ -235,15 +268,58 @@ def ask(motion: Clip, index: WindowIndex, settings: Settings) -> Reply:
     """Push a motion through the recogniser, and keep its start events."""
     answers = harness.answers_to(harness.Feed.of(motion, index.library.skeleton), index, settings)
     starts = [event for each in answers for event in each.events if event.kind is EventKind.START]
-    return Reply(motion, tuple(each.label for each in starts), starts[0].time if starts else np.nan)
+    named = sum(answer.outcome is Outcome.NAMED for answer in answers)
+    delay = starts[0].time if starts else np.nan
+    return Reply(motion, tuple(each.label for each in starts), delay, len(answers), named)
+
+
+def _strangers(asked: Sequence[Clip], taught: Taught, examples: Sequence[int], settings: Settings) -> list[Reply]:
+    """Ask motions whose class was not taught: the others' examples alone are opened."""
+    motions = taught.index.library.motions
+    # What is done says nothing about names, and takes long to open.
+    settings = replace(settings, false_alarms=0.0)
+    opened = {
+        name: taught.opened([each for each in examples if motions[each].class_name != name])
+        for name in {clip.class_name for clip in asked}
+    }
+    return [ask(clip, opened[clip.class_name], settings) for clip in asked]
+
+
+def _of_unknown(asked: Sequence[Reply], prefix: str) -> dict[str, Ratio]:
+    """Give the figures of motions whose class was left out, which are named by mistake; none where none asked."""
+    if not asked:
+        return {}
+    named, answers = [each.named for each in asked], [each.answers for each in asked]
+    starts, seconds = [len(each.classes) for each in asked], [each.motion.duration for each in asked]
+    return {
+        f"{prefix}unknown_named": Ratio(named, answers),
+        f"{prefix}unknown_starts_per_minute": Ratio(starts, seconds, 60),
+    }
 
 
 def begun(motions: Sequence[Clip]) -> dict[str, float]:
-    """Give the share of motions that begin a lesson, and their number.
+    """Give the share of motions that begin a lesson, as recorded and at two fifths of their speed, and their number.
 
     Nobody stands in a cut motion: the movement that begins it is the usual one, and the first tenths are lost.
     """
-    return {"begins": float(np.mean([any(moved_in(each)) for each in motions])), "motions": len(motions)}
+    slow = [resampled(replace(each, frame_rate=_SLOW * each.frame_rate), each.frame_rate) for each in motions]
+    shares = [float(np.mean([any(moved_in(each)) for each in played])) for played in (motions, slow)]
+    return {"begins": shares[0], "begins_slow": shares[1], "motions": len(motions)}
+
+
+def stood(takes: Sequence[Clip]) -> dict[str, float | None]:
+    """Give the share of times of standing still that begin a lesson, and their number; times overlap.
+
+    A time lasts `_STOOD` seconds, in which all joints stay within `_STAYS` of their mean.
+    """
+    begins = list[bool]()
+    for take in takes:
+        long = round(_STOOD * take.frame_rate)
+        for first in range(0, take.frames - long, long // 2):
+            positions = take.positions[first : first + long]
+            if (np.linalg.norm(positions - positions.mean(axis=0), axis=2) <= _STAYS).all():
+                begins.append(any(moved_in(replace(take, positions=positions, gaps=(), filled=0))))
+    return {"stood_begins": float(np.mean(begins)) if begins else None, "stood": len(begins)}
 
 
 def scored(
@@ -253,7 +329,8 @@ def scored(
 
     Of the same person's motions and of others': the shares whose first start event is right, that had a start event,
     and, of these, whose first is right; the median seconds to a right first start event; start events of other classes
-    a minute; and the number of motions that asked, over all draws.
+    a minute; the number of motions that asked, over all draws; and of motions whose class was left out, where such
+    asked, the share of the time that was named, and start events a minute.
     """
     figures = defaultdict[str, list[float | None]](list)
     for count in examples:
@@ -269,6 +346,7 @@ def scored(
                     f"{whose}_first_right_of_started": Ratio(right, started),
                     f"{prefix}delay_s": Percentile([[each.delay] for each in asked if each.right], 50),
                     f"{prefix}false_per_minute": Ratio(false, seconds, 60),
+                    **_of_unknown(replies.get((f"unknown {whose}", count), []), prefix),
                 }
             )
             for name, value in (values | {f"{whose}_asked": len(asked)}).items():

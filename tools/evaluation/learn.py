@@ -365,7 +365,7 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
     judgement = Judgement()
     highest = -_FAR
     for window in windows:
-        judgement.push(rejection.logit(*window), math.inf, _HOP, rejection.over)
+        judgement.push(rejection.logit(*window), math.inf, _HOP, rejection)
         if window[1] == name:
             highest = max(highest, judgement.average)
     return highest
@@ -441,7 +441,7 @@ def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> d
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:
         judgement = Judgement()
-        known = [judgement.push(rejection.logit(*window), threshold, _HOP, rejection.over) for window in course.windows]
+        known = [judgement.push(rejection.logit(*window), threshold, _HOP, rejection) for window in course.windows]
         if course.is_unknown:
             named += _HOP * sum(known)
             seconds += course.take.clip.duration

@@ -21,7 +21,7 @@ from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
 from kinespace.tools.terminal.live_table import counted, promise, said_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 #: Performers that are shown, at most; further ones are counted.
 MAX_SHOWN = 8
@@ -31,7 +31,7 @@ SHOWN = 60.0
 _SILENT = 10.0
 #: Seconds for which entries are kept: longer than they are shown, so that they leave by the edge.
 _KEPT = SHOWN + 5.0
-_MAX_NOTICES, _MAX_DONE = 32, 64
+_MAX_NOTICES, _MAX_DONE, _MAX_CHECKED = 32, 64, 16
 
 
 class _Answer(msgspec.Struct, rename={"label": "class"}):
@@ -133,9 +133,9 @@ class _Performer:
     done: deque[tuple[int, str, int, float, float]] = field(default_factory=lambda: deque(maxlen=_MAX_DONE))
     #: The beginnings of the guesses: seconds, the class or None.
     guesses: deque[tuple[int, float, str | None]] = field(default_factory=deque)
-    #: When a lesson's recording began, and the span of the last one.
+    #: When a lesson's recording began, and a span of the past that is to be taught.
     recording: float | None = None
-    span: tuple[float, float] | None = None
+    asked: tuple[float, float] | None = None
 
     def close(self, now: float, number: int) -> None:
         """End the motion that goes on."""
@@ -163,7 +163,8 @@ class Board:
         self._classes, self._status, self._control = _Noted([]), _Noted(), _Noted()
         self._notices: deque[tuple[int, dict[str, object]]] = deque(maxlen=_MAX_NOTICES)
         self._keys = count(1)
-        self._checking = ""
+        #: The examples that are being checked: the performer, begin and end in seconds on our clock.
+        self._checking: deque[tuple[str, float, float]] = deque(maxlen=_MAX_CHECKED)
 
     def take(self, parts: Sequence[bytes], now: float) -> None:
         """Take in one message of the recogniser; count a message that cannot be read."""
@@ -275,17 +276,29 @@ class Board:
             performer.recording = now
         elif performer and notice.state == Step.CHECKING:
             begin = now - notice.seconds if performer.recording is None else performer.recording
-            performer.span, performer.recording = (begin, now), None
-            self._checking = notice.performer
-        elif notice.taught and (taught := self._performers.get(self._checking)) and taught.span:
-            begin, end = taught.span
-            motion = _Motion(next(self._keys), notice.taught, begin, end, self.number, "taught")
-            taught.motions.append(motion)
-            taught.span = None
+            performer.recording = None
+            # One that is to be taken later has no seconds yet.
+            if notice.seconds > 0:
+                self._checking.append((notice.performer, *(performer.asked or (begin, now))))
+        elif notice.taught and self._checking:
+            name, begin, end = self._checking.popleft()
+            if taught := self._performers.get(name):
+                taught.motions.append(_Motion(next(self._keys), notice.taught, begin, end, self.number, "taught"))
+        elif notice.state == Step.REFUSED and len(self._checking) == 1:
+            self._checking.clear()
+        if performer:
+            performer.asked = None
 
     def _forget(self, name: str) -> None:
         if self._performers.pop(name, None):
             self._note_performers()
+
+    def take_command(self, command: Mapping[str, object], now: float) -> None:
+        """Take in a page's command: a span of the past that becomes an example has its bar there."""
+        performer = self._performers.get(str(command.get("performer")))
+        match command:
+            case {"do": "last", "seconds": float() | int() as seconds, "ago": float() | int() as ago} if performer:
+                performer.asked = now - ago - seconds, now - ago
 
     def take_reply(self, control: dict[str, object]) -> None:
         """Take in the control socket's description of the classes and the settings."""

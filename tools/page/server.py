@@ -192,6 +192,7 @@ class PageServer:
         """Ask the control socket; every page gets the changes."""
         if self._control is None:
             return {"states": [_refused(_NO_CONTROL)]}
+        self.board.take_command(command, self._clock())
         reply = await asyncio.to_thread(self._control, command)
         if reply is None:
             return {"states": [_refused(_NO_REPLY)]}

@@ -10,6 +10,7 @@ from naive_windows import evidence, logit
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import (
+    HELD_ONE,
     MAX_LEAD,
     RATES,
     USUAL_OVER,
@@ -149,6 +150,7 @@ def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
     alone = WindowIndex.of(replace(sticks, motions=sticks.motions[:1]))
     for index in (alone, WindowIndex.of(sticks.without(classes=sticks.classes[1:]))):
         assert np.array_equal(learned_rejection(index).weights, stand_in(2).weights)
+        assert index.rejection.held == HELD_ONE
     assert np.array_equal(typical_evidence(alone), np.zeros(4))
     near, far = (alone.rejection.logit(EVIDENCE._replace(distances=(each, each)), "") for each in (-1.0, 2.0))
     assert near > alone.rejection.threshold_at(0.05) > far

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kinespace.library.windows.rejection import stand_in
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
 from kinespace.stream.recognizer.limits import index_for
@@ -95,22 +97,24 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
     course=st.lists(st.tuples(st.floats(-5, 5), st.floats(0.01, 0.5)), min_size=1, max_size=40),
     threshold=st.floats(-2, 2),
     over=st.sampled_from([0.1, 0.3]),
+    held=st.sampled_from([0.5, 1.5]),
 )
 def test_a_guess_is_known_by_averaged_evidence(
-    course: list[tuple[float, float]], threshold: float, over: float
+    course: list[tuple[float, float]], threshold: float, over: float, held: float
 ) -> None:
     """The average over some seconds, whatever the hops, is against a threshold that is lower for what is known."""
+    rejection = replace(stand_in(2), over=over, held=held)
     judgement, times = Judgement(), np.cumsum([elapsed for _, elapsed in course]).tolist()
     assert math.isnan(judgement.average)
-    expected = naive_stream.known(times, [logit for logit, _ in course], threshold, over)
+    expected = naive_stream.known(times, [logit for logit, _ in course], threshold, over, held)
     for known, (logit, elapsed) in zip(expected, course, strict=True):
-        found = judgement.push(logit, threshold, elapsed, over)
-        if min(abs(judgement.average - threshold), abs(judgement.average - threshold + 1.5)) < 1e-6:
+        found = judgement.push(logit, threshold, elapsed, rejection)
+        if min(abs(judgement.average - threshold), abs(judgement.average - threshold + held)) < 1e-6:
             return
         assert found == known
     judgement.clear()
     assert math.isnan(judgement.average)
-    assert not judgement.push(threshold - 0.1, threshold, HOP, over)
+    assert not judgement.push(threshold - 0.1, threshold, HOP, rejection)
 
 
 # --- guesses -----------------------------------------------------------------------------------------------------

@@ -141,7 +141,9 @@ def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> Non
         )
         for answer in course.answers
     ]
-    known = naive_stream.known(course.times, logits, rejection.threshold_at(SENSITIVITY), rejection.over)
+    known = naive_stream.known(
+        course.times, logits, rejection.threshold_at(SENSITIVITY), rejection.over, rejection.held
+    )
     for answer, is_known in zip(course.answers, known, strict=True):
         moving = Outcome.NAMED if is_known else Outcome.UNKNOWN
         assert answer.outcome is (Outcome.STILL if answer.movement < settings.stillness else moving)

@@ -14,7 +14,8 @@ from takes import write_take
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.evaluate_teach import begun
+from kinespace.tools.evaluation import evaluate_teach
+from kinespace.tools.evaluation.evaluate_teach import begun, stood
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,6 +36,7 @@ RUNS = {
         "10 s, 7 segments, persons not known; last second inside the segment",
     ),
     "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
+    "teach left out": ("teach --left-out --draws 1 --examples 1 --teachers dg", "1 person, 1 draw each"),
     "teach beside": ("teach --beside --draws 1 --examples 1 --teachers mm", "1 person, 1 draw each"),
     "discover": ("discover", "18 takes, "),
     "done": (
@@ -59,6 +61,7 @@ REFUSED = {
     "done": "expected takes with --protocol library, got none",
     "noise --groups 1": "--groups: expected 2 to 18, the motions there are, got 1",
     "noise --groups 19": "--groups: expected 2 to 18, the motions there are, got 19",
+    "stream {takes} --protocol leave-one-take-out --confirmed 1": "--confirmed: expected --protocol library, got leave",
     "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
     "discover {clips}": "joints: expected at least 5 of the library's",
     "retrieval {takes}/ann_01.amc --protocol split": "ann_01: expected a name with the actor in it",
@@ -147,7 +150,7 @@ def test_the_share_of_motions_that_begin_a_lesson() -> None:
     """A motion begins one, and standing still begins none."""
     motion = MotionLibrary.builtin().motions[0]
     standing = replace(motion, positions=np.repeat(motion.positions[:1], 60, axis=0))
-    assert begun([motion, standing]) == {"begins": 0.5, "motions": 2}
+    assert begun([motion, standing]) == {"begins": 0.5, "begins_slow": 0.5, "motions": 2}
 
 
 def test_takes_of_which_nothing_asks_are_said(cmu_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -158,3 +161,13 @@ def test_takes_of_which_nothing_asks_are_said(cmu_folder: Path, capsys: pytest.C
     assert printed.out == ""
     assert "nothing asked: a take that teaches does not ask" in printed.err
     assert "(ArmCircle, Jog, ToeTouchOneHand)" in printed.err
+
+
+def test_the_share_of_standing_still_that_begins_a_lesson(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Times of two seconds count, one a second, in which no joint goes far; where it may go far, motions begin some."""
+    motion = max(MotionLibrary.builtin().motions, key=lambda each: each.duration)
+    still = replace(motion, positions=np.repeat(motion.positions[:1], round(4 * motion.frame_rate), axis=0), gaps=())
+    assert stood([motion]) == {"stood_begins": None, "stood": 0}
+    assert stood([motion, still]) == {"stood_begins": 0.0, "stood": 2}
+    monkeypatch.setattr(evaluate_teach, "_STAYS", 9.0)
+    assert stood([motion]) == {"stood_begins": 1.0, "stood": int(motion.duration) - 1}

@@ -219,6 +219,7 @@ function drawPast() {
   if (canvas.style.height !== height) canvas.style.height = height;
   page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, at: null, theme: page.theme, origin: page.now,
     tick: 10, named: (second) => `${Math.round(second - page.now)} s` });
+  drawSpan(canvas);
 }
 
 function rowOf(performer) {

@@ -198,8 +198,10 @@ def test_no_file_ends_in_a_traceback(
             statuses.append(main(arguments(path)))
             err = capsys.readouterr().err
             assert statuses[-1] in (0, 2)
-            assert len(err) <= 300
-            assert err.count("\n") == (statuses[-1] == 2)
+            # What is odd about a body that could be read is remarked, a line each.
+            refused = [line for line in err.splitlines() if ": names not known: " not in line]
+            assert max(map(len, err.splitlines()), default=0) <= 300
+            assert len(refused) == (statuses[-1] == 2)
             assert time.monotonic() - began < LONGEST
         except BaseException:
             found = tempfile.mkdtemp(prefix="kinespace-fell-")

@@ -80,12 +80,12 @@ def test_another_kind_of_feed_is_said_in_one_line(small_library: MotionLibrary, 
 
 
 def test_a_library_of_several_before_cameras_names_less(films: MotionLibrary) -> None:
-    """One person's does as before, as does one of both kinds."""
+    """One person's does not, and neither does one of both kinds."""
     assert len(films.actors) > 1
     assert usual_sensitivity(films) == 0.025
     assert usual_sensitivity(films.restricted_to(JOINTS[:8])) == 0.2
     one = films.without(actors=films.actors[1:])
-    assert usual_sensitivity(one) == 0.28
+    assert usual_sensitivity(one) > 0.1
 
 
 def test_info_says_what_taught_a_library(

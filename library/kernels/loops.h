@@ -793,12 +793,29 @@ HELPER void KIND(distances_between)(const KIND(Group) *group, int count, Py_ssiz
     }
 }
 
-/* The least of numbers from `begin` to before `end`, at least one. */
+/* The least of numbers from `begin` to before `end`, at least one: some twenty, as a person has windows of a class. */
 HELPER float KIND(least)(const float *restrict numbers, Py_ssize_t begin, Py_ssize_t end) {
-    float least = INFINITY;
+    float least = numbers[begin], each[FLOATS];
+    if (end - begin < FLOATS) {
+        for (Py_ssize_t i = begin + 1; i < end; i++) {
+            least = numbers[i] < least ? numbers[i] : least;
+        }
+        return least;
+    }
+    /* Register by register; the last one overlaps with the one before. */
+#pragma omp simd
+    for (int j = 0; j < FLOATS; j++) {
+        each[j] = numbers[end - FLOATS + j];
+    }
+    for (Py_ssize_t i = begin; i < end - FLOATS; i += FLOATS) {
+#pragma omp simd
+        for (int j = 0; j < FLOATS; j++) {
+            each[j] = numbers[i + j] < each[j] ? numbers[i + j] : each[j];
+        }
+    }
 #pragma omp simd reduction(min : least)
-    for (Py_ssize_t i = begin; i < end; i++) {
-        least = numbers[i] < least ? numbers[i] : least;
+    for (int j = 0; j < FLOATS; j++) {
+        least = each[j] < least ? each[j] : least;
     }
     return least;
 }
@@ -833,7 +850,7 @@ KERNEL(compare) {
         }
     }
     for (Py_ssize_t lane = 0; lane < every / LANE; lane++) {
-        KIND(Floats) sums[MAX_VIEWS][LANE / FLOATS] = {{{0.0F}}};
+        KIND(Floats) logs_of[MAX_PARTS][LANE / FLOATS];
         float squared[LANE];
         for (Py_ssize_t g = 0; g < count; g++) {
             if (group[g].eigenvectors == EIGENVECTORS) {
@@ -853,14 +870,18 @@ KERNEL(compare) {
             }
             for (int j = 0; j < LANE / FLOATS; j++) {
                 const KIND(Floats) each = *(KIND(Floats) *)(squared + FLOATS * j);
-                const KIND(Floats) logs_of = by_products ? each : KIND(float_logs)(each);
-                for (Py_ssize_t v = 0; v < views; v++) {
-                    sums[v][j] += weights[v * count + g] * logs_of;
-                }
+                logs_of[g][j] = by_products ? each : KIND(float_logs)(each);
             }
         }
         for (Py_ssize_t v = 0; v < views; v++) {
-            memcpy(products + v * every + lane * LANE, sums[v], sizeof sums[v]);
+            KIND(Floats) sums[LANE / FLOATS] = {{0.0F}};
+            for (Py_ssize_t g = 0; g < count; g++) {
+                const float weight = weights[v * count + g];
+                for (int j = 0; j < LANE / FLOATS && weight != 0.0F; j++) {
+                    sums[j] += weight * logs_of[g][j];
+                }
+            }
+            memcpy(products + v * every + lane * LANE, sums, sizeof sums);
         }
     }
     /* For each view and class the mean of the two least numbers that different people's windows have in it. */
@@ -1246,13 +1267,14 @@ KERNEL(moving) {
 /* ---- which joints can be believed (stream.recognizer.joints.plausibility) ----------------------------------------- */
 
 /* The steps of joints from frame to frame, the first from `last`; gives the largest sum of squares of a frame's steps about
- * their mean, NaN if there is one. positions (frames, joints, 3), last (joints, 3), steps (frames, joints, 3); n: frames,
- * joints; x: frames. */
+ * their mean, NaN if there is one. positions (frames, joints, 3), last (joints, 3), steps (frames, joints, 3), farthest (1): the
+ * largest squared sum of a frame's steps; n: frames, joints; x: frames. */
 KERNEL(steps) {
     const double *restrict positions = array[0], *restrict last = array[1];
-    double *restrict steps = array[2];
+    double *restrict steps = array[2], *restrict farthest = array[3];
     const Py_ssize_t frames = (Py_ssize_t)x[0], joints = n[1];
     double largest = 0.0;
+    *farthest = 0.0;
     for (Py_ssize_t f = 0; f < frames; f++) {
         const double *restrict now = positions + f * joints * 3;
         const double *restrict before = f > 0 ? now - joints * 3 : last;
@@ -1265,10 +1287,12 @@ KERNEL(steps) {
                 squares[axis] += difference * difference;
             }
         }
-        double about_mean = 0.0;
+        double about_mean = 0.0, way = 0.0;
         for (int axis = 0; axis < 3; axis++) {
+            way += sums[axis] * sums[axis];
             about_mean += squares[axis] - sums[axis] * sums[axis] / (double)joints;
         }
+        *farthest = way > *farthest || way != way ? way : *farthest;
         largest = about_mean > largest || about_mean != about_mean ? about_mean : largest;
     }
     return largest;

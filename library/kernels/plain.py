@@ -564,17 +564,22 @@ def moving(points: Numbers, whitening: Numbers, live: Floats, found: Numbers, fa
 # --- which joints can be believed --------------------------------------------------------------------------------
 
 
-def steps(positions: Numbers, last: Numbers, found: Numbers) -> Call:
-    """Write the steps of joints from frame to frame; give the largest sum of squares of a frame's about their mean."""
+def steps(positions: Numbers, last: Numbers, found: Numbers, farthest: Numbers) -> Call:
+    """Write the steps of joints from frame to frame, and the largest squared sum of a frame's steps.
+
+    Gives the largest sum of squares of a frame's steps about their mean.
+    """
 
     def call(frames: float) -> float:
-        count = int(frames)
+        count, farthest[0] = int(frames), 0.0
         if not count:
             return 0.0
         some = found[:count]
         np.subtract(positions[0], last, out=some[0])
         np.subtract(positions[1:count], positions[: count - 1], out=some[1:])
-        own = some - some.mean(axis=1, keepdims=True)
+        middles = some.mean(axis=1, keepdims=True)
+        own = some - middles
+        farthest[0] = some.shape[1] ** 2 * float(np.square(middles).sum(axis=2).max())
         return float(np.einsum("fjc,fjc->f", own, own).max())
 
     return call

@@ -146,5 +146,5 @@ KERNELS = {
         "end<p",
     ),
     "moving": Kernel.of("points:pd_ whitening:wa live:a.f! found:2!", "factor", "begin<p end<p back"),
-    "steps": Kernel.of("positions:fj3 last:j3 steps:fj3!", numbers="frames<f"),
+    "steps": Kernel.of("positions:fj3 last:j3 steps:fj3! farthest:1!", numbers="frames<f"),
 }

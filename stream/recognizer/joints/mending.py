@@ -105,7 +105,8 @@ class Joints:
         self._plausibility = Plausibility(body, count)
         self._last, self._step = np.zeros((count, 3)), np.zeros((count, 3))
         self._steps = np.zeros_like(positions)
-        self._find_steps = bind("steps", positions, self._last, self._steps)
+        self._farthest = np.zeros(1)
+        self._find_steps = bind("steps", positions, self._last, self._steps, self._farthest)
         self._mirrored = False
         self._factor = 1.0
         self.clear()
@@ -205,8 +206,8 @@ class Joints:
         self._jumped *= fading
         self._moved *= fading
         begun, self.is_elsewhere = None, False
-        watch, steps = self._plausibility, self._steps[:count]
-        if self._any_lost or watch.may_jump(squares, usual) or watch.may_be_elsewhere(steps, usual):
+        watch, farthest = self._plausibility, self._farthest.item()
+        if self._any_lost or watch.may_jump(squares, usual) or watch.may_be_elsewhere(farthest, usual):
             begun = self._follow(times, positions, usual)
         else:
             self._moved += count * math.sqrt(squares / len(self._last))

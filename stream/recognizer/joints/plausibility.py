@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.kernels import bind
-from kinespace.library.windows.segments import shares_of_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -124,6 +123,7 @@ class Plausibility:
 
     def __init__(self, body: Segments, joints: int) -> None:
         self._body = body
+        self._joints = joints
         self._jumping = min(_JUMPING_JOINTS, max(2, -(-joints // 6)))
         # If so many joints step by 1 m from the median, the squares of all steps about their mean add up to this at
         # least: the median is at most one standard deviation from the mean.
@@ -185,11 +185,9 @@ class Plausibility:
         # NaN means a lost joint.
         return not squares < self._least_squares * least * least
 
-    def may_be_elsewhere(self, steps: NDArray[np.float64], elapsed: float) -> bool:
-        """Say quickly whether one of some steps (frames, joints, 3), in which no joints jump, may lead elsewhere."""
-        middles = np.add.reduce(steps, axis=1)
-        farthest = float(np.einsum("fc,fc->f", middles, middles).max())
-        return farthest > (_NEAR_MEAN * len(steps[0]) * self._elsewhere(elapsed)) ** 2
+    def may_be_elsewhere(self, farthest: float, elapsed: float) -> bool:
+        """Say quickly, by the largest squared sum of a frame's steps, whether one leads elsewhere; no joint jumps."""
+        return farthest > (_NEAR_MEAN * self._joints * self._elsewhere(elapsed)) ** 2
 
     def is_elsewhere(self, step: Step) -> bool:
         """Say whether the middle of a body steps farther and faster than any body's."""
@@ -257,25 +255,32 @@ class Plausibility:
             return
         self.rigid = rigid = tremble < TREMBLES
         excess = stretch - body.spread
-        broken = excess > MAX_STRETCH
-        # Both sides show an exchange: while one leg stands still, the other one's marker may slip on the skin.
-        exchanged = crossed < STEADIER * stretch[body.crossing]
-        exchanged &= excess[body.crossing] > RIGID + PER_TREMBLE * tremble
-        broken[body.crossing] |= exchanged & exchanged[body.partner]
-        kept = moved < SAME_PLACE / self._scale
-        frozen = set[int]()
-        if kept.any():
+        blamed = frozen = set[int]()
+        # Nearly always neither is so, which one number says; NaN asks for a closer look.
+        if not float(moved.min()) >= SAME_PLACE / self._scale:
+            kept = moved < SAME_PLACE / self._scale
             changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.spread) | (not rigid)
-            frozen = self._frozen(kept, changed)
-        blamed = frozen | _blamed(broken, body, frozen) if broken.any() else frozen
+            blamed = frozen = self._frozen(kept, changed) if kept.any() else frozen
+        most = RIGID + PER_TREMBLE * tremble
+        if not float(excess.max()) <= min(most, MAX_STRETCH):
+            broken = excess > MAX_STRETCH
+            # Both sides show an exchange: while one leg stands still, the other one's marker may slip on the skin.
+            exchanged = crossed < STEADIER * stretch[body.crossing]
+            exchanged &= excess[body.crossing] > most
+            broken[body.crossing] |= exchanged & exchanged[body.partner]
+            blamed = frozen | _blamed(broken, body, frozen) if broken.any() else frozen
         self._in_a_row = {joint: self._in_a_row.get(joint, 0) + 1 for joint in blamed}
         lasting = 1 if rigid else _LASTING
         self.doubted = frozenset(joint for joint, times in self._in_a_row.items() if times >= lasting)
 
     def _in_disorder(self) -> bool:
         """Say whether the joints of the newest frame look as if they were in another order; not of lost ones."""
-        newest = self._looks[self._before + self._count - 1 :][:1]
-        return bool(shares_of_size(newest, self._body.segments)[0] >= self._body.disorder)
+        # As `shares_of_size`, by lengths that are measured already.
+        place, segments = self._before + self._count - 1, len(self._body.children)
+        own = self._looks[place] - np.add.reduce(self._looks[place]) / self._joints
+        squares = float(np.vdot(own, own)) * 2 / (self._joints - 1)
+        length = float(np.add.reduce(self._lengths[place, :segments])) / segments
+        return 0 < squares * self._body.disorder**2 <= length * length
 
     def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:
         """Give the joints that keep their position though a segment between them and the moving body changes."""

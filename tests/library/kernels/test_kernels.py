@@ -277,6 +277,7 @@ def _steps(generator: Generator) -> Case:
     if not generator.integers(3):
         positions[frames // 2, 0] = np.nan
     arrays = {"positions": positions, "last": generator.normal(size=(joints, 3)), "steps": _zeros(frames, joints, 3)}
+    arrays |= {"farthest": _zeros(1)}
     return Case(arrays, calls=[(frames,), (1,), (0,)])
 
 

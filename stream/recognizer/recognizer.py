@@ -363,7 +363,7 @@ class Recognizer:
                 self._set_due(time)
                 return None
             windows = (self._fewer or self._windows) if due else None
-            seen = windows.read() if windows else None
+            seen = windows.read(self.settings.stillness, self._smoother.noise) if windows else None
             if windows is None or seen is None:
                 return None
             self._set_due(time)

@@ -27,6 +27,13 @@ if TYPE_CHECKING:
 
 #: Frames that a window needs at least.
 _MIN_FRAMES = 3
+#: While no distance of a still body moves by more than so many standard deviations of its noise, what was found stands:
+#: of some thousands of distances the farthest moves so far by noise alone.
+_AT_REST = 6.0
+#: The share of the movement below which a window is still, above which neither a window nor a distance is at rest.
+_RESTS = 0.5
+#: Movement of a distance that is none, relative to the root mean square distance.
+_NO_STEP = 1e-6
 
 
 class Leading(NamedTuple):
@@ -78,6 +85,14 @@ class LiveWindows:
 
     def _begin_again(self) -> None:
         self._frames, self._since, self._now, self.has_read = 0, math.nan, math.nan, False
+        self._forget_rest()
+
+    def _forget_rest(self) -> None:
+        """Compare at the next hop, whether the body moves or not."""
+        #: What was read last; the time since which the body is at rest, NaN while it moves; and of a body at rest the
+        #: row that was read last, how far its distances may move, metres, and how many frames have been looked at.
+        self._seen, self._still_since = Leading(math.inf, 0.0, 0.0), math.nan
+        self._rest, self._room, self._seen_at = np.empty(0), 0.0, 0
 
     def _compare_with(self, index: WindowIndex) -> None:
         of_distances, in_basis = lengths_of(index.comparison.weighing.parts)
@@ -95,6 +110,7 @@ class LiveWindows:
     def _lay_out(self, index: WindowIndex) -> None:
         """Bind the kernels that read the sums to the memory from which a comparer compares them."""
         self.index, self._body, self.comparer, self.has_read = index, index.body, index.comparer(), False
+        self._forget_rest()
         pairs, directions = self._directions.shape
         body, numbers, vectors = index.body, self.comparer.numbers, self.comparer.eigenvectors
         of_body = body.sizing, body.segments, body.above, body.ends
@@ -189,10 +205,37 @@ class LiveWindows:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""
         return self._window.times, self._window.rows
 
-    def read(self) -> Leading | None:
-        """Compare the windows that end with the newest row; None while there is too little to compare."""
+    def read(self, stillness: float = 0.0, noise: float = 0.0) -> Leading | None:
+        """Compare the windows that end with the newest row; None while there is too little to compare.
+
+        Parameters
+        ----------
+        stillness
+            Movement below which a window is still. What was found for a body that has been still in all windows stands
+            until a distance moves by more than its noise.
+        noise
+            Standard deviation of a distance's noise, metres.
+        """
         if self._frames < _MIN_FRAMES or self._now - self._since < FIRST_WINDOW - TIE:
             return None
+        if self._now - self._still_since >= self.longest and self._rests():
+            return self._seen
+        self._seen = seen = self._read()
+        if not seen.movement < _RESTS * stillness:
+            self._still_since = math.nan
+            return seen
+        self._rest, self._seen_at = self._window.rows[-1].copy(), self._frames
+        length = math.sqrt(float(np.vdot(self._rest, self._rest)) / len(self._rest))
+        self._room = max(min(_AT_REST * noise, _RESTS * stillness * length), _NO_STEP * length)
+        self._still_since = self._now if math.isnan(self._still_since) else self._still_since
+        return seen
+
+    def _rests(self) -> bool:
+        """Whether no distance has moved since the windows were read; earlier hops looked at the rows before theirs."""
+        rows, self._seen_at = self._window.rows[self._seen_at - self._frames :], self._frames
+        return float(np.abs(rows - self._rest).max()) <= self._room
+
+    def _read(self) -> Leading:
         self._settle()
         movement = total = 0.0
         for read in self._read_parts:

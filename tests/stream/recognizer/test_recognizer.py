@@ -22,12 +22,15 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from kinespace.library.clip import Clip
     from kinespace.library.windows.index import WindowIndex
+    from kinespace.stream.recognizer.windows.live_windows import Leading
 
 
 def _frames(class_name: str, *, seconds: float = 3.0, rate: float = 120.0, start: float = 0.0) -> list[Frame]:
@@ -258,3 +261,44 @@ def test_the_noise_of_a_feed_is_evidence(sticks: MotionLibrary) -> None:
     noise = [answer.evidence.noise for answer in answers if answer.evidence]
     assert noise[-1] == pytest.approx(0.02 * 2**0.5, rel=0.3)
     assert max(answer.evidence.noise for answer in expected if answer.evidence) < 0.005
+
+
+def _with_pauses(clips: Iterable[Clip], noise: float, sway: float) -> Iterator[Frame]:
+    """Show motions one after another at 60 Hz; before each the body stands still for four seconds."""
+    generator, time = np.random.default_rng(1), 1.0
+    for clip in clips:
+        shown = resampled(clip, 60.0).positions
+        swaying = sway * np.sin(0.03 * np.arange(240))[:, None, None] * np.linspace(0, 1, len(shown[0]))[:, None]
+        for positions in (*(shown[0] + swaying), *shown):
+            yield Frame("ann", time, positions + generator.normal(0.0, noise, positions.shape))
+            time += 1 / 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("noise", "sway"), [(0.0, 0.0), (0.0003, 0.0), (0.0003, 0.003)])
+def test_a_body_at_rest_is_answered_as_if_all_were_compared(
+    builtin: MotionLibrary, monkeypatch: pytest.MonkeyPatch, noise: float, sway: float
+) -> None:
+    """Names, guesses, events and motions that are done are the same; half of the still hops compare nothing."""
+    first = {each.class_name: each for each in builtin.motions}
+    frames = list(_with_pauses(list(first.values())[:4], noise, sway))
+    reads, read = [0], LiveWindows._read  # noqa: SLF001 - counted
+
+    def counted(windows: LiveWindows) -> Leading:
+        reads[-1] += 1
+        return read(windows)
+
+    monkeypatch.setattr(LiveWindows, "_read", counted)
+    answers = []
+    for rests in (True, False):
+        if not rests:
+            monkeypatch.setattr(LiveWindows, "_rests", lambda _: False)
+        recognizer = Recognizer(builtin)
+        answers.append([answer for frame in frames if (answer := recognizer.push(frame))])
+        reads.append(0)
+    said = [[(a.time, a.label, a.guess, a.events, a.done and a.done.label) for a in each] for each in answers]
+    assert said[0] == said[1]
+    still = sum(answer.outcome is Outcome.STILL for answer in answers[0])
+    assert still > 300
+    assert reads[1] == len(answers[1])
+    assert reads[0] < len(answers[0]) - 0.4 * still

@@ -261,7 +261,7 @@ class Decision:
 
     def events(self, recognition: Recognition) -> tuple[Event, ...]:
         """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start."""
-        before = self.ends(recognition)
+        before = () if recognition.ended_at is None else self.ends(recognition)
         elapsed = recognition.time - self._event_at
         self._event_at = recognition.time
         if not 0 <= elapsed <= _MAX_HOP:

@@ -131,7 +131,7 @@ class Joints:
     @property
     def doubted(self) -> tuple[str, ...]:
         """Names of the joints that are left out."""
-        return tuple(self._names[joint] for joint in self.left_out)
+        return tuple(self._names[joint] for joint in self.left_out) if self.left_out else ()
 
     @property
     def newest(self) -> NDArray[np.float64] | None:

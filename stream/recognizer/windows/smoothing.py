@@ -111,4 +111,6 @@ class RowSmoother:
         self._variance *= 1 - newest
         self._variance += square
         quarter = len(square) // 4
-        self.noise = math.sqrt(np.partition(self._variance, quarter).item(quarter))
+        ordered = self._variance.copy()
+        ordered.partition(quarter)
+        self.noise = math.sqrt(ordered.item(quarter))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from kinespace.library.kernels.plain import Call
 
 #: Raised when a kernel's arguments change.
-VERSION = 6
+VERSION = 7
 
 
 def _built() -> ModuleType | None:

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Packet
     from kinespace.tools.loopback.service_process import Transport
 
+#: A line on what is odd about a body that could be read (`library.windows.oddities.remarks`).
+REMARK = re.compile(r"^[^:]*: (names not known|joints|flat|size|frame rate): ")
 #: The motions of the small library.
 SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SMALL_ACTORS = ("bd", "dg", "mm")

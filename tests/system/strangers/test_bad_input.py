@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from programs import LOOPBACK
+from programs import LOOPBACK, REMARK
 from recorded import write_take, write_takes
 from synthetic import stick_clips
 
@@ -35,7 +35,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
 def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     """Run `kinespace`, which must end with 2 and one line; give the line.
 
-    Before it, remarks on bodies that could be read may stand. It prints nothing, save replay what was sent before it came to a recording that it cannot read.
+    Before the line, remarks on bodies that could be read may stand. It prints nothing, save replay what was sent before
+    it came to a recording that it cannot read.
     """
     assert main([str(argument) for argument in arguments]) == 2
     out, err = capsys.readouterr()
@@ -43,7 +44,7 @@ def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     sent += r"(the feed stood still for .*\n)?(no program listens at .*\n)?)?"
     assert re.fullmatch(sent if arguments[0] == "replay" else "", out)
     assert err.endswith("\n")
-    (line,) = [each for each in err.splitlines() if ": names not known: " not in each]
+    (line,) = [each for each in err.splitlines() if not REMARK.search(each)]
     assert line.startswith("kinespace: ")
     return line.removeprefix("kinespace: ")
 

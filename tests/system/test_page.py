@@ -299,7 +299,6 @@ def teaches_the_past(page: Page, performer: Performer, folder: Path) -> None:
     until(page, "document.activeElement.id === 'span-name' && span.performer === 'ann'")
     assert not page.is_visible("#wrong")
     assert 0.5 < page.evaluate("span.end - span.begin") < 15
-    picture(page, "page-span.png", folder)
     page.keyboard.type("my kick")
     page.keyboard.press("Enter")
     until(page, "kinespace.control.taught['my kick'] === 1 && span === null")

@@ -1,0 +1,42 @@
+"""The notebook, cell by cell, as Jupyter runs it."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import pytest
+from programs import ROOT
+
+from kinespace.library import MotionLibrary
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.mark.slow
+def test_the_notebook_goes_from_files_to_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It prints the paper's table as `evaluate retrieval` has it, draws two figures and keeps a taught library."""
+    monkeypatch.chdir(tmp_path)
+    drawn = list[int]()
+    monkeypatch.setattr(plt, "show", lambda: (drawn.append(len(plt.gcf().axes)), plt.close()))
+    plt.switch_backend("agg")
+    cells = json.loads((ROOT / "tools" / "examples" / "from_files_to_figures.ipynb").read_text(encoding="utf-8"))[
+        "cells"
+    ]
+    names = dict[str, Any]()
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            assert not cell["outputs"]
+            exec("".join(cell["source"]), names)  # noqa: S102 - our own cells
+    printed = capsys.readouterr().out
+    assert "288 motions of 11 classes by 5 persons" in printed
+    assert re.search(r"any other +95\.8\nanother person's +90\.6\n", printed)
+    assert drawn == [2, 1]
+    guessed, asked = re.search(r"(\d+) of (\d+) squats of other persons are guessed bend", printed).groups()  # type: ignore[union-attr]
+    assert int(guessed) >= 0.9 * int(asked)
+    assert "bend" in MotionLibrary.load("taught.npz").classes

@@ -275,13 +275,13 @@ def teaches(page: Page, performer: Performer, folder: Path) -> None:
     page.wait_for_timeout(1500)
     page.keyboard.up("h")
     until(page, "kinespace.control.taught.statue === 1")
-    teaches_the_past(page, performer, folder)
+    teaches_the_past(page, performer)
     # A refusal is told in words.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
 
 
-def teaches_the_past(page: Page, performer: Performer, folder: Path) -> None:
+def teaches_the_past(page: Page, performer: Performer) -> None:
     """Drag over a motion on the timeline, and name it; then the same by the keyboard alone."""
     sees_motion(page, performer, KICK, takes(KICK)[1])
     until(page, f"{DOING}.textContent === ''")

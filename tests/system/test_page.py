@@ -181,7 +181,7 @@ def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
         sees(page, performer, tmp_path)
         accessible = Axe().run(page)
         assert accessible.violations_count == 0, accessible.generate_report()
-        teaches(page, performer, tmp_path)
+        teaches(page, performer)
         assert complaints == []
         # The recogniser is started anew on the same address: the page comes back by itself.
         assert program.interrupt() == 0
@@ -229,7 +229,7 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     page.set_viewport_size({"width": 1180, "height": 770})
 
 
-def teaches(page: Page, performer: Performer, folder: Path) -> None:
+def teaches(page: Page, performer: Performer) -> None:
     """Switch a class off, teach its motion by another name, see it recognised, and say that a bar was wrong."""
     page.click("#classes button:has-text('squat')")
     page.uncheck("#enabled")

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from contextlib import ExitStack, closing, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.live import Live
@@ -14,6 +15,7 @@ from rich.live import Live
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.outputs import ZmqSink
+from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature
 from kinespace.stream.service.loop import Service
@@ -145,8 +147,9 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
             name = option.replace("_", "-")
             raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
         options.osc_in = options.osc_in or OSC_IN
-    if options.record:
-        require_place_for(options.record, overwrite=options.overwrite)
+    notes = [Path(place) for name, _, place in (out.partition("=") for out in options.out) if name == MIDI]
+    for file in filter(None, (options.record, *(each for each in notes if each.suffix == ".mid"))):
+        require_place_for(file, overwrite=options.overwrite)
     preset = preset_named(options.feed) if options.feed else None
     if preset and not (options.osc_in or options.zmq_in):
         options.osc_in = f"127.0.0.1:{preset.port}"

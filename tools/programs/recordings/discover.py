@@ -116,7 +116,7 @@ def _find(options: argparse.Namespace, folder: Path) -> None:
     found_in = f"{counted(len(pieces.pieces), 'piece')} in {counted(len(groups), 'group')}"
     title = f"{found_in}: {seconds / 60:.1f} min of recordings, {times:.0f} × real time"
     print_scores(rows, _COLUMNS, title=title, names=1)
-    say(f"name them: kinespace discover -o {folder} --name 1=bow 2=wave")
+    say(f"name them: kinespace discover -o {folder} --name 1=bow{' 2=wave' if len(rows) > 1 else ''}")
     if further := groups[options.most :]:
         left = counted(sum(len(each.pieces) for each in further), "piece")
         say(f"{counted(len(further), 'further group')} of {left}: {folder / found.TABLE}")

@@ -24,6 +24,7 @@ from kinespace.tools.programs.live.program import OSC_OUT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from kinespace.tools.feeding.feed import Cue
 
@@ -145,3 +146,12 @@ def test_answers_to_our_own_port_are_refused(listening: str, target: str, capsys
     options = target.format(LOOPBACK, port).split()
     assert main(["live", "--osc-in", f"{listening}:{port}", "--signature", "paper", *options]) == 2
     assert f"expected another place than {listening}:{port}, where frames come in" in capsys.readouterr().err
+
+
+def test_notes_in_a_file_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As a recording is not: whoever starts the program again keeps the take before."""
+    take = tmp_path / "take.mid"
+    take.write_bytes(b"a take")
+    assert main(["live", "--osc-in", "127.0.0.1:0", "--out", f"midi={take}"]) == 2
+    assert "take.mid: exists already; --overwrite writes over it" in capsys.readouterr().err
+    assert take.read_bytes() == b"a take"

@@ -120,9 +120,9 @@ def _motions(library: MotionLibrary) -> str:
 
 @cache
 def _text() -> str:
-    """Identify the program's own text and motions: other numbers may come from others."""
+    """Identify the program's own text, compiled loops and motions: other numbers may come from others."""
     found, folder = hashlib.sha256(), Path(__file__).parents[1]
-    for path in sorted([*folder.rglob("*.py"), *folder.glob("*.npz")]):
+    for path in sorted([*folder.rglob("*.py"), *folder.rglob("_compiled.*"), *folder.glob("*.npz")]):
         found.update(path.read_bytes())
     return found.hexdigest()
 

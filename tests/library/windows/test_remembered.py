@@ -107,6 +107,19 @@ def test_other_peoples_motions_are_not_kept(folder: Path) -> None:
     assert not folder.exists()
 
 
+def test_another_library_in_the_builtin_ones_place_has_a_file_of_its_own(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The key names the motions: what a test or a fork puts there is never taken for the real windows."""
+    real, builtin = len(_opened()), MotionLibrary.builtin()
+    other = MotionLibrary(builtin.skeleton, builtin.motions[:40])
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: other)
+    assert len(_opened()) < real
+    assert len(list(folder.iterdir())) == 2
+    monkeypatch.undo()
+    index.opened.cache_clear()
+
+
 def test_without_a_folder_windows_are_computed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A cache that cannot be written is no error."""
     monkeypatch.setattr(remembered, "cache_folder", lambda: folder / "file" / "below")

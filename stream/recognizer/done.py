@@ -1,8 +1,9 @@
 """Motions that were really done: windows that end now against whole motions of the library.
 
 Five times a second the body's last points are compared, by windows of several lengths, with every whole motion
-(`library.windows.whole_motions`). The most evident class and length wait for a moment: when nothing more evident
-follows, the motion was done. The next motion may begin where this one ended.
+(`library.windows.whole_motions`). A class that the recogniser guessed, or named, meanwhile gains evidence: its windows
+are shorter than most motions and see other things in them. The most evident class and length wait for a moment: when
+nothing more evident follows, the motion was done. The next motion may begin where this one ended.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ _LOOKS_EVERY = 3
 _WAITS = 0.2
 #: The share of a motion that may overlap with the motion before.
 _OVERLAPS = 0.35
+#: The share of a motion, at its beginning, whose guesses do not count: the recogniser's windows hold the motion before.
+_UNSURE = 0.3
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
 #: The memory is moved back each time so many windows' points have come.
@@ -73,16 +76,24 @@ class DoneFollower:
         if self._longest:
             self._judge, self._judgements = whole.judging(self._points, self._sizes)
         self._seconds = [(count - 1) * STEP for count in whole.lengths]
+        # The looks that count in each window; what each class gains by each look, the newest first.
+        self._counting = np.ceil((np.array(whole.lengths) - 1) * (1 - _UNSURE) / _LOOKS_EVERY).astype(int)
+        self._gains = np.zeros((self._counting.max(initial=0), len(whole.classes)))
         self._waiting: Found | None = None
         self.clear()
 
     def clear(self) -> None:
         """Forget the body's past; a motion that waits is said when the body is seen again."""
         self._count, self.time, self._over = 0, math.nan, -math.inf
+        self._looks, self._guess, self._is_named = 0, "", False
 
     def is_due(self, time: float) -> bool:
         """Whether a look is due at a time, seconds."""
         return not time - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP
+
+    def guessed(self, class_name: str, *, is_named: bool) -> None:
+        """Take in the recogniser's guess, and whether it is known, for the positions that come next."""
+        self._guess, self._is_named = class_name, is_named
 
     def push_all(self, times: NDArray[np.float64], points: NDArray[np.float64], size_of: Sizes) -> Found | None:
         """Take in the body's positions.
@@ -137,16 +148,32 @@ class DoneFollower:
             # The body is seen again after a gap, or the sender's clock began again.
             return self._said()
         self._judge(self._count)
-        waiting = self._waiting
+        waiting, support = self._waiting, self._support()
         # A window must lie behind the motion before.
         free = bisect_right(self._seconds, (now - self._over) / (1 - _OVERLAPS) + _ROUNDING)
-        above = self._judgements[0, :free] - self._limit
+        above = self._judgements[0, :free] + support[:free] - self._limit
         length, place = divmod(int(above.argmax()) if free else 0, len(self._whole.classes))
         if free and above.item(length, place) > (waiting.above if waiting else 0.0):
             begin, judged = now - self._seconds[length], self._whole.judged(self._judgements, length, place)
             waiting = Found(self._whole.classes[place], begin, now, judged, above.item(length, place))
         self._waiting = waiting
         return self._said() if waiting and now - waiting.end >= _WAITS - _ROUNDING else None
+
+    def _support(self) -> NDArray[np.float64]:
+        """Give what each class gains in each window by the guesses in it, shape (lengths, classes)."""
+        gains, classes = self._gains, self._whole.classes
+        gains[1:] = gains[:-1]
+        gains[0] = 0.0
+        if self._guess in classes:
+            guessed, named = self._whole.support
+            gains[0, classes.index(self._guess)] = guessed + named * self._is_named
+        self._looks += 1
+        counting = np.minimum(self._counting, self._looks)
+        support: NDArray[np.float64] = gains.cumsum(axis=0)[counting - 1] / counting[:, None]
+        if NOTHING in classes:
+            # The recogniser never guesses it: it takes the place of any class.
+            support[:, classes.index(NOTHING)] = support.max(axis=1)
+        return support
 
     def _said(self) -> Found | None:
         """Give the motion that waits, unless it is like an example of nothing."""

@@ -491,23 +491,24 @@ class Recognizer:
             going_on = self._decision.going_on
             motion = recognition.class_name or (going_on.label if going_on else None)
             progress = self._progress.push(frame.time, self._windows.place(), motion)
-        done = self._find_done(frame)
+        done = self._find_done(recognition)
         if events or progress or done:
             return replace(recognition, events=events, progress=progress, done=done)
         return recognition
 
-    def _find_done(self, frame: Frame) -> Done | None:
+    def _find_done(self, recognition: Recognition) -> Done | None:
         """Find the motion that was done."""
         follower = self._done
-        if follower is None or not follower.is_due(frame.time):
+        if follower is None or not follower.is_due(recognition.time):
             return None
+        follower.guessed(self.classes[recognition.best], is_named=recognition.outcome is Outcome.NAMED)
         found = follower.push_all(*self._windows.path(since=follower.time))
         if found is None:
             return None
         name, judged = found.class_name, found.judged
         score = 1 / (1 + math.exp(-judged.evidence))
         index, seconds = self.classes.index(name), found.end - found.start
-        return Done(frame.performer, name, index, found.start, seconds, score, judged.speed, judged.amplitude)
+        return Done(recognition.performer, name, index, found.start, seconds, score, judged.speed, judged.amplitude)
 
     def end(self) -> Event | None:
         """End the motion that goes on, because no frame will come, or none came for `MAX_PAUSE` seconds.

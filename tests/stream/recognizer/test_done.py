@@ -107,7 +107,19 @@ def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) 
     assert counts[0] == 0 < counts[2]
 
 
-def by_definition(index: WindowIndex, points: np.ndarray, limits: np.ndarray) -> list[tuple[str, float, float]]:
+#: Guesses, and whether they are known, one a look.
+Guesses = list[tuple[str, bool]]
+
+
+def support_of(class_name: str, window: int, guesses: Guesses) -> float:
+    """Give what a class gains by the guesses in the last seven tenths of a window of so many points."""
+    counting = guesses[-math.ceil((window - 1) * 0.7 / 3) :]
+    return sum((1.5 + 1.5 * known) * (guess == class_name) for guess, known in counting) / len(counting)
+
+
+def by_definition(
+    index: WindowIndex, points: np.ndarray, limits: np.ndarray, guesses: Guesses
+) -> list[tuple[str, float, float]]:
     """Judge every class by every window at every second step, and let the most evident wait for a fifth of a second."""
     whole, found, waiting, over = index.whole, [], None, -math.inf
     judge, judgements = whole.judging(points, np.ones(len(points)))
@@ -119,8 +131,9 @@ def by_definition(index: WindowIndex, points: np.ndarray, limits: np.ndarray) ->
             if begin < over - 0.35 * (now - begin) or judgements[0, length, place] == -math.inf:
                 continue
             judged = whole.judged(judgements, length, place)
-            if judged.evidence - limits[place] > (waiting[3] if waiting else 0.0):
-                waiting = whole.classes[place], begin, now, judged.evidence - limits[place]
+            above = judged.evidence + support_of(whole.classes[place], count, guesses[: step // 2]) - limits[place]
+            if above > (waiting[3] if waiting else 0.0):
+                waiting = whole.classes[place], begin, now, above
         if waiting and now - waiting[2] > 0.19:
             found.append(waiting[:3])
             over, waiting = waiting[2], None
@@ -131,17 +144,41 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
     """The same motions, at the same times, on real motions one behind the other."""
     clips = [clip for name in (SQUAT, ARMS, DOWN) for clip in clips_of(name)[:5]]
     points = np.concatenate([points_of(clip, index.body, index.basis) for clip in clips])
-    follower = DoneFollower(index.whole, 60.0)
-    looked = [
-        follower.push_all(np.arange(step, step + 2) * STEP, points[step : step + 2], np.ones_like)
-        for step in range(0, len(points) - 1, 2)
-    ]
+    follower, looked, guesses = DoneFollower(index.whole, 60.0), [], Guesses()
+    rng, names = np.random.default_rng(5), (SQUAT, ARMS, DOWN, "a class without a course")
+    for step in range(0, len(points) - 1, 2):
+        guesses.append((names[step // 40 % 4] if rng.random() < 0.8 else SQUAT, bool(rng.random() < 0.5)))
+        follower.guessed(guesses[-1][0], is_named=guesses[-1][1])
+        looked.append(follower.push_all(np.arange(step, step + 2) * STEP, points[step : step + 2], np.ones_like))
     found: list[Found] = [each for each in looked if each]
-    expected = by_definition(index, points, index.whole.limit_at(60.0))
+    expected = by_definition(index, points, index.whole.limit_at(60.0), guesses)
     assert len(expected) >= 8
     assert [each.class_name for each in found] == [name for name, _, _ in expected]
     for each, (_, begin, end) in zip(found, expected, strict=True):
         assert (each.start, each.end) == pytest.approx((begin, end), abs=1e-6)
+
+
+def test_what_is_guessed_and_named_gains_evidence(index: WindowIndex) -> None:
+    """A squat that stands a little below its limit is done where it was named, not where another class was guessed.
+
+    `nothing`, which is never guessed, gains as much as any class.
+    """
+    points = points_of(clips_of(SQUAT)[0], index.body, index.basis)
+    points = np.concatenate([points, np.repeat(points[-1:], 12, axis=0)])
+    with_nothing = index.with_motions([replace(clips_of(SQUAT)[0], class_name=NOTHING)])
+
+    def found(index: WindowIndex, name: str, *, is_named: bool) -> list[str]:
+        # The promise at which support decides.
+        follower = DoneFollower(index.whole, 10.0)
+        looks = []
+        for step in range(0, len(points) - 2, 3):
+            follower.guessed(name, is_named=is_named)
+            looks.append(follower.push_all(np.arange(step, step + 3) * STEP, points[step : step + 3], np.ones_like))
+        return [each.class_name for each in looks if each]
+
+    assert found(index, SQUAT, is_named=True) == [SQUAT]
+    assert found(index, DOWN, is_named=True) == []
+    assert found(with_nothing, SQUAT, is_named=True) == []
 
 
 def test_a_gap_and_another_library(index: WindowIndex) -> None:

@@ -142,7 +142,7 @@ def _unknown_seconds(each: DoneTake) -> float:
     if each.take.contains:
         return 0.0
     if each.take.labels:
-        return each.take.clip.duration - sum(one.duration for one in each.segments)
+        return max(each.take.clip.duration - sum(one.duration for one in each.segments), 0.0)
     return each.take.clip.duration if any(one.label == NOTHING for one in each.take.segments) else 0.0
 
 

@@ -210,7 +210,10 @@ class Source:
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""
-        return self._admitted(self.decoder.expire(now), now, None)
+        completed = self.decoder.expire(now)
+        if completed:
+            self._made = now
+        return self._admitted(completed, now, None)
 
     def _admitted(self, events: Sequence[Input], arrival: float, sender: Sender) -> Sequence[Admitted]:
         if self._admission is None or not events:

@@ -205,4 +205,5 @@ def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) 
     assert main(["examples", "node.mjs"]) == 0
     assert capsys.readouterr().out == (EXAMPLES / "node.mjs").read_text(encoding="utf-8")
     assert main(["examples", "node"]) == 2
-    assert "perhaps node.mjs is meant" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in error

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from kinespace.tools.cli.choice import one_of
+from kinespace.tools.cli.choice import meant
 from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
@@ -26,7 +26,10 @@ def run(options: argparse.Namespace) -> int:
     """List the examples, or print one; return the exit status."""
     files = _files("tools", "examples") | _files("library", "naming/conventions")
     if options.name is not None:
-        print(files[one_of("NAME", options.name, files)], end="")
+        if options.name not in files:
+            wrong = f"{options.name!r}{meant(options.name, files)}"
+            raise ValueError(f"NAME: expected an example that `kinespace examples` lists, got {wrong}")
+        print(files[options.name], end="")
         return 0
     for name in files:
         say(f"{name}  (joint names)" if name.endswith(".toml") else name)

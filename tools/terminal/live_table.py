@@ -316,16 +316,19 @@ def counts(status: Status) -> str:
     return counters + (" (messages too large or too many?)" if status.inputs.broken else "")
 
 
-def summary(status: Status, hop: float) -> str:
-    """Sum up a service when it ends; `hop`: seconds between two answers to a performer, at least."""
+def summary(status: Status, hop: float, *, notes: bool = True) -> str:
+    """Sum up a service when it ends; `hop`: seconds between two answers to a performer, at least.
+
+    `PlainLines` has said the notes already.
+    """
     recognizers = status.outcomes.recognizers
     most = f" (--hop: at most {1 / hop:.3g} answers a second)" if hop else ""
-    return (
+    said = (
         f"{counts(status)}\n"
         f"{recognizers.hops} answers of {recognizers.frames} frames{most}, "
         f"{recognizers.restarts} windows started again, "
         f"{status.unsent} answers not sent, {f'{status.stale} too old to be sent, ' if status.stale else ''}"
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
-        + "".join(f"\n{refused_frames(name, why)}" for name, why in status.refused.items())
-        + "".join(f"\n{printable(note)}" for note in status.notes)
     )
+    last = [*(refused_frames(name, why) for name, why in status.refused.items()), *map(printable, status.notes)]
+    return "\n".join([said, *(last if notes else ())])

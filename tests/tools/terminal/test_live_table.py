@@ -262,3 +262,7 @@ def test_the_summary_adds_answers_and_times() -> None:
         "20 answers of 80 frames (--hop: at most 30 answers a second), "
         "9 windows started again, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
     )
+    refused = replace(status(), refused={"ann": "2 joints"}, notes=("malformed: x",))
+    assert summary(refused, 1 / 30).splitlines()[2:] == ["performer ann: frames refused: 2 joints", "malformed: x"]
+    # Lines have said them already.
+    assert summary(refused, 1 / 30, notes=False) == summary(status(), 1 / 30)

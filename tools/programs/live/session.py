@@ -118,7 +118,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         if lessons:
             lessons.close()
         status = service.status()
-    say(summary(status, settings.hop))
+    say(summary(status, settings.hop, notes=not isinstance(shown, PlainLines)))
     for source in sources:
         if isinstance(source, FeedSource):
             say(frames_made(source))

@@ -7,7 +7,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.stream.inputs.detection import NATIVE, Survey
+from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.tools.programs.listen import advice, command
 
 if TYPE_CHECKING:
@@ -59,7 +59,9 @@ class Unread:
         guess = survey.guess([builtin_preset(name) for name in builtin_names()])
         addresses = [kind.address for kind in survey.kinds.values()]
         listed = ", ".join(addresses[:_MAX_NAMED]) + (" ..." if len(addresses) > _MAX_NAMED else "")
-        if guess is None:
+        if guess is None and not {*addresses}.isdisjoint(OURS):
+            self._note = ""  # Our own messages: the decoder says what is wrong with them.
+        elif guess is None:
             self._note = (
                 f"no frames, but {listed or 'packets that are no OSC'}: no feed that is known. kinespace listen "
                 f"{self._place[1]} shows it (end this first), kinespace feeds native > my.toml begins a preset"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from programs import PATIENCE, ghost_cues
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Frame
 from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.inputs import OscDecoder
 from kinespace.stream.inputs.source import Source
 from kinespace.stream.osc.frames import encode_frame
@@ -61,6 +63,17 @@ def test_addresses_of_no_known_feed_are_listed() -> None:
     assert "kinespace feeds native > my.toml" in said
 
 
+def test_of_our_own_messages_nothing_is_said() -> None:
+    """Why they cannot be read stands in their refusal."""
+    unread = Unread(PLACE, None)
+    for place in range(50):
+        unread.keep(message("/motion/frame", "s", "ann"), 1 + place / 30, None)
+    for thread in threading.enumerate():
+        if thread.name == "kinespace unread":
+            thread.join(PATIENCE)
+    assert unread.note(3.0) == ""
+
+
 def test_a_feed_that_lacks_joints_is_advised_as_by_listen() -> None:
     """The source reads the right feed, and no frame comes of it: the missing joints are named."""
     unread = Unread(PLACE, builtin_preset("osceleton"))
@@ -104,3 +117,16 @@ def test_a_source_asks_only_while_no_frame_comes() -> None:
     assert (asked.kept, source.notes[0][:12]) == (0, "last foreign")
     source.take(11.1)
     assert (asked.kept, source.notes) == (1, ["looks like another"])
+
+
+def test_a_frame_that_time_completes_is_a_frame() -> None:
+    """Where a body's joints come one by one, packets make no frames themselves; they are not looked at all the same."""
+    receiver, asked = _Receiver(), _Asked()
+    source = Source(receiver, FeedDecoder(builtin_preset("joints")))  # type: ignore[arg-type] # all that is used
+    source.unread = asked
+    for number in range(40):
+        receiver.packet = message("/Head", "fff", 0.0, 1.0, number / 100)
+        source.take(10 + number / 20)
+        source.tend(10 + number / 20 + 0.04)
+    # Until the first frame nothing is known.
+    assert asked.kept <= 1

@@ -207,7 +207,7 @@ class Joints:
         self._moved *= fading
         begun, self.is_elsewhere = None, False
         watch, farthest = self._plausibility, self._farthest.item()
-        if self._any_lost or watch.may_jump(squares, usual) or watch.may_be_elsewhere(farthest, usual):
+        if self._any_lost or watch.may_jump(squares, farthest, usual):
             begun = self._follow(times, positions, usual)
         else:
             self._moved += count * math.sqrt(squares / len(self._last))

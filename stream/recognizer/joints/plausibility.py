@@ -179,22 +179,19 @@ class Plausibility:
             float(np.vdot(before.step, before.step)) * float(np.vdot(now.step, now.step))
         )
 
-    def may_jump(self, squares: float, elapsed: float) -> bool:
-        """Say quickly, by `steps_of`, whether a jump or a lost joint may be among some steps."""
+    def may_jump(self, squares: float, farthest: float, elapsed: float) -> bool:
+        """Say quickly, by `steps_of`, whether a jump, a lost joint or a step elsewhere may be among some steps."""
         least = max(JUMP_STEP, JUMP_SPEED * elapsed) / self._scale
+        elsewhere = max(ELSEWHERE_STEP, ELSEWHERE_SPEED * elapsed) / self._scale
         # NaN means a lost joint.
-        return not squares < self._least_squares * least * least
-
-    def may_be_elsewhere(self, farthest: float, elapsed: float) -> bool:
-        """Say quickly, by the largest squared sum of a frame's steps, whether one leads elsewhere; no joint jumps."""
-        return farthest > (_NEAR_MEAN * self._joints * self._elsewhere(elapsed)) ** 2
+        return (
+            not squares < self._least_squares * least * least or farthest > (_NEAR_MEAN * self._joints * elsewhere) ** 2
+        )
 
     def is_elsewhere(self, step: Step) -> bool:
         """Say whether the middle of a body steps farther and faster than any body's."""
-        return float(np.linalg.norm(_middle_of(step.step))) > self._elsewhere(step.elapsed)
-
-    def _elsewhere(self, elapsed: float) -> float:
-        return max(ELSEWHERE_STEP, ELSEWHERE_SPEED * elapsed) / self._scale
+        far = max(ELSEWHERE_STEP, ELSEWHERE_SPEED * step.elapsed) / self._scale
+        return float(np.linalg.norm(_middle_of(step.step))) > far
 
     def _step_length(self, step: NDArray[np.float64]) -> float:
         """Give how far a sixth of the joints step, metres, relative to the step of the body as a whole."""

@@ -78,10 +78,10 @@ def test_no_jump_is_overlooked_for_its_small_sum(small_index: WindowIndex, kick:
         step[some] += generator.normal(0.0, 0.12, 3)
         squares = _steps(step[None], np.zeros((31, 3)))[1]
         far = step_length(np.zeros((31, 3)).tolist(), step.tolist(), JUMPING) >= 0.12
-        assert watched.may_jump(squares * watched._scale**2, 0.0) or not far  # noqa: SLF001 - in the library's metres
+        assert watched.may_jump(squares * watched._scale**2, 0.0, 0.0) or not far  # noqa: SLF001 - in the library's metres
     # A body's own steps need no closer look.
-    assert not watched.may_jump(_steps(kick.positions[1:20], kick.positions[0])[1], 1 / RATE)
-    assert watched.may_jump(np.nan, 0.0)
+    assert not watched.may_jump(_steps(kick.positions[1:20], kick.positions[0])[1], 0.0, 1 / RATE)
+    assert watched.may_jump(np.nan, 0.0, 0.0)
 
 
 def test_a_jump_is_judged_by_the_step_of_the_twin(small_index: WindowIndex, kick: Clip) -> None:
@@ -110,7 +110,7 @@ def test_no_step_elsewhere_is_overlooked_by_the_mean(small_index: WindowIndex, k
         middle = np.linalg.norm([median(axis) for axis in step.T.tolist()]) * watched._scale  # noqa: SLF001 - in metres
         assert exact == (middle > ELSEWHERE_STEP)
         farthest = _steps(np.stack([0 * step, step]), np.zeros((31, 3)))[2].item()
-        assert watched.may_be_elsewhere(farthest, 1 / 60) or not exact
+        assert watched.may_jump(0.0, farthest, 1 / 60) or not exact
         seen[exact] += 1
     assert min(seen.values()) > 50
     # Slowly, no step leads elsewhere; a joint that jumps alone moves no middle.
@@ -118,7 +118,7 @@ def test_no_step_elsewhere_is_overlooked_by_the_mean(small_index: WindowIndex, k
     alone = np.zeros((31, 3))
     alone[3] = 30.0
     assert not watched.is_elsewhere(Step(alone, 1 / 60))
-    assert not watched.may_be_elsewhere(0.0, 1 / 60)
+    assert not watched.may_jump(0.0, 0.0, 1 / 60)
 
 
 def test_a_frozen_arm_is_doubted_and_nothing_else(small_index: WindowIndex, kick: Clip) -> None:

@@ -27,6 +27,9 @@ BEGINS_AFTER, ENDS_AFTER = 0.1, 0.5
 #: The movement of a joint that crosses a body's size in a second; and for how many seconds it must go on, because a
 #: depth sensor's joints jump.
 _LIMB, _LASTS = 0.0465, 0.1
+#: The movement of a joint that goes as far in three fifths of a second as it would at a body's size a second: 0.15 m/s
+#: begin a motion, which nobody who stands reaches, by a depth sensor either.
+_SLOW_LIMB, _SLOW_WINDOW = 0.1, 0.6
 #: A motion begins with so many times the movement of a performer who stands, but not below this share of the usual.
 _TREMBLINGS, _LEAST = 4.0, 0.3
 #: Seconds for which a performer must have stood before the trembling counts.
@@ -56,10 +59,13 @@ class Movement(NamedTuple):
     limb
         Of the joint that moves most against the centre of the body (`limb_speed`), as far as it goes on for a tenth of
         a second; scaled so that it begins a motion with the same number.
+    slow
+        As `limb`, over three fifths of a second: slow gestures begin a motion, too.
     """
 
     body: float
     limb: float = 0.0
+    slow: float = 0.0
 
 
 class MovementMeter:
@@ -76,6 +82,7 @@ class MovementMeter:
         #: The times of the window, the positions, and their distance rows.
         self._rows: deque[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = deque()
         self._limbs: deque[tuple[float, float]] = deque()
+        self._bodies: deque[tuple[float, NDArray[np.float64]]] = deque()
         self._due = -math.inf
 
     def push(self, time: float, positions: NDArray[np.floating]) -> Movement | None:
@@ -97,10 +104,13 @@ class MovementMeter:
         if self._rows and time - self._rows[-1][0] > _MAX_PAUSE:
             self._rows.clear()
             self._limbs.clear()
+            self._bodies.clear()
         self._due = time + 1 / _MEASURED_AT if time - self._due > 1 / _MEASURED_AT else self._due + 1 / _MEASURED_AT
         self._rows.append((time, np.array(positions, np.float64), distance_rows(positions, self._skeleton)))
-        while len(self._rows) > 1 and time - self._rows[1][0] >= WINDOW - _TIE:
-            self._rows.popleft()
+        self._bodies.append(self._rows[-1][:2])
+        for kept, window in ((self._rows, WINDOW), (self._bodies, _SLOW_WINDOW)):
+            while len(kept) > 1 and time - kept[1][0] >= window - _TIE:
+                kept.popleft()
         if len(self._rows) < 3 or time - self._rows[0][0] < WINDOW / 2:
             return None
         times, bodies, rows = map(np.array, zip(*self._rows, strict=True))
@@ -110,7 +120,10 @@ class MovementMeter:
         while len(self._limbs) > 1 and time - self._limbs[1][0] >= _LASTS - _TIE:
             self._limbs.popleft()
         lasts = time - self._limbs[0][0] >= _LASTS - _TIE
-        return Movement(whole, _LIMB * min(speed for _, speed in self._limbs) if lasts else 0.0)
+        slow = 0.0
+        if time - self._bodies[0][0] >= _SLOW_WINDOW - _TIE:
+            slow = _SLOW_LIMB * limb_speed(*map(np.array, zip(*self._bodies, strict=True)))
+        return Movement(whole, _LIMB * min(speed for _, speed in self._limbs) if lasts else 0.0, slow)
 
 
 def limb_speed(times: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
@@ -181,8 +194,8 @@ def stillness_of(standing: Sequence[tuple[float, Movement]], usual: float = STIL
 class StretchFinder:
     """Finds where a motion begins and ends, by hysteresis: it begins with twice the movement that ends it.
 
-    A motion begins with the movement of the body or of a limb. It ends with the stillness of the body if the body moved
-    as much as usual motions do, for people fidget between motions; else when the limbs are still, too.
+    A motion begins with the movement of the body or of a limb, also a slow one. It ends with the stillness of the body
+    if the body moved as much as usual motions do, for people fidget between motions; else the limbs must be still, too.
 
     Parameters
     ----------
@@ -205,21 +218,23 @@ class StretchFinder:
         """Forget all movements."""
         self.began: float | None = None
         self._rising = self._moved = math.nan
-        self._is_large = False
+        self._is_large = self._is_fast = False
 
     def push(self, time: float, movement: Movement) -> Stretch | None:
         """Take in the movement at a time; give a motion, with its margins, when it has ended."""
         self._is_large |= movement.body >= _BEGINS * STILLNESS
+        self._is_fast |= max(movement[:2]) >= self.needed
         if self.began is None:
             if max(movement) < self.needed:
-                self._is_large = False
+                self._is_large = self._is_fast = False
                 self._rising = math.nan
             elif math.isnan(self._rising):
                 self._rising = time
             elif time - self._rising >= BEGINS_AFTER - _TIE:
                 self.began, self._moved = self._rising, time
             return None
-        if (movement.body if self._is_large else max(movement)) > self._stillness:
+        moves = movement[: 1 if self._is_large else 2 if self._is_fast else 3]
+        if max(moves) > self._stillness:
             self._moved = time
             return None
         return self.end() if time - self._moved >= ENDS_AFTER - _TIE else None
@@ -229,7 +244,8 @@ class StretchFinder:
         if self.began is None:
             return None
         # The window contains the last movement for as long as it lasts.
-        found = Stretch(self.began - MARGIN, max(self._moved - WINDOW, self.began) + MARGIN)
+        window = WINDOW if self._is_large or self._is_fast else _SLOW_WINDOW
+        found = Stretch(self.began - MARGIN, max(self._moved - window, self.began) + MARGIN)
         self.clear()
         return found
 

@@ -114,15 +114,32 @@ def test_a_take_may_begin_and_end_in_a_motion() -> None:
 
 
 def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
-    """The nod of a head moves the whole body by less than it trembles; on a quiet feed the head alone begins it."""
+    """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
-    assert [*moved_in(nod)] == []
     found = moved_at_all(nod)
     assert found
     assert found == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
     meter = MovementMeter(nod.skeleton)
     movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
     assert max(each.body for each in movements) < 0.01 < max(each.limb for each in movements)
+
+
+@pytest.mark.parametrize(("speed", "begins"), [(0.1, False), (0.3, True), (0.6, True)])
+def test_a_slow_limb_begins_a_motion(speed: float, begins: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    """A hand that goes against the body, in body sizes a second, begins a motion after three fifths of a second."""
+    standing = gesture("nod")
+    bodies = np.repeat(standing.positions[:1], 150, axis=0)
+    hand = np.zeros(150)
+    hand[60:90] = np.arange(1, 31) / 30
+    hand[90:] = 1.0
+    size = np.sqrt(np.square(distance_rows(bodies[:1], standing.skeleton)).mean())
+    bodies[:, 18, 1] += speed * size * hand * (30 / standing.frame_rate)
+    found = [*moved_in(replace(standing, positions=bodies))]
+    assert bool(found) == begins
+    if found:
+        moved = 60 / standing.frame_rate, 90 / standing.frame_rate
+        assert moved[0] - 0.2 < found[0].start < moved[0] + 0.6
+        assert moved[1] - 0.3 < found[0].end < moved[1] + 0.7
 
 
 @pytest.mark.parametrize("name", ["nod", "hand wave", "bow"])

@@ -29,7 +29,6 @@ from kinespace.library.windows.whole_motions import WholeMotions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
-    from contextlib import AbstractContextManager
 
     from numpy.typing import NDArray
 
@@ -47,6 +46,9 @@ _BASIS_AT = 10.0
 _MAX_LESSONS = 10_000
 #: Windows whose numbers are in memory at once, about.
 _PIECE = 4_000
+#: Threads of linear algebra: the matrices are small, and threads take the cores from each other. On two busy cores,
+#: opening takes 2 to 7 seconds by numpy's own choice of threads, and .7 by one.
+_THREADS = 1
 #: Views by fewer joints that an index keeps.
 MAX_VIEWS = 8
 #: Persons needed to learn metrics: with fewer, metrics are learned from the built-in library's persons.
@@ -205,7 +207,9 @@ class WindowIndex:
         if view is None:
             while len(self._views) >= MAX_VIEWS:
                 self._views.pop(next(iter(self._views)), None)
-            view = self._views[key] = self._viewed_by(key)
+            with threadpool_limits(_THREADS):
+                view = self._views[key] = self._viewed_by(key)
+            give_back_memory()
         return view
 
     def has_view(self, joints: tuple[str, ...]) -> bool:
@@ -213,12 +217,6 @@ class WindowIndex:
         return joints in self._views
 
     def _viewed_by(self, joints: tuple[str, ...]) -> WindowIndex:
-        with _one_thread():
-            view = self._computed_by(joints)
-        give_back_memory()
-        return view
-
-    def _computed_by(self, joints: tuple[str, ...]) -> WindowIndex:
         origin = self.origin
         if origin and origin.joints:
             return origin.source.by_joints(joints)
@@ -228,9 +226,8 @@ class WindowIndex:
         elif origin and origin.kept:
             view = origin.source.by_joints(joints).of_some(origin.kept, learns=origin.learns)
         else:
-            numbers = _numbers_of(self.library, self.comparison.weighing, joints)
-            view = numbers.index_of(_bare(self.library).restricted_to(joints))
-            return numbers.known_to(replace(view, origin=Origin(self, joints=joints))).prepared()
+            bare = _bare(self.library).restricted_to(joints)
+            return _remembered(self.library, self.comparison.weighing, Origin(self, joints=joints), bare)
         return replace(view, library=_bare(view.library), origin=Origin(self, joints=joints)).prepared()
 
     def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
@@ -404,50 +401,20 @@ def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
 @lru_cache(maxsize=4)
 def opened(library: MotionLibrary, weighing: Weighing | None = None) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
-    with _one_thread():
-        numbers = _numbers_of(library, weighing or usual_weighing(library))
-        index = numbers.known_to(numbers.index_of(library)).prepared()
+    with threadpool_limits(_THREADS):
+        index = _remembered(library, weighing or usual_weighing(library))
     give_back_memory()
     return index
 
 
-def _one_thread() -> AbstractContextManager[object]:
-    """Keep linear algebra to one thread: the matrices are small, and threads take the cores from each other.
+def _remembered(
+    library: MotionLibrary, weighing: Weighing, origin: Origin | None = None, bare: MotionLibrary | None = None
+) -> WindowIndex:
+    """Open a library's windows by its joints, or by an origin's, with all that need not be computed again.
 
-    On two busy cores, opening takes 2 to 7 seconds by numpy's own choice of threads, and .7 by one.
+    Their motions are then those of `bare`, where it is given.
     """
-    limits: AbstractContextManager[object] = threadpool_limits(1)
-    return limits
-
-
-class Numbers(NamedTuple):
-    """The numbers of opened windows, all that need not be computed again; the fields are as in `WindowIndex`."""
-
-    body: Body
-    basis: Basis
-    comparison: Comparison
-    vectors: tuple[NDArray[np.float16], ...]
-    eigenvectors: NDArray[np.float32]
-    motions: NDArray[np.intp]
-    judged_by: Rejection | None
-    rejection: Rejection | None
-    segments: Segments
-    whole: WholeMotions
-
-    def index_of(self, library: MotionLibrary) -> WindowIndex:
-        """Give the index of the library that they were computed from."""
-        return WindowIndex(library, *self[:7])
-
-    def known_to(self, index: WindowIndex) -> WindowIndex:
-        """Give these numbers to an index in place of what it would compute at first use."""
-        index.__dict__.update(segments=self.segments, whole=self.whole)
-        if self.rejection:
-            index.__dict__.update(rejection=self.rejection)
-        return index
-
-
-def _numbers_of(library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...] = ()) -> Numbers:
-    """Compute the numbers of a library's windows by some of its joints, or by all, or remember them."""
+    joints = origin.joints if origin else ()
 
     def compute() -> tuple[Any, ...]:
         index = WindowIndex.of(library.restricted_to(joints) if joints else library, weighing=weighing)
@@ -455,7 +422,11 @@ def _numbers_of(library: MotionLibrary, weighing: Weighing, joints: tuple[str, .
         placed = (index.vectors, index.eigenvectors, index.motions, index.judged_by, rejection)
         return (index.body, index.basis, index.comparison, *placed, index.segments, index.whole)
 
-    return Numbers(*remembered(library, weighing, joints, compute))
+    *fields, rejection, segments, whole = remembered(library, weighing, joints, compute)
+    index = replace(WindowIndex(bare or library, *fields), origin=origin)
+    # In place of what the index would compute at first use.
+    index.__dict__.update(segments=segments, whole=whole, **({"rejection": rejection} if rejection else {}))
+    return index.prepared()
 
 
 def _bare(library: MotionLibrary) -> MotionLibrary:

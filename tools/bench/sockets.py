@@ -29,7 +29,7 @@ _MISSING = 0.01
 
 
 def measure(plan: Plan) -> Measured:
-    """Measure latencies, an echo's,, and a crowd's cost, by OSC and by ZeroMQ."""
+    """Measure latencies, an echo's, and a crowd's cost, by OSC and by ZeroMQ."""
     runs = [(transport, rate) for transport in TRANSPORTS for rate in RATES]
     latencies = [
         latency.measure(transport, rate_hz=rate, seconds=plan.seconds, settings=Settings())

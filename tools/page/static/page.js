@@ -19,7 +19,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true, theme: null };
+  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;
@@ -165,7 +165,6 @@ function choose(name) {
 // --- drawing ---
 
 function draw() {
-  page.theme ??= themeOf(document.documentElement);
   for (const performer of page.performers.values()) drawPerformer(performer);
   drawScores();
   drawPast();
@@ -175,7 +174,7 @@ function drawPerformer(performer) {
   const silent = (performance.now() - performer.seen) / 1000;
   performer.card.classList.toggle("silent", silent > NO_FRAMES);
   if (silent > NO_FRAMES) {
-    performer.stage.draw({ colour: colourOf(-1), carried: null, phase: null, theme: page.theme });
+    performer.stage.draw({ colour: colourOf(-1) });
     performer.moment.textContent = `no frames for ${Math.round(silent)} s`;
     performer.carriedBy.textContent = "";
     return;
@@ -183,8 +182,8 @@ function drawPerformer(performer) {
   const { answer, stage, carried } = performer;
   const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.going) : -1;
   const progress = answer?.progress;
-  stage.draw({ colour: colourOf(class_, isLight() ? 0.58 : 0.78), carried: answer?.label === "still" ? null : carried,
-    phase: progress ? progress.phase : null, theme: page.theme });
+  stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried,
+    phase: progress?.phase });
   if (!answer) return;
   const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
   const how = progress ? [`${Math.round(100 * progress.phase)} %`, `${number(progress.speed, 1)} × as fast`] : [];
@@ -217,7 +216,7 @@ function drawPast() {
   const rows = [...page.performers.values()].map(rowOf);
   const height = `${Math.max(heightOf(rows), 70)}px`;
   if (canvas.style.height !== height) canvas.style.height = height;
-  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, at: null, theme: page.theme, origin: page.now,
+  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, origin: page.now,
     tick: 10, named: (second) => `${Math.round(second - page.now)} s` });
   drawSpan(canvas);
 }
@@ -465,9 +464,7 @@ byId("sound").addEventListener("click", ({ target }) => {
 });
 
 byId("theme").addEventListener("click", () => {
-  setTheme(isLight() ? "dark" : "light");
   localStorage.setItem("theme", document.documentElement.dataset.theme);
-  page.theme = null;
   draw();
 });
 
@@ -483,5 +480,5 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
 });
 
-setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"));
+setTheme(localStorage.getItem("theme") ?? document.documentElement.dataset.theme);
 connect();

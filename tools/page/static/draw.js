@@ -29,6 +29,18 @@ const bodiesIn = (text) => new Int16Array(Uint8Array.from(atob(text), (letter) =
 /** The colour of the body that does a class. */
 const bodyColour = (index) => colourOf(index, isLight() ? 0.58 : 0.78);
 
+/** Make an element with text and attributes; text from outside never becomes markup. */
+function made(kind, { text = "", ...attributes } = {}, ...children) {
+  const element = document.createElement(kind);
+  if (kind === "button") element.type = "button";
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...(text ? [text] : []), ...children);
+  return element;
+}
+
+/** Make a canvas for a `Stage`, which the keyboard reaches. */
+const madeStage = (label) => made("canvas", { tabindex: 0, role: "img", "aria-label": label });
+
 /** Fit a canvas to its place on the screen; give its context and its size in points. */
 function fitted(canvas) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);

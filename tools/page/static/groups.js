@@ -8,22 +8,11 @@ window.kinespace = found;
 const quoted = (word) => (/^[\w./=-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 function card(group) {
-  const canvas = document.createElement("canvas");
-  canvas.tabIndex = 0;
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", `Group ${group.number}, came ${group.came} times: arrows turn the body, plus and minus zoom`);
-  const name = document.createElement("input");
-  name.maxLength = 64;
-  name.autocomplete = "off";
-  name.placeholder = "name";
-  name.setAttribute("aria-label", `name of group ${group.number}`);
+  const canvas = madeStage(`Group ${group.number}, came ${group.came} times: arrows turn the body, plus and minus zoom`);
+  const name = made("input", { maxlength: 64, autocomplete: "off", placeholder: "name", "aria-label": `name of group ${group.number}` });
   name.addEventListener("input", showLine);
-  const title = document.createElement("h2");
-  title.textContent = `${group.number} · ${group.came}× · ${group.seconds} s`;
-  const article = document.createElement("article");
-  article.className = "stage";
-  article.append(canvas, title, name);
-  byId("groups").append(article);
+  const title = made("h2", { text: `${group.number} · ${group.came}× · ${group.seconds} s` });
+  byId("groups").append(made("article", { class: "stage" }, canvas, title, name));
   const stage = new Stage(canvas);
   stage.setSkeleton(group.names, group.parents);
   found.cards.push({ group, stage, name, canvas, bodies: bodiesIn(group.bodies), seen: true, frame: -1 });

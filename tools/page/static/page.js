@@ -6,15 +6,6 @@ const KEPT_SCORES = 620; // points of a score's line: a minute at ten a second
 const OLD = 3; // seconds after which a notice is neither said nor sounded
 const NO_FRAMES = 0.5; // seconds without a body after which a performer is grey
 const SILENT = 2.5; // seconds without a status after which the recogniser counts as away
-/** Make an element with text; text from outside never becomes markup. */
-function made(kind, { className = "", text = "" } = {}, ...children) {
-  const element = document.createElement(kind);
-  if (kind === "button") element.type = "button";
-  element.className = className;
-  if (text) element.textContent = text;
-  element.append(...children);
-  return element;
-}
 const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
@@ -123,17 +114,11 @@ function takeMotion([name, key, className, begin, end, mark]) {
 // --- performers ---
 
 function enter(name) {
-  const canvas = made("canvas");
-  canvas.tabIndex = 0;
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", `The body of ${name}: arrows turn it, plus and minus zoom, 0 resets`);
-  const [doing, moment, lesson, carried] = [made("p", { className: "doing" }), made("p", { className: "moment" }),
-    made("div", { className: "lesson" }), made("p", { className: "carried" })];
-  doing.setAttribute("aria-live", "polite");
-  lesson.setAttribute("aria-hidden", "true");
-  const card = made("article", { className: "stage" }, canvas,
-    made("div", { className: "answers" }, made("p", { className: "who", text: name }), doing, moment), carried, lesson);
-  card.setAttribute("aria-label", name);
+  const canvas = madeStage(`The body of ${name}: arrows turn it, plus and minus zoom, 0 resets`);
+  const [doing, moment] = [made("p", { class: "doing", "aria-live": "polite" }), made("p", { class: "moment" })];
+  const [lesson, carried] = [made("div", { class: "lesson", "aria-hidden": "true" }), made("p", { class: "carried" })];
+  const card = made("article", { class: "stage", "aria-label": name }, canvas,
+    made("div", { class: "answers" }, made("p", { class: "who", text: name }), doing, moment), carried, lesson);
   card.addEventListener("pointerdown", () => choose(name));
   canvas.addEventListener("focus", () => choose(name));
   byId("stages").append(card);
@@ -239,28 +224,25 @@ function listClasses() {
   const focused = page.rows?.find(({ row }) => row === document.activeElement)?.name;
   list.replaceChildren();
   page.rows = page.classes.map((name, index) => {
-    const fill = made("span", { className: "fill" });
+    const fill = made("span", { class: "fill" });
     fill.style.background = colourOf(index);
-    const score = made("span", { className: "score" });
+    const score = made("span", { class: "score" });
     const examples = page.control?.taught[name];
-    const named = made("span", { className: "name", text: titleOf(name) }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
-    named.title = name;
-    const done = made("small", { className: "done" });
-    done.title = "how often it was done, from beginning to end";
-    named.append(done);
-    const row = made("button", {}, named, score, made("span", { className: "track" }, fill));
+    const done = made("small", { class: "done", title: "how often it was done, from beginning to end" });
+    const taught = made("small", { text: examples ? `  taught ${examples}×` : "" });
+    const named = made("span", { class: "name", title: name, text: titleOf(name) }, taught, done);
+    const row = made("button", {}, named, score, made("span", { class: "track" }, fill));
     row.disabled = !teaches();
     row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
     row.addEventListener("click", () => openClass(name));
-    const again = made("button", { className: "again", text: "+" });
+    const hint = `another example of ${name}`;
+    const again = made("button", { class: "again", text: "+", "aria-label": hint, title: hint });
     again.hidden = !examples || !teaches();
-    again.setAttribute("aria-label", `another example of ${name}`);
-    again.title = `another example of ${name}`;
     again.addEventListener("click", () => teach(name));
     list.append(made("li", {}, row, again));
     return { row, fill, score, name, done };
   });
-  if (!page.classes.length) list.append(made("li", { className: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
+  if (!page.classes.length) list.append(made("li", { class: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
   byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));
   if (focused) focusClass(focused);
 }
@@ -273,7 +255,7 @@ function listMotions() {
   const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
   byId("motions").replaceChildren(...motions.map((motion) => {
     const seconds = `${titleOf(motion.className)} ${number(motion.end - motion.begin, 1)} s`;
-    const button = made("button", { className: motion.mark, text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
+    const button = made("button", { class: motion.mark ?? "", text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
     button.style.borderLeftColor = colourOf(page.classes.indexOf(motion.className));
     if (motion.mark === "wrong") button.append(` was ${titleOf(motion.meant)}`);
     button.addEventListener("click", () => openWrong(performer, motion));

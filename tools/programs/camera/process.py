@@ -56,11 +56,11 @@ class CameraProcess:
 
     def _listen(self) -> None:
         wait([self._child.process.sentinel])
+        last = "its process died"
+        with suppress(EOFError, OSError):
+            last = self._child.connection.recv()
         if not self._ending:
-            with suppress(EOFError, OSError):
-                self._say(f"camera: {self._child.connection.recv()}")
-                return
-            self._say("camera: its process died")
+            self._say(f"camera: {last}")
 
 
 def _watch(connection: Connection, plan: CameraPlan) -> None:

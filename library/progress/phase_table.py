@@ -114,14 +114,15 @@ class PhaseTable:
             if clip.duration >= 2 * VELOCITY_SECONDS:
                 performed.setdefault(clip.class_name, []).append(clip)
         before = known.courses if known and known.basis is basis else {}
-        courses = dict[str, _Courses]()
+        courses: dict[str, tuple[tuple[Clip, ...], _Courses]] = {}
         for name, clips in performed.items():
-            same, found = before.get(name, ((), None))
-            is_same = len(same) == len(clips) and all(one is other for one, other in zip(same, clips, strict=True))
-            courses[name] = found if found and is_same else _courses(clips, body, basis)
-        whitening = _telling(courses.values(), _whitening(courses.values(), 2 * basis.directions.shape[1]))
-        moments = {name: _moments(each, whitening) for name, each in courses.items()}
-        return cls(moments, whitening, basis, {name: (tuple(performed[name]), courses[name]) for name in courses})
+            now, found = tuple(clips), before.get(name)
+            # A clip equals itself alone.
+            courses[name] = found if found and found[0] == now else (now, _courses(now, body, basis))
+        numbers = [each for _, each in courses.values()]
+        whitening = _telling(numbers, _whitening(numbers, 2 * basis.directions.shape[1]))
+        moments = {name: _moments(each, whitening) for name, (_, each) in courses.items()}
+        return cls(moments, whitening, basis, courses)
 
 
 class _Courses(NamedTuple):

@@ -15,14 +15,7 @@ import numpy as np
 
 from kinespace.library.kernels import bind
 from kinespace.library.kernels.table import REGISTER
-from kinespace.library.progress.phase_table import (
-    BINS,
-    MOMENTS_PER_SECOND,
-    SWING_SECONDS,
-    VELOCITY,
-    VELOCITY_SECONDS,
-    log_swing,
-)
+from kinespace.library.progress import phase_table
 from kinespace.stream.recognition import Progress
 
 if TYPE_CHECKING:
@@ -31,7 +24,7 @@ if TYPE_CHECKING:
     from kinespace.library.progress.phase_table import Moments, PhaseTable
 
 #: Seconds between two steps of the filter: two steps a moment at the library's speed.
-STEP = 0.5 / MOMENTS_PER_SECOND
+STEP = 0.5 / phase_table.MOMENTS_PER_SECOND
 #: Probabilities that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
 _GOES_ON = (0.55, 0.36, 0.09)
 #: Probabilities that a step changes to another recording at the same phase, and that it begins again.
@@ -53,11 +46,11 @@ _SPEED_SMOOTHED, _SIZE_SMOOTHED = 0.15, 0.4
 _PRIOR_SPEED = 0.1
 #: Points of the past that are replayed when a class is named, half a second, and points that are kept.
 _REPLAYED = round(0.5 / STEP)
-_PAST = round(2 * SWING_SECONDS / STEP) + 1
+_PAST = round(2 * phase_table.SWING_SECONDS / STEP) + 1
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
 #: Points before the newest at which a velocity begins.
-_BACK_POINTS = round(VELOCITY_SECONDS / STEP)
+_BACK_POINTS = round(phase_table.VELOCITY_SECONDS / STEP)
 
 
 class ProgressFollower:
@@ -168,9 +161,9 @@ class _Course(NamedTuple):
         first = phases < _FIRST_PHASES
         later = np.where(first, 0.0, (1 - phases) ** _FALLING)
         beginning = _AT_START * first / first.sum() + (1 - _AT_START) * later / max(later.sum(), 1e-9)
-        rounds = np.where(phases < 1 / BINS, 1.0, 0.0)
-        bins = np.minimum((phases * BINS).astype(np.intp), BINS - 1)
-        alike = 1 / np.bincount(bins, minlength=BINS).clip(1)[bins]
+        rounds = np.where(phases < 1 / phase_table.BINS, 1.0, 0.0)
+        bins = np.minimum((phases * phase_table.BINS).astype(np.intp), phase_table.BINS - 1)
+        alike = 1 / np.bincount(bins, minlength=phase_table.BINS).clip(1)[bins]
         again = _NEXT_ROUND if moments.cyclic else _ONCE_MORE
         return cls(
             np.array([phases, beginning / beginning.sum(), rounds / max(rounds.sum(), 1.0), alike]),
@@ -196,7 +189,7 @@ class _Filter:
         count = len(moments.phases)
         live = np.zeros(len(moments.vectors), dtype=np.float32)
         self._moved, self._found = np.zeros(2), np.zeros(2 + len(course.expected))
-        self._move = bind("moving", points, whitening, live, self._moved, VELOCITY)
+        self._move = bind("moving", points, whitening, live, self._moved, phase_table.VELOCITY)
         self._follow = bind(
             "follow_phase",
             *(course.course, course.indices, moments.starts, moments.vectors, course.lengths, course.expected),
@@ -211,13 +204,13 @@ class _Filter:
 
     def step(self, begin: int, end: int) -> Progress:
         """Go on by a step, and weigh by the newest of the points from one place to another."""
-        span = max(2, round(SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5)))
+        span = max(2, round(phase_table.SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5)))
         self._move(max(begin, end - span), end, _BACK_POINTS)
         square, variance = self._moved.tolist()
         self._follow()
         phase, sure, expected, usual, usual_swing = self._found.tolist()
         self._measure(square, expected, usual)
-        self._swing = _SIZE_KEPT * self._swing + log_swing(variance) - usual_swing
+        self._swing = _SIZE_KEPT * self._swing + phase_table.log_swing(variance) - usual_swing
         self._swings = _SIZE_KEPT * self._swings + 1
         return self._answer(phase, sure)
 

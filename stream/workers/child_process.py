@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import signal
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
+#: Seconds after which a new process is given up.
+_MAX_START = 30.0
 #: Ctrl-C and a closed terminal reach every process of the terminal. Some systems have SIGHUP, Windows has SIGBREAK.
 _TERMINAL = ("SIGINT", "SIGHUP", "SIGBREAK")
 
@@ -31,6 +34,64 @@ def signals_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class Child:
+    """A new process that says when it has begun, or why it has not, and ends when our end of its pipe is closed.
+
+    Parameters
+    ----------
+    name
+        What it is called in messages.
+    work
+        Runs in the process, with the other end of the pipe and `plan`. The first thing that it sends is a line that
+        says that it has begun, or an exception.
+    plan
+        What it gets.
+    max_end
+        Seconds after which it is killed when it is to end.
+
+    Attributes
+    ----------
+    process, connection
+        The process, and our end of the pipe.
+    said
+        The line with which it has begun.
+
+    Raises
+    ------
+    ChildProcessError
+        It ended before it began.
+    TimeoutError
+        It is silent.
+    Exception
+        It sent this exception.
+    """
+
+    def __init__(self, name: str, work: Callable[..., None], plan: object, *, max_end: float) -> None:
+        context, self._max_end = multiprocessing.get_context("spawn"), max_end
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=work, args=(theirs, plan), daemon=True)
+        with signals_held():
+            self.process.start()
+        theirs.close()
+        try:
+            started = self.connection.poll(_MAX_START)
+            reply: str | Exception = self.connection.recv() if started else TimeoutError(f"the {name} is silent")
+        except EOFError:
+            reply = ChildProcessError(f"the process of the {name} ended before it began")
+        if isinstance(reply, Exception):
+            self.close()
+            raise reply
+        self.said = reply
+
+    def close(self) -> None:
+        """End the process."""
+        self.connection.close()
+        self.process.join(self._max_end)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
 
 
 def leave_signals_to_parent(*, termination: bool = False) -> None:

@@ -125,6 +125,9 @@ class Gateway(Router):
         show: Callable[[str], None] = lambda _: None,
         pack: Callable[[MotionLibrary | WindowIndex], bytes] = agreed.file_of,
     ) -> None:
+        import zenoh  # noqa: PLC0415 - an extra
+
+        self._zenoh: Any = zenoh
         self._packed = pack(library)
         super().__init__(library, msgspec.structs.replace(terms, digest=agreed.digest_of(self._packed)))
         self.name = uuid.uuid4().hex[:12]
@@ -135,26 +138,19 @@ class Gateway(Router):
         self._members: dict[str, _Member] = {}
         self._lost, self._last_lost = 0, ""
         self._joined = set[str]()
-        self._declare()
-
-    def _declare(self) -> None:
-        import zenoh  # noqa: PLC0415 - an extra
-
-        self._zenoh: Any = zenoh
-        own, put = self._session, self.inbox.put
         self._declared = [
-            own.declare_queryable(key(self.name, "library"), self._reply),
-            own.declare_subscriber(
-                f"{key(self.name, 'back')}/*",
-                lambda sample: put(self._take_in, last_of(sample), bytes(sample.payload)),
-            ),
-            own.liveliness().declare_subscriber(f"{WORKERS}/*", self._note_token),
-            own.liveliness().declare_token(f"{GATEWAYS}/{self.name}"),
+            session.declare_queryable(key(self.name, "library"), self._reply),
+            session.declare_subscriber(f"{key(self.name, 'back')}/*", self._note_message),
+            session.liveliness().declare_subscriber(f"{WORKERS}/*", self._note_token),
+            session.liveliness().declare_token(f"{GATEWAYS}/{self.name}"),
         ]
 
     def _reply(self, query: Any) -> None:  # noqa: ANN401 - Zenoh's
         with query:
             query.reply(query.key_expr, self._packed)
+
+    def _note_message(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
+        self.inbox.put(self._take_in, last_of(sample), bytes(sample.payload))
 
     def _note_token(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
         if sample.kind == self._zenoh.SampleKind.DELETE:

@@ -12,18 +12,9 @@ from typing import TYPE_CHECKING, Any
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.workers import terms as agreed
+from kinespace.stream.workers import wire
 from kinespace.stream.workers.background_opener import BackgroundViews
 from kinespace.stream.workers.bus import Inbox, unreached
-from kinespace.stream.workers.wire import (
-    GATEWAYS,
-    WORKERS,
-    Answers,
-    FormatError,
-    decode_orders,
-    encode,
-    key,
-    last_of,
-)
 from kinespace.stream.workers.worker import Worker
 
 if TYPE_CHECKING:
@@ -32,7 +23,6 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.workers.terms import Terms
-    from kinespace.stream.workers.wire import Answered, Orders
 
 #: Seconds between two reports.
 REPORT_EVERY = 0.25
@@ -97,10 +87,10 @@ class Node:
         self._lonely = time.monotonic() + _MAX_ALONE
         self._said: set[str] = set()
         self._declared = [
-            session.liveliness().declare_token(f"{WORKERS}/{self.name}"),
+            session.liveliness().declare_token(f"{wire.WORKERS}/{self.name}"),
             session.liveliness().declare_subscriber(
-                f"{GATEWAYS}/*",
-                lambda sample: self.inbox.put(self._seen, last_of(sample), sample.kind == zenoh.SampleKind.PUT),
+                f"{wire.GATEWAYS}/*",
+                lambda sample: self.inbox.put(self._seen, wire.last_of(sample), sample.kind == zenoh.SampleKind.PUT),
                 history=True,
             ),
         ]
@@ -203,14 +193,14 @@ class Membership:
         #: The number of the last message of frames, and how many such messages were dropped.
         self._number = self._dropped = 0
         #: Answers that wait for further answers, and when the first of them was made.
-        self._answers: list[Answered] = []
+        self._answers: list[wire.Answered] = []
         self._answered_at = 0.0
         #: Until this time old frames are recognised, too, because performers were taken over.
         self._warm = 0.0
-        place = key(gateway, "back", node.name)
+        place = wire.key(gateway, "back", node.name)
         self._back = node.session.declare_publisher(place, congestion_control=zenoh.CongestionControl.BLOCK)
         self._subscriber = node.session.declare_subscriber(
-            key(gateway, "to", node.name),
+            wire.key(gateway, "to", node.name),
             lambda sample: node.inbox.put(self._guarded, self._obey, bytes(sample.payload), time.monotonic()),
         )
         self.report()
@@ -230,7 +220,7 @@ class Membership:
         """Deal with what the gateway has sent: whatever it is, the worker works on for other gateways."""
         try:
             deal_with(*arguments)
-        except FormatError as error:
+        except wire.FormatError as error:
             self._node.ignore("unread", f"gateway {self._gateway}: {error}")
         except Exception as error:  # noqa: BLE001 - of any kind, by terms or a library that no gateway of ours has
             self._refuse(f"{type(error).__name__}: {error}")
@@ -241,14 +231,14 @@ class Membership:
 
     def _obey(self, message: bytes, came: float) -> None:
         """Take in a message, if it is the gateway's."""
-        orders = decode_orders(message)
+        orders = wire.decode_orders(message)
         if orders.member != self._name:
             line = f"another program publishes on the keys of gateway {self._gateway}; its messages are ignored"
             self._node.ignore("strangers", line)
         elif not self._is_over:
             self._carry_out(orders, came)
 
-    def _carry_out(self, orders: Orders, came: float) -> None:
+    def _carry_out(self, orders: wire.Orders, came: float) -> None:
         if orders.terms:
             self._agree(orders.terms, begins=orders.begins)
         if orders.frames and self._worker:
@@ -303,7 +293,7 @@ class Membership:
         if terms.digest in node.libraries:
             self._open_windows(terms, node.libraries[terms.digest])
         else:
-            node.session.get(key(self._gateway, "library"), lambda reply: self._replied(terms, reply))
+            node.session.get(wire.key(self._gateway, "library"), lambda reply: self._replied(terms, reply))
 
     def _replied(self, terms: Terms, reply: Any) -> None:  # noqa: ANN401 - Zenoh's
         if reply.ok:
@@ -347,7 +337,7 @@ class Membership:
         self._node.show(f"working for gateway {self._gateway}, library {digest[:12]}")
         self.report()
 
-    def _recognise(self, worker: Worker, orders: Orders, came: float) -> None:
+    def _recognise(self, worker: Worker, orders: wire.Orders, came: float) -> None:
         """Recognise frames, unless they have waited too long."""
         now, dropped = time.monotonic(), 0
         if orders.number:
@@ -364,7 +354,7 @@ class Membership:
         try:
             answered = worker.push(orders.frames, now)
         except Exception as error:
-            raise FormatError(f"frames: {error}") from error
+            raise wire.FormatError(f"frames: {error}") from error
         if answered:
             self._answered_at = self._answered_at if self._answers else now
             self._answers += answered
@@ -375,7 +365,7 @@ class Membership:
         """Send the answers that wait."""
         if self._answers:
             answers, self._answers = self._answers, []
-            self._back.put(encode(Answers(self._name, answers)))
+            self._back.put(wire.encode(wire.Answers(self._name, answers)))
 
     def report(self, question: int = 0) -> None:
         """Send a report, which also shows that the worker is alive, or ask for terms, or answer a question."""
@@ -384,6 +374,6 @@ class Membership:
             self._open(self._terms)
         if self._worker:
             report = self._worker.report(time.monotonic(), dropped=self._dropped, leaves=self._leaves)
-            self._back.put(encode(Answers(self._name, [], report, question)))
+            self._back.put(wire.encode(wire.Answers(self._name, [], report, question)))
         elif not (self._terms or self._is_refused):
-            self._back.put(encode(Answers(self._name)))
+            self._back.put(wire.encode(wire.Answers(self._name)))

@@ -1,7 +1,7 @@
-"""BlazePose's detector, read: anchors, boxes and points decoded, boxes of one body averaged. Pure numbers.
+"""BlazePose's detector, read: anchors, boxes and points decoded, the points of one body averaged. Pure numbers.
 
 The constants are those of MediaPipe's graph `pose_detection_cpu.pbtxt`; Bazarevsky et al., BlazePose (2020), and, for
-the averaging of overlapping boxes, BlazeFace (2019).
+the averaging over overlapping boxes, BlazeFace (2019).
 """
 
 from __future__ import annotations
@@ -65,21 +65,16 @@ def decoded(boxes: NDArray[np.floating], scores: NDArray[np.floating], centres: 
     return Detections(np.concatenate([middle - half, middle + half], axis=1), numbers[:, 2:], likely[kept])
 
 
-def one_for_each_body(found: Detections) -> Detections:
-    """Average the boxes and points of each body, weighed by their scores; the surest score stays."""
-    left = np.arange(len(found.scores))
-    boxes: list[NDArray[np.float64]] = []
-    points: list[NDArray[np.float64]] = []
-    scores: list[float] = []
+def one_for_each_body(found: Detections) -> NDArray[np.float64]:
+    """Give the points of each body, (bodies, 4, 2), averaged over its boxes and weighed by their scores."""
+    left, points = np.arange(len(found.scores)), []
     while len(left):
         own = overlaps(found.boxes[left], found.boxes[left[0]]) > _ONE_BODY
         own[0] = True
         same, left = left[own], left[~own]
         weights = found.scores[same] / found.scores[same].sum()
-        boxes.append(weights @ found.boxes[same])
         points.append(np.einsum("n,npc->pc", weights, found.points[same]))
-        scores.append(float(found.scores[same[0]]))
-    return Detections(np.reshape(boxes, (-1, 4)), np.reshape(points, (-1, 4, 2)), np.array(scores))
+    return np.reshape(points, (-1, 4, 2))
 
 
 def overlaps(boxes: NDArray[np.float64], box: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Clip
-    from kinespace.tools.camera.bodies import Seen
-    from kinespace.tools.camera.film import Picture
     from kinespace.tools.camera.region import Landmarks
 
 #: Joints that a frame needs at least.
@@ -46,20 +44,17 @@ def landmark_body() -> LandmarkBody:
     return LandmarkBody([preset.joint_map[name] for name in preset.order])
 
 
-class SeenJoints:
-    """Makes joints of landmarks."""
+def upright(landmarks: Landmarks, picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Give landmarks as positions (33, 3) with y up and z towards the camera; NaN for those outside of the picture.
 
-    def __init__(self) -> None:
-        self._body = landmark_body()
-
-    def of(self, seen: Seen, picture: Picture) -> NDArray[np.float64]:
-        """Give positions of `JOINTS`, (joints, 3), metres; NaN for those that are not in the picture."""
-        height, width = picture.pixels.shape[:2]
-        return self._body.of(upright(seen.landmarks, width, height))
-
-
-def upright(landmarks: Landmarks, width: int, height: int) -> NDArray[np.float64]:
-    """Give landmarks as positions (33, 3) with y up and z towards the camera; NaN for those outside of the picture."""
+    Parameters
+    ----------
+    landmarks
+        Of one body.
+    picture
+        The picture in which they were found, (height, width, 3).
+    """
+    height, width = picture.shape[:2]
     turned: NDArray[np.float64] = landmarks.world * np.array([1.0, -1.0, -1.0])
     inside = (landmarks.picture[:, :2] >= 0).all(axis=1) & (landmarks.picture[:, :2] < (width, height)).all(axis=1)
     turned[~inside | (landmarks.present < _PRESENT)] = np.nan
@@ -81,13 +76,13 @@ def film_clip(path: Path) -> Clip:
     require_extra()
     from kinespace.tools.camera import film, networks  # noqa: PLC0415 - need an extra
 
-    bodies, joints = Bodies(networks.Networks(models_at(None, "full")), 1, "camera"), SeenJoints()
+    bodies, joints = Bodies(networks.Networks(models_at(None, "full")), 1, "camera"), landmark_body()
     times, positions = [], []
     with closing(film.Film(str(path), lambda: False, paced=False)) as pictures:
         for picture in pictures:
             for each in bodies.seen(picture.pixels, picture.time):
                 times.append(picture.time)
-                positions.append(joints.of(each, picture))
+                positions.append(joints.of(upright(each.landmarks, picture.pixels)))
     if len(times) < 2:
         raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
     even = evened(np.array(times), np.array(positions), begin=film.FIRST)

@@ -47,7 +47,7 @@ class Networks:
         # From -1 to 1.
         boxes, scores = self._detector.run(square * np.float32(2 / 255) - np.float32(1.0))
         found = detection.decoded(boxes.reshape(-1, detection.NUMBERS), scores, self._anchors)
-        points = detection.one_for_each_body(found).points * detection.SIDE
+        points = detection.one_for_each_body(found) * detection.SIDE
         placed = (region.in_picture(each, everything, detection.SIDE) for each in points)
         return [region.region_around(each[0], each[1]) for each in placed]
 

@@ -72,15 +72,14 @@ class Landmarks(NamedTuple):
         x, y and z in pixels of the picture, z from the middle of the hips, shape (33, 3).
     world
         Metres from the middle of the hips: x to the picture's right, y down, z away from the camera, shape (33, 3).
-    visible, present
-        How likely each is seen, and is inside of the picture, 0 to 1, shape (33,).
+    present
+        How likely each is inside of the picture, 0 to 1, shape (33,).
     next_region
         Where the body is looked for in the next picture.
     """
 
     picture: NDArray[np.float64]
     world: NDArray[np.float64]
-    visible: NDArray[np.float64]
     present: NDArray[np.float64]
     next_region: Region
 
@@ -126,12 +125,11 @@ def landmarks_in(
         [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]
     )
     own = marks[:LANDMARKS].astype(np.float64)
-    likely = 1 / (1 + np.exp(-np.clip(own[:, 3:5], -_CERTAIN, _CERTAIN)))
+    present = 1 / (1 + np.exp(-np.clip(own[:, 4], -_CERTAIN, _CERTAIN)))
     return Landmarks(
         np.column_stack([points[:LANDMARKS], own[:, 2] * (region.size / SIDE)]),
         turned,
-        likely[:, 0],
-        likely[:, 1],
+        present,
         region_around(points[_MIDDLE], points[_CIRCLE]),
     )
 

@@ -97,7 +97,6 @@ class Capture:
             self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         self.is_open = bool(self._capture.isOpened())
         self.rate = float(self._capture.get(cv2.CAP_PROP_FPS))
-        self.pictures = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
 
     def read(self) -> tuple[NDArray[np.uint8], float] | None:
         """Wait for the next picture (height, width, 3) and its time, seconds as the source says; None at the end."""

@@ -11,18 +11,7 @@ from kinespace.library import MotionLibrary, SkeletonMismatchError
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.tools.cli.arguments import (
-    add_labels,
-    add_reading,
-    add_settings,
-    add_shared,
-    add_subjects,
-    add_takes,
-    library_at,
-    mapping,
-    reading_of,
-    several,
-)
+from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
@@ -70,25 +59,25 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
     parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
-    add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
-    add_reading(parser)
-    add_shared(parser, "--actor-in")
-    add_subjects(parser)
+    arguments.add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
+    arguments.add_reading(parser)
+    arguments.add_shared(parser, "--actor-in")
+    arguments.add_subjects(parser)
     text = "rename labels"
-    parser.add_argument("--map", **several(mapping, "LABEL=CLASS"), help=text)
+    parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help=text)
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
 
 def add_protocol(parser: argparse.ArgumentParser) -> None:
     """Add the options for tables of takes, and for the library and the recogniser that are asked."""
-    add_takes(parser)
-    add_shared(parser, "--library", "--either-side")
+    arguments.add_takes(parser)
+    arguments.add_shared(parser, "--library", "--either-side")
     text = (
         "recognise with the library; with motions cut from the other takes, or from the other persons' takes; or with "
         "motions of one person, for each person in turn"
     )
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], default=str(Protocol.LIBRARY), help=text)
-    add_settings(parser)
+    arguments.add_settings(parser)
 
 
 def sources_of(options: argparse.Namespace) -> Sources:
@@ -109,7 +98,7 @@ def sources_of(options: argparse.Namespace) -> Sources:
 def takes_at(sources: Sources, options: argparse.Namespace, library: MotionLibrary) -> list[Take]:
     """Read the takes; without any give the motions of a library."""
     if sources:
-        return read_takes(sources, reading_of(options))
+        return read_takes(sources, arguments.reading_of(options))
     return [take for take in takes_of(library.motions) if sources.wants(take.person)]
 
 
@@ -130,7 +119,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
         raise ValueError("TAKE, --takes, --unknown: expected takes with --protocol library, got none")
     given = None
     if protocol is Protocol.LIBRARY or not sources:
-        given = library_at(options.library)
+        given = arguments.library_at(options.library)
         given = given.restricted_to(joints_of(options.skeleton)) if options.skeleton else given
     takes = takes_at(sources, options, given or MotionLibrary.builtin())
     of_library = [given.skeleton] if given else []

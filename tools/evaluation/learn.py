@@ -26,14 +26,7 @@ from kinespace.library.windows.index import WindowIndex, keeping_lessons
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, stand_in, typical_evidence
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Judgement
-from kinespace.tools.cli.arguments import (
-    add_reading,
-    add_shared,
-    add_subjects,
-    add_takes,
-    library_at,
-    reading_of,
-)
+from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import noisy
 from kinespace.tools.evaluation.takes import Sources, read_takes
@@ -130,18 +123,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
-    add_takes(parser, required=True)
-    add_subjects(parser)
-    add_reading(parser)
-    add_shared(parser, "--overwrite", "--json")
+    arguments.add_takes(parser, required=True)
+    arguments.add_subjects(parser)
+    arguments.add_reading(parser)
+    arguments.add_shared(parser, "--overwrite", "--json")
 
 
 def run(options: argparse.Namespace) -> int:
     """Learn, save the library with the learned numbers, and print their figures; return the exit status."""
     require_place_for(options.output, overwrite=options.overwrite)
-    library = library_at(options.library)
+    library = arguments.library_at(options.library)
     sources = Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects)
-    takes = read_takes(sources, reading_of(options))
+    takes = read_takes(sources, arguments.reading_of(options))
     if all(take.labels for take in takes):
         raise ValueError("takes: expected some in which nothing known happens, got none")
     whole = [take for take in takes if set(library.skeleton.joints) <= set(take.clip.skeleton.joints)]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import base64
-from importlib import resources
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
+
+from kinespace.tools.page.sheet import write_sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +24,6 @@ _BODIES = 20.0
 _SCORES = 10.0
 #: Metres from the origin to which bodies are kept: as far as millimetres in 16 bits reach.
 _REACH = 32.767
-_encode = msgspec.json.Encoder().encode
 
 
 def write_report(path: Path, takes: Sequence[tuple[Course, Clip]], classes: Sequence[str]) -> None:
@@ -44,13 +43,8 @@ def write_report(path: Path, takes: Sequence[tuple[Course, Clip]], classes: Sequ
     OSError
         The file cannot be written.
     """
-    encoded = _encode({"classes": classes, "takes": [_described(course, clip) for course, clip in takes]})
-    files = resources.files("kinespace.tools.page") / "static"
-    page = (files / "report.html").read_text(encoding="utf-8")
-    for name in ("page.css", "draw.js", "report.js"):
-        page = page.replace(f"/* {name} */", (files / name).read_text(encoding="utf-8"))
-    # A name that holds </script> must not end the script.
-    path.write_text(page.replace("/* takes */", encoded.decode().replace("<", "\\u003c")), encoding="utf-8")
+    shown = {"classes": classes, "takes": [_described(course, clip) for course, clip in takes]}
+    write_sheet(path, "report", "an evaluation", shown)
 
 
 def _described(course: Course, clip: Clip) -> dict[str, object]:

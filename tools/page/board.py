@@ -90,14 +90,8 @@ class _Notice(msgspec.Struct):
     examples: int = 0
 
 
-_decoders: dict[str, msgspec.json.Decoder[Any]] = {
-    "class": msgspec.json.Decoder(_Answer),
-    "event": msgspec.json.Decoder(_Event),
-    "done": msgspec.json.Decoder(_Done),
-    "classes": msgspec.json.Decoder(_Classes),
-    "status": msgspec.json.Decoder(_Status),
-    "teach": msgspec.json.Decoder(_Notice),
-}
+_KINDS = {"class": _Answer, "event": _Event, "done": _Done, "classes": _Classes, "status": _Status, "teach": _Notice}
+_decoders: dict[str, msgspec.json.Decoder[Any]] = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
 _encode = msgspec.json.Encoder().encode
 
 

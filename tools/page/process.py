@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import multiprocessing
 import threading
+from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 from urllib.parse import urlsplit
 
-from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
+from kinespace.stream.workers.child_process import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.page.link import Subscription, ask_control
@@ -22,42 +22,48 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from pathlib import Path
 
-#: Seconds after which a new process is given up.
-_MAX_START = 30.0
 #: Seconds after which a process that is to end is killed.
 _MAX_END = 5.0
 
 _NO_FRAMES = "no camera here: start kinespace live with --page, or kinespace page with --frames"
 
 
-class Plan(Protocol):
-    """A server of browsers: a dataclass that another process gets."""
+@dataclass(frozen=True, slots=True)
+class Plan(ABC):
+    """A server of browsers, which another process gets.
 
-    @property
-    def name(self) -> str:
-        """The process's name in messages."""
+    Attributes
+    ----------
+    name
+        The process's name in messages.
+    address
+        HOST:PORT of the server.
+    """
 
-    @property
-    def address(self) -> str:
-        """HOST:PORT."""
+    name: ClassVar[str]
+    address: str
 
-    def at(self, address: str) -> Self:
-        """Give the same server at another address."""
-
+    @abstractmethod
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve browsers; `started` gets the address, and `wants_end` is asked some times a second."""
+        """Serve browsers; `started` gets the address, and `wants_end` is asked some times a second.
+
+        Raises
+        ------
+        OSError
+            The address is taken, or impossible.
+        ValueError
+            An address cannot be read, or the keys cannot be used.
+        """
 
 
 @dataclass(frozen=True, slots=True)
-class PagePlan:
+class PagePlan(Plan):
     """A page to be served.
 
     Attributes
     ----------
     source
         The ZeroMQ endpoint on which a recogniser publishes.
-    address
-        HOST:PORT of the page.
     control
         The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
     frames
@@ -66,60 +72,38 @@ class PagePlan:
         Folder of the keys of all ZeroMQ; None for none.
     """
 
+    name = "page"
     source: str
-    address: str
     control: str | None = None
     frames: str | None = None
     keys: Path | None = None
 
-    @property
-    def name(self) -> str:
-        """The process's name in messages."""
-        return "page"
-
-    def at(self, address: str) -> Self:
-        """Give the same page at another address."""
-        return replace(self, address=address)
-
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """As `serve_page`."""
-        serve_page(self, started, wants_end)
+        """Serve the page."""
+        from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
+        from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
+        from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
 
-
-def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-    """Serve a page; `started` gets its address, and `wants_end` is asked some times a second.
-
-    Raises
-    ------
-    OSError
-        The address is taken, or impossible.
-    ValueError
-        An address cannot be read, or the keys cannot be used.
-    """
-    from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
-    from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
-    from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
-
-    host, port = host_and_port(plan.address)
-    keyring = Keyring(plan.keys) if plan.keys else None
-    subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
-    control = partial(ask_control, Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
-    frames = ZmqSender(Endpoint.parse(plan.frames, bind=False), keyring) if plan.frames else None
-    gate = Gate.for_host(host, "" if frames else _NO_FRAMES)
-    server = PageServer(subscription, control, gate, Cameras(frames.send) if frames else None)
-    try:
-        # Windows' own loop cannot wait for ZeroMQ.
-        with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-            try:
-                runner.run(server.run(host, port, started, wants_end))
-            except OSError as error:
-                raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
-    finally:
-        subscription.close()
-        if frames:
-            frames.close()
-        if keyring:
-            keyring.close()
+        host, port = host_and_port(self.address)
+        keyring = Keyring(self.keys) if self.keys else None
+        subscription = Subscription(Endpoint.parse(self.source, bind=False), keyring)
+        control = partial(ask_control, Endpoint.parse(self.control, bind=False), keyring) if self.control else None
+        frames = ZmqSender(Endpoint.parse(self.frames, bind=False), keyring) if self.frames else None
+        gate = Gate.for_host(host, "" if frames else _NO_FRAMES)
+        server = PageServer(subscription, control, gate, Cameras(frames.send) if frames else None)
+        try:
+            # Windows' own loop cannot wait for ZeroMQ.
+            with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+                try:
+                    runner.run(server.run(host, port, started, wants_end))
+                except OSError as error:
+                    raise OSError(error.errno, f"{self.address}: {error.strerror}") from error
+        finally:
+            subscription.close()
+            if frames:
+                frames.close()
+            if keyring:
+                keyring.close()
 
 
 class PageProcess:
@@ -140,7 +124,7 @@ class PageProcess:
     Raises
     ------
     OSError, ValueError
-        As `serve_page`.
+        As `Plan.serve`.
     """
 
     def __init__(self, plan: Plan, say: Callable[[str], object] = lambda _: None) -> None:
@@ -152,24 +136,8 @@ class PageProcess:
         self._watching.start()
 
     def _begin(self, plan: Plan) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, plan), daemon=True)
-        with signals_held():
-            self._process.start()
-        theirs.close()
-        try:
-            reply = (
-                self._connection.recv()
-                if self._connection.poll(_MAX_START)
-                else TimeoutError(f"the {plan.name} is silent")
-            )
-        except EOFError:
-            reply = ChildProcessError(f"the process of the {plan.name} ended before it began")
-        if isinstance(reply, Exception):
-            self._shut()
-            raise reply
-        self.address = str(reply)
+        self._child = Child(plan.name, _serve, plan, max_end=_MAX_END)
+        self.address = self._child.said
 
     def __enter__(self) -> Self:
         return self
@@ -178,36 +146,29 @@ class PageProcess:
         self._end()
 
     def _watch(self, plan: Plan) -> None:
-        wait([self._process.sentinel])
+        wait([self._child.process.sentinel])
         with self._lock:
             if self._ending:
                 return
-            self._shut()
-            self._say(f"{plan.name}: its process died ({self._process.exitcode}) and is started again")
+            self._child.close()
+            self._say(f"{plan.name}: its process died ({self._child.process.exitcode}) and is started again")
             # An open page finds it where it was.
             place = f"{plan.address.rpartition(':')[0]}:{urlsplit(self.address).port}"
             try:
-                self._begin(plan.at(place))
+                self._begin(replace(plan, address=place))
             except (OSError, ValueError) as error:
                 self._say(f"{plan.name}: not started again: {error}")
                 return
         self._say(f"{plan.name}: {self.address}")
-        wait([self._process.sentinel])
+        wait([self._child.process.sentinel])
         if not self._ending:
             self._say(f"{plan.name}: its process died again; kinespace goes on without it")
 
     def _end(self) -> None:
         with self._lock:
             self._ending = True
-            self._shut()
+            self._child.close()
         self._watching.join()
-
-    def _shut(self) -> None:
-        self._connection.close()
-        self._process.join(_MAX_END)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
 
 
 def _serve(connection: Connection, plan: Plan) -> None:

@@ -10,8 +10,8 @@ import asyncio
 import ipaddress
 from collections import deque
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import serve
@@ -21,6 +21,7 @@ from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.page.link import Subscription
+from kinespace.tools.page.process import Plan
 from kinespace.tools.page.requests import Gate, refusal
 from kinespace.tools.websocket.messages import as_text, packed
 
@@ -45,13 +46,11 @@ _LOOK = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class SocketPlan:
+class SocketPlan(Plan):
     """WebSockets to be served.
 
     Attributes
     ----------
-    address
-        HOST:PORT of the clients.
     answers, frames
         The ZeroMQ endpoints on which the recogniser publishes, and on which it takes frames in.
     keys
@@ -62,32 +61,15 @@ class SocketPlan:
         Networks whose clients may connect, and this machine; empty for all.
     """
 
-    address: str
+    name = "WebSocket"
     answers: str
     frames: str
     keys: Path | None = None
     origins: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()
 
-    @property
-    def name(self) -> str:
-        """The process's name in messages."""
-        return "WebSocket"
-
-    def at(self, address: str) -> Self:
-        """Give the same server at another address."""
-        return replace(self, address=address)
-
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve clients; `started` gets the address, and `wants_end` is asked some times a second.
-
-        Raises
-        ------
-        OSError
-            The address is taken, or impossible.
-        ValueError
-            An address cannot be read, or the keys cannot be used.
-        """
+        """Serve clients."""
         host, port = host_and_port(self.address)
         keyring = Keyring(self.keys) if self.keys else None
         server = SocketServer(self, keyring, Gate.for_host(host))

@@ -35,7 +35,7 @@ class _Stage:
         if not near:
             return None
         place = np.full((33, 3), near[0].x)
-        return Landmarks(place, place, np.ones(33), np.ones(33), near[0])
+        return Landmarks(place, place, np.ones(33), near[0])
 
 
 def _seen(bodies: Bodies, time: float) -> dict[str, float]:

@@ -49,7 +49,6 @@ def test_landmarks_are_brought_back_as_by_the_textbook(seed: int) -> None:
     np.testing.assert_allclose(ours.picture[:, :2], placed[:33], rtol=1e-6)
     np.testing.assert_allclose(ours.picture[:, 2], marks[:33, 2] * where.size / 256, rtol=1e-6)
     np.testing.assert_allclose(ours.world, [naive_camera.turned(each, where.angle) for each in world[:33]], atol=1e-6)
-    np.testing.assert_allclose(ours.visible, 1 / (1 + np.exp(-marks[:33, 3].astype(float))), rtol=1e-6)
     np.testing.assert_allclose(ours.present, 1 / (1 + np.exp(-marks[:33, 4].astype(float))), rtol=1e-6)
     np.testing.assert_allclose(ours.next_region[:3], naive_camera.region(placed[33], placed[34])[:3], rtol=1e-6)
 

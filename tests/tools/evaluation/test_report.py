@@ -38,7 +38,7 @@ def _course(values: list[int], rate: float) -> Course:
 
 
 def _taken(path: Path) -> dict[str, Any]:
-    found = re.search(r'<script type="application/json" id="takes">(.*?)</script>', path.read_text(encoding="utf-8"))
+    found = re.search(r'<script type="application/json" id="shown">(.*?)</script>', path.read_text(encoding="utf-8"))
     assert found
     read: dict[str, Any] = json.loads(found[1])
     return read
@@ -60,7 +60,7 @@ def test_everything_is_in_one_file(tmp_path: Path) -> None:
     text = (tmp_path / "out.html").read_text(encoding="utf-8")
     assert not re.search(r"(src|href)=", text)
     assert "<b>wave" not in text
-    assert not re.search(r"/\* (page.css|draw.js|report.js|takes) \*/", text)
+    assert not re.search(r"/\* (page.css|draw.js|script|shown) \*/", text)
 
 
 def test_spans_equal_a_loops() -> None:

@@ -42,7 +42,7 @@ def answer_rows(courses: Sequence[Course], classes: Sequence[str]) -> Iterator[d
 def segment_rows(courses: Sequence[Course], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
     """Give a row for each segment: take, person, times, the class performed, and how it was answered; shares of time.
 
-    `delay` and `event_delay` are seconds from its start, empty where no right guess lasted and no right event came.
+    `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came.
     """
     by_name = {course.name: course for course in courses}
     for each in stretches_of(courses, window):
@@ -59,20 +59,19 @@ def segment_rows(courses: Sequence[Course], classes: Sequence[str], window: floa
             "right": each.right / each.seconds if each.known and each.seconds else "",
             "named": each.named / each.seconds if each.seconds else "",
             "starts": each.started,
-            "delay": "" if each.delay is None else each.delay,
-            "event_delay": "" if each.event_delay is None else each.event_delay,
+            "delay": each.delay,
+            "event_delay": each.event_delay,
         }
 
 
 def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     """Write rows of the same columns as CSV, times and scores to six digits."""
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer: csv.DictWriter[str] | None = None
-        for row in rows:
-            if writer is None:
-                writer = csv.DictWriter(file, list(row))
-                writer.writeheader()
-            writer.writerow({name: _cell(value) for name, value in row.items()})
+        writer = csv.writer(file)
+        for number, row in enumerate(rows):
+            if number == 0:
+                writer.writerow(row.keys())
+            writer.writerow(map(_cell, row.values()))
 
 
 def _cell(value: object) -> object:

@@ -121,7 +121,7 @@ class RocArea(Figure):
     def of(self, draw: Draw) -> NDArray[np.float64]:
         """Compare the values of each draw, both kinds drawn by themselves."""
         first, second = draw(len(self.higher), 0), draw(len(self.lower), 1)
-        pairs = (first @ _lengths(self.higher)) * (second @ _lengths(self.lower))
+        pairs = (first @ [*map(len, self.higher)]) * (second @ [*map(len, self.lower)])
         return _quotient(((first @ self._wins()) * second).sum(axis=1), pairs)
 
     def _wins(self) -> NDArray[np.float64]:
@@ -133,10 +133,6 @@ class RocArea(Figure):
             below = np.searchsorted(each, together, side="left") + np.searchsorted(each, together, side="right")
             column[:] = np.diff(np.append(0.0, np.cumsum(below / 2))[edges])
         return wins
-
-
-def _lengths(units: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.array([len(each) for each in units], dtype=np.float64)
 
 
 def _drawn(units: int, kind: int) -> NDArray[np.float64]:

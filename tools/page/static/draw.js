@@ -1,26 +1,45 @@
 "use strict";
-// Drawing that the live page and the page of an evaluation share: bodies on a stage, and bars over time.
+// What all pages share: their colours, bodies on a stage, and bars over time.
 
 /** The colour of a class by its index: far apart for neighbours, as light in every hue. */
 function colourOf(index, lightness = 0.76) {
   return index < 0 ? `oklch(${lightness - 0.1} 0.015 250)` : `oklch(${lightness} 0.145 ${(40 + index * 137.508) % 360})`;
 }
 
-/** The page's own colours as they are now: a canvas does not follow the theme by itself. */
-function themeOf(element) {
-  const style = getComputedStyle(element);
-  return Object.fromEntries(["ground", "line", "text", "soft", "warm", "bad"].map(
-    (name) => [name, style.getPropertyValue(`--${name}`).trim()]));
-}
-
 const byId = (id) => document.getElementById(id);
 const isLight = () => document.documentElement.dataset.theme === "light";
 
+/** The page's own colours as they are now: a canvas does not follow them by itself. */
+const theme = {};
+
 /** Choose the page's colours, and name the other choice on its button. */
-function setTheme(theme) {
-  document.documentElement.dataset.theme = theme;
-  byId("theme").textContent = theme === "light" ? "Dark" : "Light";
+function setTheme(name) {
+  document.documentElement.dataset.theme = name;
+  byId("theme").textContent = isLight() ? "Dark" : "Light";
+  const style = getComputedStyle(document.documentElement);
+  for (const each of ["ground", "line", "text", "soft", "warm", "bad"]) theme[each] = style.getPropertyValue(`--${each}`).trim();
 }
+
+byId("theme").addEventListener("click", () => setTheme(isLight() ? "dark" : "light"));
+setTheme(matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
+
+/** Read bodies that stand in a page: millimetres, three for each joint. */
+const bodiesIn = (text) => new Int16Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+
+/** The colour of the body that does a class. */
+const bodyColour = (index) => colourOf(index, isLight() ? 0.58 : 0.78);
+
+/** Make an element with text and attributes; text from outside never becomes markup. */
+function made(kind, { text = "", ...attributes } = {}, ...children) {
+  const element = document.createElement(kind);
+  if (kind === "button") element.type = "button";
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...(text ? [text] : []), ...children);
+  return element;
+}
+
+/** Make a canvas for a `Stage`, which the keyboard reaches. */
+const madeStage = (label) => made("canvas", { tabindex: 0, role: "img", "aria-label": label });
 
 /** Fit a canvas to its place on the screen; give its context and its size in points. */
 function fitted(canvas) {
@@ -151,10 +170,10 @@ class Stage {
   }
 
   /**
-   * Draw the body. `look` has the `colour` of the body, what is `carried` ({joints, pairs}) or null, how far in a motion
-   * it is (`phase`, 0 to 1, or null), and the page's colours (`theme`).
+   * Draw the body, in a `colour`, with what is `carried` ({joints, pairs}) or null, and with a ring that says how far in
+   * a motion it is (`phase`, 0 to 1, or null).
    */
-  draw({ colour, carried, phase, theme }) {
+  draw({ colour, carried = null, phase = null }) {
     const { context, width, height } = fitted(this.canvas);
     if (!this.joints || !width) return;
     this.distance = 2.35 * this.size * this.zoom;
@@ -163,13 +182,13 @@ class Stage {
     this.turned = [Math.cos(this.yaw), Math.sin(this.yaw)];
     this.tilted = [Math.cos(this.pitch), Math.sin(this.pitch)];
     context.lineCap = context.lineJoin = "round";
-    this._drawFloor(context, width, height, theme);
+    this._drawFloor(context, width, height);
     this._drawShadow(context);
-    if (phase !== null) this._drawRing(context, phase, colour, theme);
+    if (phase !== null) this._drawRing(context, phase, colour);
     this._drawTrails(context, colour);
     const points = this.joints.map((joint) => this._project(joint));
-    this._drawBones(context, points, colour, theme);
-    if (carried) this._drawCarried(context, points, carried, theme);
+    this._drawBones(context, points, colour);
+    if (carried) this._drawCarried(context, points, carried);
   }
 
   _line(context, from, to) {
@@ -178,7 +197,7 @@ class Stage {
     context.lineTo(b.x, b.y);
   }
 
-  _drawFloor(context, width, height, theme) {
+  _drawFloor(context, width, height) {
     const step = this.size / 3.4;
     const reach = 7 * step;
     const [x, z] = [Math.round(this.centre.x / step) * step, Math.round(this.centre.z / step) * step];
@@ -216,7 +235,7 @@ class Stage {
     context.globalAlpha = 1;
   }
 
-  _drawRing(context, phase, colour, theme) {
+  _drawRing(context, phase, colour) {
     const arc = (share) => Array.from({ length: 49 }, (_, step) => {
       const angle = 2 * Math.PI * share * step / 48 - Math.PI / 2;
       return this._project({ x: this.at.x + 0.36 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.36 * this.size * Math.sin(angle) });
@@ -242,7 +261,7 @@ class Stage {
     context.globalAlpha = 1;
   }
 
-  _drawBones(context, points, colour, theme) {
+  _drawBones(context, points, colour) {
     const there = (joints) => joints.every((joint) => Number.isFinite(points[joint].x));
     const depth = (joints) => joints.reduce((sum, joint) => sum + points[joint].depth, 0) / joints.length;
     const pieces = [...this.bones, ...(this.trunk.length ? [this.trunk] : [])].filter(there)
@@ -278,7 +297,7 @@ class Stage {
     context.fill();
   }
 
-  _drawCarried(context, points, carried, theme) {
+  _drawCarried(context, points, carried) {
     const most = Math.max(...carried.joints);
     carried.joints.forEach((share, joint) => {
       const [strength, point] = [share / most, points[joint]];
@@ -313,7 +332,7 @@ const gutterOf = (rows, width) => rows.some((row) => row.name) && width > 500 ? 
  * perhaps a `line` ([[second, 0 to 1]]); ticks are counted from `origin`. Gives the bars' places, for a pointer:
  * [{x, y, width, height, bar, row}].
  */
-function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, named }) {
+function drawTimeline(canvas, rows, { from, to, at = null, origin, tick, named }) {
   const { context, width, height } = fitted(canvas);
   const gutter = gutterOf(rows, width);
   const place = (second) => gutter + (second - from) / (to - from) * (width - gutter);
@@ -341,7 +360,7 @@ function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, named }
       for (const bar of lane.bars) {
         if (bar.end < from || bar.begin > to) continue;
         const [x, wide] = [place(bar.begin), Math.max(place(bar.end) - place(bar.begin), 2)];
-        drawBar(context, { x, y: top, width: wide, height: lane.height }, bar, theme);
+        drawBar(context, { x, y: top, width: wide, height: lane.height }, bar);
         hits.push({ x, y: top, width: wide, height: lane.height, bar, row });
       }
       top += lane.height + 3;
@@ -370,7 +389,7 @@ function drawTimeline(canvas, rows, { from, to, at, theme, origin, tick, named }
   return hits;
 }
 
-function drawBar(context, { x, y, width, height }, bar, theme) {
+function drawBar(context, { x, y, width, height }, bar) {
   context.fillStyle = bar.colour;
   context.globalAlpha = bar.mark === "wrong" ? 0.3 : 1;
   context.beginPath();

@@ -1,33 +1,21 @@
 "use strict";
 // The page of `kinespace discover`: every group as a body that moves again and again, with a field for its name.
 
-const { folder, groups } = JSON.parse(byId("found").textContent);
-const found = { cards: [], theme: null, drawn: 0 };
+const { folder, groups } = JSON.parse(byId("shown").textContent);
+const found = { cards: [], drawn: 0 };
 window.kinespace = found;
 /** Quote a word for a shell. */
 const quoted = (word) => (/^[\w./=-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 function card(group) {
-  const canvas = document.createElement("canvas");
-  canvas.tabIndex = 0;
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", `Group ${group.number}, came ${group.came} times: arrows turn the body, plus and minus zoom`);
-  const name = document.createElement("input");
-  name.maxLength = 64;
-  name.autocomplete = "off";
-  name.placeholder = "name";
-  name.setAttribute("aria-label", `name of group ${group.number}`);
+  const canvas = madeStage(`Group ${group.number}, came ${group.came} times: arrows turn the body, plus and minus zoom`);
+  const name = made("input", { maxlength: 64, autocomplete: "off", placeholder: "name", "aria-label": `name of group ${group.number}` });
   name.addEventListener("input", showLine);
-  const title = document.createElement("h2");
-  title.textContent = `${group.number} · ${group.came}× · ${group.seconds} s`;
-  const article = document.createElement("article");
-  article.className = "stage";
-  article.append(canvas, title, name);
-  byId("groups").append(article);
+  const title = made("h2", { text: `${group.number} · ${group.came}× · ${group.seconds} s` });
+  byId("groups").append(made("article", { class: "stage" }, canvas, title, name));
   const stage = new Stage(canvas);
   stage.setSkeleton(group.names, group.parents);
-  const bytes = Uint8Array.from(atob(group.bodies), (letter) => letter.charCodeAt(0));
-  found.cards.push({ group, stage, name, canvas, bodies: new Int16Array(bytes.buffer), seen: true, frame: -1 });
+  found.cards.push({ group, stage, name, canvas, bodies: bodiesIn(group.bodies), seen: true, frame: -1 });
 }
 
 /** Give the body some seconds after its motion began; it begins again at the end, after a short rest. */
@@ -39,11 +27,10 @@ function go(each, second) {
   if (frame < each.frame) each.stage.trails.forEach((trail) => trail.splice(0));
   each.frame = frame;
   each.stage.setBody(Float32Array.from(each.bodies.subarray(frame * size, (frame + 1) * size), (number) => number / 1000));
-  each.stage.draw({ colour: colourOf(each.name.value ? each.group.number - 1 : -1, isLight() ? 0.58 : 0.78), carried: null, phase: null, theme: found.theme });
+  each.stage.draw({ colour: bodyColour(each.name.value ? each.group.number - 1 : -1) });
 }
 
 function step(moment) {
-  found.theme ??= themeOf(document.documentElement);
   found.cards.filter(({ seen }) => seen).forEach((each) => go(each, moment / 1000));
   found.drawn += 1;
   requestAnimationFrame(step);
@@ -66,7 +53,5 @@ byId("copy").addEventListener("click", async () => {
   await navigator.clipboard.writeText(byId("line").textContent);
   byId("state").textContent = "copied";
 });
-byId("theme").addEventListener("click", () => { setTheme(isLight() ? "dark" : "light"); found.theme = null; });
-setTheme(matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
 showLine();
 requestAnimationFrame(step);

@@ -6,20 +6,11 @@ const KEPT_SCORES = 620; // points of a score's line: a minute at ten a second
 const OLD = 3; // seconds after which a notice is neither said nor sounded
 const NO_FRAMES = 0.5; // seconds without a body after which a performer is grey
 const SILENT = 2.5; // seconds without a status after which the recogniser counts as away
-/** Make an element with text; text from outside never becomes markup. */
-function made(kind, { className = "", text = "" } = {}, ...children) {
-  const element = document.createElement(kind);
-  if (kind === "button") element.type = "button";
-  element.className = className;
-  if (text) element.textContent = text;
-  element.append(...children);
-  return element;
-}
 const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true, theme: null };
+  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;
@@ -123,17 +114,11 @@ function takeMotion([name, key, className, begin, end, mark]) {
 // --- performers ---
 
 function enter(name) {
-  const canvas = made("canvas");
-  canvas.tabIndex = 0;
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", `The body of ${name}: arrows turn it, plus and minus zoom, 0 resets`);
-  const [doing, moment, lesson, carried] = [made("p", { className: "doing" }), made("p", { className: "moment" }),
-    made("div", { className: "lesson" }), made("p", { className: "carried" })];
-  doing.setAttribute("aria-live", "polite");
-  lesson.setAttribute("aria-hidden", "true");
-  const card = made("article", { className: "stage" }, canvas,
-    made("div", { className: "answers" }, made("p", { className: "who", text: name }), doing, moment), carried, lesson);
-  card.setAttribute("aria-label", name);
+  const canvas = madeStage(`The body of ${name}: arrows turn it, plus and minus zoom, 0 resets`);
+  const [doing, moment] = [made("p", { class: "doing", "aria-live": "polite" }), made("p", { class: "moment" })];
+  const [lesson, carried] = [made("div", { class: "lesson", "aria-hidden": "true" }), made("p", { class: "carried" })];
+  const card = made("article", { class: "stage", "aria-label": name }, canvas,
+    made("div", { class: "answers" }, made("p", { class: "who", text: name }), doing, moment), carried, lesson);
   card.addEventListener("pointerdown", () => choose(name));
   canvas.addEventListener("focus", () => choose(name));
   byId("stages").append(card);
@@ -165,7 +150,6 @@ function choose(name) {
 // --- drawing ---
 
 function draw() {
-  page.theme ??= themeOf(document.documentElement);
   for (const performer of page.performers.values()) drawPerformer(performer);
   drawScores();
   drawPast();
@@ -175,7 +159,7 @@ function drawPerformer(performer) {
   const silent = (performance.now() - performer.seen) / 1000;
   performer.card.classList.toggle("silent", silent > NO_FRAMES);
   if (silent > NO_FRAMES) {
-    performer.stage.draw({ colour: colourOf(-1), carried: null, phase: null, theme: page.theme });
+    performer.stage.draw({ colour: colourOf(-1) });
     performer.moment.textContent = `no frames for ${Math.round(silent)} s`;
     performer.carriedBy.textContent = "";
     return;
@@ -183,8 +167,8 @@ function drawPerformer(performer) {
   const { answer, stage, carried } = performer;
   const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.going) : -1;
   const progress = answer?.progress;
-  stage.draw({ colour: colourOf(class_, isLight() ? 0.58 : 0.78), carried: answer?.label === "still" ? null : carried,
-    phase: progress ? progress.phase : null, theme: page.theme });
+  stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried,
+    phase: progress?.phase });
   if (!answer) return;
   const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
   const how = progress ? [`${Math.round(100 * progress.phase)} %`, `${number(progress.speed, 1)} × as fast`] : [];
@@ -217,7 +201,7 @@ function drawPast() {
   const rows = [...page.performers.values()].map(rowOf);
   const height = `${Math.max(heightOf(rows), 70)}px`;
   if (canvas.style.height !== height) canvas.style.height = height;
-  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, at: null, theme: page.theme, origin: page.now,
+  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, origin: page.now,
     tick: 10, named: (second) => `${Math.round(second - page.now)} s` });
   drawSpan(canvas);
 }
@@ -240,28 +224,25 @@ function listClasses() {
   const focused = page.rows?.find(({ row }) => row === document.activeElement)?.name;
   list.replaceChildren();
   page.rows = page.classes.map((name, index) => {
-    const fill = made("span", { className: "fill" });
+    const fill = made("span", { class: "fill" });
     fill.style.background = colourOf(index);
-    const score = made("span", { className: "score" });
+    const score = made("span", { class: "score" });
     const examples = page.control?.taught[name];
-    const named = made("span", { className: "name", text: titleOf(name) }, ...(examples ? [made("small", { text: `  taught ${examples}×` })] : []));
-    named.title = name;
-    const done = made("small", { className: "done" });
-    done.title = "how often it was done, from beginning to end";
-    named.append(done);
-    const row = made("button", {}, named, score, made("span", { className: "track" }, fill));
+    const done = made("small", { class: "done", title: "how often it was done, from beginning to end" });
+    const taught = made("small", { text: examples ? `  taught ${examples}×` : "" });
+    const named = made("span", { class: "name", title: name, text: titleOf(name) }, taught, done);
+    const row = made("button", {}, named, score, made("span", { class: "track" }, fill));
     row.disabled = !teaches();
     row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
     row.addEventListener("click", () => openClass(name));
-    const again = made("button", { className: "again", text: "+" });
+    const hint = `another example of ${name}`;
+    const again = made("button", { class: "again", text: "+", "aria-label": hint, title: hint });
     again.hidden = !examples || !teaches();
-    again.setAttribute("aria-label", `another example of ${name}`);
-    again.title = `another example of ${name}`;
     again.addEventListener("click", () => teach(name));
     list.append(made("li", {}, row, again));
     return { row, fill, score, name, done };
   });
-  if (!page.classes.length) list.append(made("li", { className: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
+  if (!page.classes.length) list.append(made("li", { class: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
   byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));
   if (focused) focusClass(focused);
 }
@@ -274,7 +255,7 @@ function listMotions() {
   const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
   byId("motions").replaceChildren(...motions.map((motion) => {
     const seconds = `${titleOf(motion.className)} ${number(motion.end - motion.begin, 1)} s`;
-    const button = made("button", { className: motion.mark, text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
+    const button = made("button", { class: motion.mark ?? "", text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
     button.style.borderLeftColor = colourOf(page.classes.indexOf(motion.className));
     if (motion.mark === "wrong") button.append(` was ${titleOf(motion.meant)}`);
     button.addEventListener("click", () => openWrong(performer, motion));
@@ -465,9 +446,7 @@ byId("sound").addEventListener("click", ({ target }) => {
 });
 
 byId("theme").addEventListener("click", () => {
-  setTheme(isLight() ? "dark" : "light");
   localStorage.setItem("theme", document.documentElement.dataset.theme);
-  page.theme = null;
   draw();
 });
 
@@ -483,5 +462,5 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
 });
 
-setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"));
+setTheme(localStorage.getItem("theme") ?? document.documentElement.dataset.theme);
 connect();

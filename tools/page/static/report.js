@@ -1,16 +1,15 @@
 "use strict";
 // The page of an evaluation: takes to scrub through, what was performed above what was answered.
 
-const { classes, takes } = JSON.parse(byId("takes").textContent);
+const { classes, takes } = JSON.parse(byId("shown").textContent);
 const stage = new Stage(byId("body"));
 const colourOfClass = (name) => colourOf(classes.indexOf(name));
-const report = { take: null, at: 0, playing: false, last: 0, bodies: null, theme: null };
+const report = { take: null, at: 0, playing: false, last: 0, bodies: null };
 window.kinespace = report;
 
 function choose(index) {
   report.take = takes[index];
-  const bytes = Uint8Array.from(atob(report.take.bodies), (letter) => letter.charCodeAt(0));
-  report.bodies = new Int16Array(bytes.buffer);
+  report.bodies = bodiesIn(report.take.bodies);
   stage.setSkeleton(report.take.names, report.take.parents);
   byId("scrub").max = report.take.seconds;
   byId("who").textContent = [report.take.name, report.take.person].filter(Boolean).join(" · ");
@@ -37,10 +36,9 @@ function go(second) {
 const now = (spans) => spans.find(([begin, end]) => begin <= report.at && report.at < end)?.[2];
 
 function draw() {
-  report.theme ??= themeOf(document.documentElement);
-  const { take, theme } = report;
+  const { take } = report;
   const [performed, event, named, guess] = [now(take.performed), now(take.events), now(take.named), now(take.guesses)];
-  stage.draw({ colour: colourOf(named ?? -1, isLight() ? 0.58 : 0.78), carried: null, phase: null, theme });
+  stage.draw({ colour: bodyColour(named ?? -1) });
   byId("performed").textContent = performed ?? "";
   byId("answered").textContent = `event ${classes[event] ?? "–"} · named ${classes[named] ?? "–"} · guess ${classes[guess] ?? "–"}`;
   byId("state").textContent = `${report.at.toFixed(2)} of ${take.seconds.toFixed(2)} s`;
@@ -59,7 +57,7 @@ function draw() {
   rows.push({ name: "score", lanes: [], line: take.scores });
   report.gutter = gutterOf(rows, timeline.clientWidth);
   timeline.style.height = `${heightOf(rows)}px`;
-  drawTimeline(timeline, rows, { from: 0, to: Math.max(take.seconds, 0.1), at: report.at, theme, origin: 0,
+  drawTimeline(timeline, rows, { from: 0, to: Math.max(take.seconds, 0.1), at: report.at, origin: 0,
     tick: [1, 2, 5, 10, 20, 60, 120, 300].find((each) => take.seconds / each < 14) ?? 600, named: (second) => `${second} s` });
 }
 
@@ -91,7 +89,6 @@ document.addEventListener("keydown", (event) => {
   if (event.key === " ") { event.preventDefault(); play(!report.playing); }
   if (event.key === "ArrowLeft" || event.key === "ArrowRight") go(report.at + (event.key === "ArrowLeft" ? -0.1 : 0.1));
 });
-byId("theme").addEventListener("click", () => { setTheme(isLight() ? "dark" : "light"); report.theme = null; draw(); });
+byId("theme").addEventListener("click", () => draw());
 window.addEventListener("resize", () => draw());
-setTheme(matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
 choose(0);

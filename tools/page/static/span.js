@@ -16,10 +16,10 @@ function drawSpan(canvas) {
   const [from, to] = [place(span.begin), place(span.end)];
   const context = canvas.getContext("2d");
   context.globalAlpha = 0.25;
-  context.fillStyle = page.theme.warm;
+  context.fillStyle = theme.warm;
   context.fillRect(from, 0, to - from, canvas.clientHeight - 16);
   context.globalAlpha = 1;
-  context.strokeStyle = page.theme.warm;
+  context.strokeStyle = theme.warm;
   context.lineWidth = 2;
   context.strokeRect(from, 1, to - from, canvas.clientHeight - 18);
 }

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import threading
 from contextlib import suppress
+from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Self
 
-from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
+from kinespace.stream.workers.child_process import Child, leave_signals_to_parent
 from kinespace.tools.camera.joints import require_extra
 from kinespace.tools.programs.camera.session import CameraPlan, watch
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
 
-#: Seconds after which a new process is given up, and after which one that is to end is.
-_MAX_START, _MAX_END = 30.0, 0.5
+#: Seconds after which a process that is to end is killed.
+_MAX_END = 0.5
 
 
 class CameraProcess:
@@ -43,17 +43,8 @@ class CameraProcess:
 
     def __init__(self, plan: CameraPlan, say: Callable[[str], object]) -> None:
         require_extra()
-        context = multiprocessing.get_context("spawn")
-        self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_watch, args=(theirs, plan), daemon=True)
-        with signals_held():
-            self._process.start()
-        theirs.close()
-        reply = self._received(_MAX_START)
-        if not isinstance(reply, str):
-            self._end()
-            raise reply or ChildProcessError("camera: its process ended before it began, or is silent")
-        self.opened, self._say, self._ending = reply, say, False
+        self._child, self._say, self._ending = Child("camera", _watch, plan, max_end=_MAX_END), say, False
+        self.opened = self._child.said
         threading.Thread(target=self._listen, name="kinespace camera", daemon=True).start()
 
     def __enter__(self) -> Self:
@@ -61,28 +52,15 @@ class CameraProcess:
 
     def __exit__(self, *_: object) -> None:
         self._ending = True
-        self._end()
-
-    def _received(self, seconds: float | None) -> str | Exception | None:
-        with suppress(EOFError, OSError):
-            if self._connection.poll(seconds):
-                reply: str | Exception = self._connection.recv()
-                return reply
-        return None
+        self._child.close()
 
     def _listen(self) -> None:
-        last = self._received(None)
+        wait([self._child.process.sentinel])
+        last = "its process died"
+        with suppress(EOFError, OSError):
+            last = self._child.connection.recv()
         if not self._ending:
-            self._say(f"camera: {last or 'its process died'}")
-
-    def _end(self) -> None:
-        with suppress(OSError):
-            self._connection.send(None)
-        self._process.join(_MAX_END)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-        self._connection.close()
+            self._say(f"camera: {last}")
 
 
 def _watch(connection: Connection, plan: CameraPlan) -> None:

@@ -15,7 +15,7 @@ from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import Bodies
-from kinespace.tools.camera.joints import MIN_JOINTS, SeenJoints, require_extra
+from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import models_at
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, OscFrameSender, ZmqFrameSender
@@ -119,7 +119,7 @@ class _Out:
     """Sends bodies as frames, announces their joints, and keeps them in a table if one is given."""
 
     def __init__(self, sender: FrameSender, record: TextIO | None) -> None:
-        self._joints = SeenJoints()
+        self._joints = landmark_body()
         self._sender = sender
         self._announced: dict[str, float] = {}
         self._count = 0
@@ -129,7 +129,7 @@ class _Out:
 
     def send(self, seen: Seen, picture: Picture) -> bool:
         """Send one body; False where too little of it is seen."""
-        positions = self._joints.of(seen, picture)
+        positions = self._joints.of(upright(seen.landmarks, picture.pixels))
         if np.isfinite(positions).all(axis=1).sum() < MIN_JOINTS:
             return False
         if picture.time >= self._announced.get(seen.name, 0.0) + ANNOUNCE_EVERY:

@@ -10,6 +10,7 @@ import ipaddress
 import secrets
 import threading
 from contextlib import suppress
+from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any, Self
 
@@ -62,13 +63,8 @@ class Show:
         self._news = threading.Condition()
         secret = f"/{secrets.token_urlsafe(16)}/"
 
-        class Handler(_Handler):
-            """Answers with these pictures."""
-
-            place, pictures = secret, self
-
         try:
-            self._server = ThreadingHTTPServer((host, port), Handler)
+            self._server = ThreadingHTTPServer((host, port), partial(_Handler, secret, self))
         except OSError as error:
             raise OSError(error.errno, f"{address}: {error.strerror}") from error
         self._server.daemon_threads = True
@@ -104,8 +100,9 @@ class Show:
 class _Handler(BaseHTTPRequestHandler):
     """Answers one browser."""
 
-    place = ""
-    pictures: Show
+    def __init__(self, place: str, pictures: Show, *request: Any) -> None:  # noqa: ANN401 - the library's own
+        self.place, self.pictures = place, pictures
+        super().__init__(*request)
 
     def do_GET(self) -> None:
         """Give the page, or the picture without end."""

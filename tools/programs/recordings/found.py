@@ -5,16 +5,15 @@ from __future__ import annotations
 import base64
 import csv
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.teaching.discovery import middle
 from kinespace.stream.teaching.commands import Rename
+from kinespace.tools.page.sheet import write_sheet
 from kinespace.tools.terminal.tables import csv_text
 
 if TYPE_CHECKING:
@@ -32,7 +31,6 @@ _KEPT, _MOST = 24, 2000
 #: Seconds of a body on the page, and its frames per second.
 _SECONDS, _FRAMES = 6.0, 15.0
 _COLUMNS = ("group", "start_s", "end_s", "performer", "recording")
-_encode = msgspec.json.Encoder().encode
 
 
 class Source(NamedTuple):
@@ -100,12 +98,7 @@ def write(folder: Path, groups: Sequence[Group], pieces: Pieces, sources: Sequen
         ]
     ).save(folder / PIECES)
     shown = [_described(group, pieces.clips[group.pieces[0]]) for group in groups[:most]]
-    files = resources.files("kinespace.tools.page") / "static"
-    page = (files / "groups.html").read_text(encoding="utf-8")
-    for name in ("page.css", "draw.js", "groups.js"):
-        page = page.replace(f"/* {name} */", (files / name).read_text(encoding="utf-8"))
-    told = _encode({"folder": str(folder), "groups": shown}).decode()
-    (folder / PAGE).write_text(page.replace("/* groups */", told.replace("<", "\\u003c")), encoding="utf-8")
+    write_sheet(folder / PAGE, "groups", "motions found", {"folder": str(folder), "groups": shown})
 
 
 def named(folder: Path, names: Mapping[str, str], *, rest_nothing: bool) -> tuple[MotionLibrary, int]:

@@ -35,8 +35,8 @@ def test_joints_outside_of_the_picture_are_absent() -> None:
     places[25], places[27] = (320.0, 360.0, 0.0), (-1.0, 180.0, 0.0)
     present = np.ones(33)
     present[31] = 0.4
-    marks = Landmarks(places, np.full((33, 3), (1.0, 2.0, 3.0)), np.zeros(33), present, Region(0, 0, 1, 0))
-    found = joints.upright(marks, 640, 360)
+    marks = Landmarks(places, np.full((33, 3), (1.0, 2.0, 3.0)), present, Region(0, 0, 1, 0))
+    found = joints.upright(marks, np.zeros((360, 640, 3), dtype=np.uint8))
     assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [25, 27, 31]
     np.testing.assert_array_equal(found[0], [1, -2, -3])
 

@@ -51,7 +51,7 @@ def test_groups_are_written(folder: Path) -> None:
     assert sorted(row["group"] for row in rows) == ["1", "1", "1", "2", "2", "2"]
     assert MotionLibrary.load(folder / "pieces.npz").classes == ("1", "2")
     assert {row["performer"] for row in rows} == {"ann"}
-    found = re.search(r'<script type="application/json" id="found">(.*)</script>', (folder / "groups.html").read_text())
+    found = re.search(r'<script type="application/json" id="shown">(.*)</script>', (folder / "groups.html").read_text())
     assert found
     groups = json.loads(found[1])["groups"]
     assert [(group["number"], group["came"]) for group in groups] == [(1, 3), (2, 3)]

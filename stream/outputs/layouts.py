@@ -51,6 +51,8 @@ class Layout:
     name: str
     #: The port on which such a program usually listens.
     port: int
+    #: Notes for a person, a line each.
+    notes: Sequence[str] = ()
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Encode one recognition."""
@@ -299,6 +301,11 @@ class LayoutSink(Sink):
     def failed(self) -> int:  # type: ignore[override]  # the sender counts
         """Answers that the system would not send."""
         return self.sender.failed
+
+    @property
+    def notes(self) -> Sequence[str]:  # type: ignore[override]  # the layout's
+        """Notes for a person, a line each."""
+        return self.layout.notes
 
     def publish(self, recognition: Recognition) -> None:
         """Send one recognition."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from kinespace.stream.outputs import Sink
 from kinespace.stream.packet import is_within
 from kinespace.tools.announcing.description import Known, described, host_info, reply
+from kinespace.tools.announcing.finding import OSC_SERVICE
 from kinespace.tools.page.requests import Gate
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from kinespace.stream.packet import Networks
     from kinespace.stream.status import Status
 
-OSC_SERVICE, QUERY_SERVICE = "_osc._udp.local.", "_oscjson._tcp.local."
+QUERY_SERVICE = "_oscjson._tcp.local."
 #: Seconds that a client may take for a request.
 _MAX_REQUEST = 5.0
 #: Seconds in which mDNS says farewell, at most.
@@ -140,12 +141,3 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_: object) -> None:
         """Print nothing: a client may ask some times a second."""
-
-
-def is_possible() -> bool:
-    """Say whether the package for mDNS is installed."""
-    try:
-        import zeroconf  # noqa: F401, PLC0415 - an extra
-    except ImportError:
-        return False
-    return True

@@ -18,6 +18,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.tools.announcing.finding import recogniser
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import (
     OSC_IN,
@@ -36,7 +37,7 @@ from kinespace.tools.feeding.feed import (
 from kinespace.tools.loopback.answers import Listener
 from kinespace.tools.programs.replay.exchange import Exchange
 from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
-from kinespace.tools.terminal.console import console, progress, progress_console
+from kinespace.tools.terminal.console import console, note, progress, progress_console
 
 if TYPE_CHECKING:
     import argparse
@@ -58,7 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ".kinerec (default: built-in, all its motions)",
     )
     add_reading(parser)
-    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
+    text = f"send OSC there (default: {OSC_IN}; where nobody has this port, the kinespace live that announces itself)"
+    parser.add_argument("--osc", metavar="HOST:PORT", help=text)
     parser.add_argument(
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
@@ -74,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
-    add_shared(parser, "--json")
+    add_shared(parser, "--no-announce", "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -92,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
     places, reading = options.clips, reading_of(options)
     if options.end is not None and options.end <= options.begin:
         raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
-    osc_to = options.osc or (None if options.zmq else OSC_IN)
+    osc_to = options.osc or (None if options.zmq else _recogniser(options))
     zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
     is_raw = any(place.suffix.lower() == ENDING for place in places)
     if is_raw:
@@ -123,6 +125,15 @@ def run(options: argparse.Namespace) -> int:
             exchange.play(progress(played, "Sending", None))
         in_vain = exchange.reached_nobody
     return 1 if in_vain or (listener and not exchange.answered) else 0
+
+
+def _recogniser(options: argparse.Namespace) -> str:
+    """Give the address of the recogniser that is meant where the user names none."""
+    found = recogniser(host_and_port(OSC_IN)) if options.announce else None
+    if found is None:
+        return OSC_IN
+    note(f"sending to {found}")
+    return f"{found.host}:{found.port}"
 
 
 def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:

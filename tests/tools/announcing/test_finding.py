@@ -85,7 +85,7 @@ def test_replay_finds_live(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Without an address frames go where a recogniser announces itself, and that is said; --no-announce looks for none."""
+    """Without an address frames go where a recogniser announces itself, which is said; or --no-announce."""
     monkeypatch.setattr("kinespace.tools.programs.replay.program.OSC_IN", f"{LOOPBACK}:{free_udp_port()}")
     take, port = write_take(tmp_path, "bd", "bendLeft", 1, frames=12), receiver.address[1]
     with announcing(f"kinespace {port}", port):

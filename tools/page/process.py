@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import multiprocessing
 import threading
-from contextlib import suppress
+from abc import ABC, abstractmethod
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 from urllib.parse import urlsplit
 
 from kinespace.stream.workers.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
-from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.page.link import Subscription, ask_control
 
 if TYPE_CHECKING:
@@ -30,34 +30,42 @@ _MAX_END = 5.0
 _NO_FRAMES = "no camera here: start kinespace live with --page, or kinespace page with --frames"
 
 
-class Plan(Protocol):
-    """A server of browsers: a dataclass that another process gets."""
+@dataclass(frozen=True)
+class Plan(ABC):
+    """A server of clients in a process of its own.
 
-    @property
-    def name(self) -> str:
-        """The process's name in messages."""
+    Attributes
+    ----------
+    address
+        HOST:PORT.
+    name
+        The process's name in messages.
+    """
 
-    @property
-    def address(self) -> str:
-        """HOST:PORT."""
+    address: str
+    name: ClassVar[str]
 
-    def at(self, address: str) -> Self:
-        """Give the same server at another address."""
-
+    @abstractmethod
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve browsers; `started` gets the address, and `wants_end` is asked some times a second."""
+        """Serve clients; `started` gets the address, and `wants_end` is asked some times a second.
+
+        Raises
+        ------
+        OSError
+            The address is taken, or impossible.
+        ValueError
+            An address cannot be read, or the keys cannot be used.
+        """
 
 
-@dataclass(frozen=True, slots=True)
-class PagePlan:
+@dataclass(frozen=True)
+class PagePlan(Plan):
     """A page to be served.
 
     Attributes
     ----------
     source
         The ZeroMQ endpoint on which a recogniser publishes.
-    address
-        HOST:PORT of the page.
     control
         The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
     frames
@@ -67,59 +75,30 @@ class PagePlan:
     """
 
     source: str
-    address: str
     control: str | None = None
     frames: str | None = None
     keys: Path | None = None
-
-    @property
-    def name(self) -> str:
-        """The process's name in messages."""
-        return "page"
-
-    def at(self, address: str) -> Self:
-        """Give the same page at another address."""
-        return replace(self, address=address)
+    name = "page"
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """As `serve_page`."""
-        serve_page(self, started, wants_end)
+        """Serve browsers."""
+        from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
+        from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
+        from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
+
+        gate = Gate.for_host(host_and_port(self.address)[0], "" if self.frames else _NO_FRAMES)
+        with ExitStack() as opened:
+            keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
+            subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
+            control = partial(ask_control, _to(self.control), keyring) if self.control else None
+            cameras = None
+            if self.frames:
+                cameras = Cameras(opened.enter_context(closing(ZmqSender(_to(self.frames), keyring))).send)
+            PageServer(subscription, control, gate, cameras).serve(self.address, "page", started, wants_end)
 
 
-def serve_page(plan: PagePlan, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-    """Serve a page; `started` gets its address, and `wants_end` is asked some times a second.
-
-    Raises
-    ------
-    OSError
-        The address is taken, or impossible.
-    ValueError
-        An address cannot be read, or the keys cannot be used.
-    """
-    from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
-    from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
-    from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
-
-    host, port = host_and_port(plan.address)
-    keyring = Keyring(plan.keys) if plan.keys else None
-    subscription = Subscription(Endpoint.parse(plan.source, bind=False), keyring)
-    control = partial(ask_control, Endpoint.parse(plan.control, bind=False), keyring) if plan.control else None
-    frames = ZmqSender(Endpoint.parse(plan.frames, bind=False), keyring) if plan.frames else None
-    gate = Gate.for_host(host, "" if frames else _NO_FRAMES)
-    server = PageServer(subscription, control, gate, Cameras(frames.send) if frames else None)
-    try:
-        # Windows' own loop cannot wait for ZeroMQ.
-        with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-            try:
-                runner.run(server.run(host, port, started, wants_end))
-            except OSError as error:
-                raise OSError(error.errno, f"{plan.address}: {error.strerror}") from error
-    finally:
-        subscription.close()
-        if frames:
-            frames.close()
-        if keyring:
-            keyring.close()
+def _to(address: str) -> Endpoint:
+    return Endpoint.parse(address, bind=False)
 
 
 class PageProcess:
@@ -140,7 +119,7 @@ class PageProcess:
     Raises
     ------
     OSError, ValueError
-        As `serve_page`.
+        As `Plan.serve`.
     """
 
     def __init__(self, plan: Plan, say: Callable[[str], object] = lambda _: None) -> None:
@@ -187,7 +166,7 @@ class PageProcess:
             # An open page finds it where it was.
             place = f"{plan.address.rpartition(':')[0]}:{urlsplit(self.address).port}"
             try:
-                self._begin(plan.at(place))
+                self._begin(replace(plan, address=place))
             except (OSError, ValueError) as error:
                 self._say(f"{plan.name}: not started again: {error}")
                 return

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import PAGE, add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
-from kinespace.tools.page.process import PagePlan, serve_page
+from kinespace.tools.page.process import PagePlan
 from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
@@ -46,6 +46,6 @@ def run(options: argparse.Namespace) -> int:
     ended = threading.Event()
     stop_on_signals(ended.set)
     place = f"{options.host}:{options.port}"
-    plan = PagePlan(options.source, place, options.control, options.frames, options.keys)
-    serve_page(plan, lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
+    plan = PagePlan(place, options.source, options.control, options.frames, options.keys)
+    plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
     return 0

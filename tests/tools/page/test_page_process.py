@@ -18,7 +18,7 @@ from programs import PATIENCE
 from websockets.sync.client import connect
 
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-from kinespace.tools.page.process import PagePlan, PageProcess, serve_page
+from kinespace.tools.page.process import PagePlan, PageProcess
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +34,7 @@ def test_a_port_that_is_taken_is_told() -> None:
         taken.listen()
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(OSError, match=address):
-            serve_page(PagePlan(NOBODY, address), lambda _: None, lambda: True)
+            PagePlan(address, NOBODY).serve(lambda _: None, lambda: True)
 
 
 def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
@@ -42,7 +42,7 @@ def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
     places = [[number / 40, (number * 7 % 33) / 40, (number * 5 % 33) / 40] for number in range(33)]
     sent = json.dumps({"body": {"camera": "0123456789abcdef", "at": 1.5, "places": places}})
     with closing(ZmqReceiver(Endpoint("tcp://127.0.0.1:*", bind=True))) as receiver:
-        plan = PagePlan(NOBODY, "127.0.0.1:0", frames=receiver.address)
+        plan = PagePlan("127.0.0.1:0", NOBODY, frames=receiver.address)
         with PageProcess(plan) as page:
             origin = page.address.rstrip("/")
             with connect(f"{origin.replace('http', 'ws')}/live", origin=origin) as socket:
@@ -55,7 +55,7 @@ def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
     assert parts is not None
     assert parts[0] == b"frame/browser/"
     with (
-        PageProcess(PagePlan(NOBODY, "127.0.0.1:0")) as page,
+        PageProcess(PagePlan("127.0.0.1:0", NOBODY)) as page,
         pytest.raises(urllib.error.HTTPError, match="404") as refused,
     ):
         urllib.request.urlopen(f"{page.address}pose.js")  # noqa: S310 - the page's own address
@@ -65,8 +65,8 @@ def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
 def test_a_page_is_served_until_it_is_to_end() -> None:
     """The address is told once the port is open, with a token where other machines reach it."""
     told: list[str] = []
-    serve_page(PagePlan(NOBODY, "127.0.0.1:0"), told.append, lambda: bool(told))
-    serve_page(PagePlan(NOBODY, "0.0.0.0:0"), told.append, lambda: len(told) > 1)
+    PagePlan("127.0.0.1:0", NOBODY).serve(told.append, lambda: bool(told))
+    PagePlan("0.0.0.0:0", NOBODY).serve(told.append, lambda: len(told) > 1)
     assert told[0].startswith("http://127.0.0.1:")
     assert "token" not in told[0]
     assert "?token=" in told[1]
@@ -84,7 +84,7 @@ def _wait(true: Callable[[], bool]) -> None:
 def test_a_page_whose_process_died_is_started_again_once() -> None:
     """At its address; both deaths are said, and nothing is left when it ends."""
     said: list[str] = []
-    with PageProcess(PagePlan(NOBODY, "127.0.0.1:0"), said.append) as page:
+    with PageProcess(PagePlan("127.0.0.1:0", NOBODY), said.append) as page:
         address, again = page.address, f"page: {page.address}"
         os.kill(page._process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as the system does when memory is short
         _wait(lambda: again in said)
@@ -94,7 +94,7 @@ def test_a_page_whose_process_died_is_started_again_once() -> None:
         os.kill(page._process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as above
         _wait(lambda: len(said) > 2)
         assert said[2:] == ["page: its process died again; kinespace goes on without it"]
-    with PageProcess(PagePlan(NOBODY, "127.0.0.1:0"), said.append):
+    with PageProcess(PagePlan("127.0.0.1:0", NOBODY), said.append):
         pass
     assert len(said) == 3
     assert "kinespace page" not in {each.name for each in threading.enumerate()}

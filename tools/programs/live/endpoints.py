@@ -307,5 +307,5 @@ def open_page(
     requests = [RequestSource(_HERE, (), keyring)] if commands else []
     frames = zeromq.ZmqReceiver(_HERE, keyring=keyring)
     control = requests[0].address if requests else None
-    plan = PagePlan(sender.address, options.page, control, frames.address, options.keys)
+    plan = PagePlan(options.page, sender.address, control, frames.address, options.keys)
     return [ZmqSink(sender), BodySink(sender, performers)], requests, frames, PageProcess(plan, say)

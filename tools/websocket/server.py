@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
-_THIS_MACHINE = ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128")
 #: Clients at once, at most.
 MAX_CLIENTS = 64
 #: Bytes of a message from a client, at most: as over ZeroMQ.
@@ -56,7 +55,7 @@ class SocketPlan(Plan):
     origins
         Sites whose pages may connect, like https://editor.p5js.org; pages of this machine may anyway.
     networks
-        Networks whose clients may connect, and this machine; empty for all.
+        Networks whose clients may connect; empty for all.
     """
 
     answers: str
@@ -111,7 +110,7 @@ class SocketServer(ClientServer):
     def __init__(self, subscription: Subscription, plan: SocketPlan, keyring: Keyring | None) -> None:
         super().__init__(subscription, Gate.for_host(host_and_port(plan.address)[0]))
         self._plan, self._keyring = plan, keyring
-        self._networks = [ipaddress.ip_network(each, strict=False) for each in plan.networks]
+        self._networks = [ipaddress.ip_network(each) for each in plan.networks]
         self._clients: set[_Client] = set()
 
     def take_messages(self) -> None:
@@ -126,7 +125,7 @@ class SocketServer(ClientServer):
         """Refuse a client of another network or site, and one too many."""
         headers = {name.lower(): value for name, value in request.headers.raw_items()}
         peer = str(connection.remote_address[0])
-        if self._networks and not is_within(peer, [*self._networks, *_THIS_MACHINE]):
+        if self._networks and not is_within(peer, self._networks):
             return refusal(403, "this network is not let in: see --allow-from")
         if len(self._clients) >= MAX_CLIENTS:
             return refusal(503, "too many clients")

@@ -253,9 +253,8 @@ def open_websocket(
     with ExitStack() as opened:
         opened.callback(receiver.close)
         opened.callback(sender.close)
-        plan = SocketPlan(
-            options.ws, sender.address, receiver.address, options.keys, options.ws_origin, options.allow_from
-        )
+        networks = tuple(map(str, _and_here(_networks(options))))
+        plan = SocketPlan(options.ws, sender.address, receiver.address, options.keys, options.ws_origin, networks)
         process = PageProcess(plan, say)
         opened.pop_all()
     return receiver, [ZmqSink(sender)], process
@@ -270,7 +269,7 @@ def open_announcer(options: argparse.Namespace, sources: Sequence[Source], class
     from kinespace.tools.announcing.description import Known  # noqa: PLC0415 - as above
 
     known = Known(len(hdm05.SKELETON.joints), classes, teaches=bool(getattr(options, "teach", None)))
-    return [Announcer(ours[0].address[:2], known, _networks(options))]
+    return [Announcer(ours[0].address[:2], known, _and_here(_networks(options)))]
 
 
 def open_controls(

@@ -7,6 +7,8 @@ from contextlib import closing, suppress
 from typing import NamedTuple
 
 from kinespace.stream.osc import OscReceiver, is_ours
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.terminal.console import note
 
 OSC_SERVICE = "_osc._udp.local."
 #: Seconds within which programs answer.
@@ -20,9 +22,13 @@ class Found(NamedTuple):
     host: str
     port: int
 
+    @property
+    def address(self) -> str:
+        """HOST:PORT."""
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
     def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{self.name} ({host}:{self.port})"
+        return f"{self.name} ({self.address})"
 
 
 def is_possible() -> bool:
@@ -50,7 +56,7 @@ def announced(wanted: str = "", within: float = WITHIN) -> list[Found]:
 
     found, met = dict[str, Found](), threading.Event()
 
-    def note(*, zeroconf: Zeroconf, service_type: str, name: str, **_: object) -> None:
+    def meet(*, zeroconf: Zeroconf, service_type: str, name: str, **_: object) -> None:
         info, title = zeroconf.get_service_info(service_type, name), name.removesuffix(f".{OSC_SERVICE}")
         if info and info.port and (addresses := info.parsed_addresses()):
             found[title] = Found(title, addresses[0], info.port)
@@ -59,7 +65,7 @@ def announced(wanted: str = "", within: float = WITHIN) -> list[Found]:
 
     # A machine without a network has nobody to find.
     with suppress(OSError), closing(Zeroconf(InterfaceChoice.All)) as network:
-        ServiceBrowser(network, OSC_SERVICE, handlers=[note])
+        ServiceBrowser(network, OSC_SERVICE, handlers=[meet])
         met.wait(within)
     return sorted(found.values())
 
@@ -80,8 +86,8 @@ def named(name: str, mistake: ValueError) -> Found:
     raise ValueError(f"{mistake}{others}") from mistake
 
 
-def recogniser(usual: tuple[str, int]) -> Found | None:
-    """Find the `kinespace live` that is meant where nobody says which; None: the usual place is.
+def recogniser(usual: str) -> str:
+    """Give the address of the `kinespace live` that is meant where nobody says which: the usual one, or one found.
 
     Where a program has the usual port, nobody is looked for. This machine's recognisers come before others.
 
@@ -91,11 +97,14 @@ def recogniser(usual: tuple[str, int]) -> Found | None:
         There are several.
     """
     try:
-        OscReceiver(*usual).close()
+        OscReceiver(*host_and_port(usual)).close()
     except OSError:
-        return None
+        return usual
     found = [each for each in announced() if each.name.startswith("kinespace ")]
     found = [each for each in found if is_ours(each.host)] or found
     if len(found) > 1:
         raise ValueError(f"--osc: expected one of {', '.join(map(str, found))}, got none")
-    return found[0] if found else None
+    for each in found:
+        note(f"sending to {each}")
+        return each.address
+    return usual

@@ -68,9 +68,10 @@ def test_the_recogniser_that_is_meant(monkeypatch: pytest.MonkeyPatch, receiver:
         (9400, LOOPBACK), (9401, "192.0.2.1"), (9402, LOOPBACK)))  # fmt: skip
     lists = [[near, far], [far], [finding.Found("films", LOOPBACK, 7123)], [near, other]]
     monkeypatch.setattr(finding, "announced", lambda: lists.pop(0))
-    assert finding.recogniser(receiver.address) is None
-    usual = LOOPBACK, free_udp_port()
-    assert [finding.recogniser(usual) for _ in range(3)] == [near, far, None]
+    taken = "{}:{}".format(*receiver.address)
+    assert finding.recogniser(taken) == taken
+    usual = f"{LOOPBACK}:{free_udp_port()}"
+    assert [finding.recogniser(usual) for _ in range(3)] == [near.address, far.address, usual]
     with pytest.raises(ValueError, match=r"expected one of kinespace 9400 .*, kinespace 9402 .*, got none"):
         finding.recogniser(usual)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
-from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +29,7 @@ from kinespace.tools.terminal.console import say
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
+    from contextlib import AbstractContextManager
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs import Admission
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
     from kinespace.tools.announcing.announcer import Announcer
-    from kinespace.tools.feeding.lsl_feed import LslFeed
-    from kinespace.tools.programs.camera.process import CameraProcess
 
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
@@ -103,40 +102,30 @@ def open_ends(
     return sources, sinks, writer
 
 
-def open_camera(options: argparse.Namespace, sources: Sequence[Source]) -> AbstractContextManager[CameraProcess | None]:
-    """Start the camera that is asked for; its frames come to the OSC port, as any sender's.
+def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list[AbstractContextManager[object]]:
+    """Start the camera and find the LSL stream that are asked for; their frames come to the OSC port, as any sender's.
 
     Raises
     ------
     ImportError, OSError, ValueError
-        As `tools.programs.camera.process.CameraProcess`.
+        As `tools.programs.camera.process.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
     """
-    if not getattr(options, "camera", None):
-        return nullcontext()
-    from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
-    from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
+    senders: list[AbstractContextManager[object]] = []
+    if camera := getattr(options, "camera", None):
+        from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
+        from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
 
-    place = "{}:{}".format(*_own_port(sources))
-    camera = CameraProcess(CameraPlan(options.camera, osc=place, people=options.people, show=options.show), say)
-    say(f"camera: {camera.opened}")
-    return camera
+        place = "{}:{}".format(*_own_port(sources))
+        process = CameraProcess(CameraPlan(camera, osc=place, people=options.people, show=options.show), say)
+        say(f"camera: {process.opened}")
+        senders.append(process)
+    if stream := getattr(options, "lsl_in", None):
+        from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
 
-
-def open_lsl(options: argparse.Namespace, sources: Sequence[Source]) -> AbstractContextManager[LslFeed | None]:
-    """Find the LSL stream that is asked for; its samples come to the OSC port, as any sender's frames.
-
-    Raises
-    ------
-    ImportError, OSError, ValueError
-        As `tools.feeding.lsl_feed.LslFeed`.
-    """
-    if not getattr(options, "lsl_in", None):
-        return nullcontext()
-    from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
-
-    feed = LslFeed(options.lsl_in, *_own_port(sources))
-    say(f"LSL: {options.lsl_in}, {len(feed.layout.joints)} joints")
-    return feed
+        feed = LslFeed(stream, *_own_port(sources))
+        say(f"LSL: {stream}, {len(feed.layout.joints)} joints")
+        senders.append(feed)
+    return senders
 
 
 def _own_port(sources: Sequence[Source]) -> tuple[str, int]:

@@ -37,7 +37,7 @@ from kinespace.tools.feeding.feed import (
 from kinespace.tools.loopback.answers import Listener
 from kinespace.tools.programs.replay.exchange import Exchange
 from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
-from kinespace.tools.terminal.console import console, note, progress, progress_console
+from kinespace.tools.terminal.console import console, progress, progress_console
 
 if TYPE_CHECKING:
     import argparse
@@ -94,7 +94,9 @@ def run(options: argparse.Namespace) -> int:
     places, reading = options.clips, reading_of(options)
     if options.end is not None and options.end <= options.begin:
         raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
-    osc_to = options.osc or (None if options.zmq else _recogniser(options))
+    osc_to = options.osc
+    if not (osc_to or options.zmq):
+        osc_to = recogniser(OSC_IN) if options.announce else OSC_IN
     zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
     is_raw = any(place.suffix.lower() == ENDING for place in places)
     if is_raw:
@@ -125,15 +127,6 @@ def run(options: argparse.Namespace) -> int:
             exchange.play(progress(played, "Sending", None))
         in_vain = exchange.reached_nobody
     return 1 if in_vain or (listener and not exchange.answered) else 0
-
-
-def _recogniser(options: argparse.Namespace) -> str:
-    """Give the address of the recogniser that is meant where the user names none."""
-    found = recogniser(host_and_port(OSC_IN)) if options.announce else None
-    if found is None:
-        return OSC_IN
-    note(f"sending to {found}")
-    return f"{found.host}:{found.port}"
 
 
 def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:

@@ -13,7 +13,8 @@ import re
 import struct
 import sys
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,7 +37,7 @@ _DOUBLE = struct.Struct(">d")
 _FLOATS = np.dtype(np.float32)
 _SWAPPED = sys.byteorder == "little"
 #: Beginnings of frames that are remembered: several for each performer.
-_MAX_LAYOUTS = 1024
+_MAX_BEGINNINGS = 1024
 
 
 @dataclass(slots=True)
@@ -103,68 +104,33 @@ def decode(datagram: bytes, arrival: float) -> Received:
     return received
 
 
-class _Layout(NamedTuple):
-    """The content of the bytes before a plain frame's time, and the number of these bytes and of all bytes."""
+@lru_cache(maxsize=_MAX_BEGINNINGS)
+def _performer_in(beginning: bytes, floats: int, start: int) -> str | None:
+    """Read the performer's name at the end of a plain frame's beginning; None where it, or a type, is none of ours.
 
-    performer: str
-    floats: int
-    place: int
-    size: int
-
-
-class _Layouts:
-    """The beginnings of plain frames: a sender's packets all begin alike, so each beginning is decoded once.
-
-    Attributes
-    ----------
-    known
-        Layouts by the beginning's bytes.
-    places
-        For a packet's size, the length of the beginning of the last packet of that size.
+    A sender's packets all begin alike, so each beginning is read once.
     """
-
-    def __init__(self) -> None:
-        self.known: dict[bytes, _Layout] = {}
-        self.places: dict[int, int] = {}
-
-    def learn(self, datagram: bytes) -> _Layout | None:
-        """Decode a beginning and remember it; None when it does not begin a plain frame, or is not quite right."""
-        if not datagram.startswith(_FRAME_START):
-            return None
-        floats = datagram.find(b"\0", 19) - 19
-        start = (19 + floats) // 4 * 4 + 4
-        end = datagram.find(b"\0", start)
-        place = end // 4 * 4 + 4
-        whole = end >= 0 and len(datagram) == place + 8 + 4 * floats
-        if floats < 6 or floats % 3 or not whole or datagram.count(b"f", 19, 19 + floats) != floats:
-            return None
-        try:
-            layout = _Layout(datagram[start:end].decode(), floats, place, len(datagram))
-        except UnicodeDecodeError:
-            return None
-        if len(layout.performer) > MAX_PERFORMER_LENGTH:
-            return None
-        if len(self.known) >= _MAX_LAYOUTS:
-            self.known.clear()  # only a sender that makes up names gets here
-            self.places.clear()
-        self.known[datagram[:place]] = layout
-        self.places[len(datagram)] = place
-        return layout
-
-
-_layouts = _Layouts()
+    try:
+        performer = beginning[start:].decode()
+    except UnicodeDecodeError:
+        return None
+    plain = beginning.count(b"f", 19, 19 + floats) == floats and len(performer) <= MAX_PERFORMER_LENGTH
+    return performer if plain else None
 
 
 def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
     """Decode the packet that comes hundreds of times a second, a plain frame; None for any other packet."""
-    size = len(datagram)
-    layout = _layouts.known.get(datagram[: _layouts.places.get(size, 0)])
-    # Two beginnings may have the same length and announce different numbers of floats.
-    if layout is None or layout.size != size:
-        layout = _layouts.learn(datagram)
-        if layout is None:
-            return None
-    performer, floats, place, _ = layout
+    if not datagram.startswith(_FRAME_START):
+        return None
+    floats = datagram.find(b"\0", 19) - 19
+    start = (19 + floats) // 4 * 4 + 4
+    end = datagram.find(b"\0", start)
+    place = end // 4 * 4 + 4
+    if floats < 6 or floats % 3 or end < 0 or len(datagram) != place + 8 + 4 * floats:
+        return None
+    performer = _performer_in(datagram[:end], floats, start)
+    if performer is None:
+        return None
     (time,) = _DOUBLE.unpack_from(datagram, place)
     # Reading numbers in the machine's byte order and swapping their bytes afterwards is quicker than converting them.
     positions = np.ndarray((floats // 3, 3), _FLOATS, datagram, place + 8)

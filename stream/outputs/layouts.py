@@ -51,6 +51,8 @@ class Layout:
     name: str
     #: The port on which such a program usually listens.
     port: int
+    #: Notes for a person, a line each.
+    notes: Sequence[str] = ()
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Encode one recognition."""
@@ -171,10 +173,9 @@ class WekinatorLayout(Layout):
     port = 12000
 
     def __init__(self) -> None:
-        #: The performer in each place; empty for one who has left, whose place the next newcomer takes.
-        self._performers: list[str] = []
-        #: In the same places the last class from 1, or 0, and phase, speed and amplitude, or zeros.
-        self._numbers: list[tuple[float, ...]] = []
+        #: The performer in each place, empty for one who has left, whose place the next newcomer takes; the last class
+        #: from 1, or 0; and phase, speed and amplitude, or zeros.
+        self._places: list[tuple[str, float, Sequence[float]]] = []
         #: Whether a motion was ever followed: then phase, speed and amplitude are sent, too.
         self._follows = False
 
@@ -186,28 +187,26 @@ class WekinatorLayout(Layout):
         progress = recognition.progress
         self._follows = self._follows or progress is not None
         followed = (progress.phase, progress.speed, progress.amplitude) if progress else _NOT_FOLLOWED
-        self._numbers[self._place_of(recognition.performer)] = (float(recognition.class_index + 1), *followed)
+        performer = recognition.performer
+        self._places[self._place_of(performer)] = performer, float(recognition.class_index + 1), followed
         return self._outputs()
 
     def _outputs(self) -> bytes:
-        classes = encode_message("/wek/outputs", *(each[0] for each in self._numbers))
+        classes = encode_message("/wek/outputs", *(number for _, number, _ in self._places))
         if not self._follows:
             return classes
-        followed = chain.from_iterable(each[1:] for each in self._numbers)
+        followed = chain.from_iterable(followed for _, _, followed in self._places)
         return encode_bundle(classes, encode_message("/wek/progress", *followed))
 
     def _place_of(self, performer: str) -> int:
+        names = [name for name, _, _ in self._places]
         for wanted in (performer, ""):
-            if wanted in self._performers:
-                place = self._performers.index(wanted)
-                self._performers[place] = performer
-                return place
-        if len(self._performers) >= _MAX_PERFORMERS:
-            self._performers.clear()
-            self._numbers.clear()
-        self._performers.append(performer)
-        self._numbers.append(())
-        return len(self._performers) - 1
+            if wanted in names:
+                return names.index(wanted)
+        if len(names) >= _MAX_PERFORMERS:
+            self._places.clear()
+        self._places.append(("", 0.0, _NOT_FOLLOWED))
+        return len(self._places) - 1
 
     def event(self, event: Event) -> bytes | None:
         """`/output_<class from 1>` when a motion starts, as Wekinator reports gestures."""
@@ -215,10 +214,10 @@ class WekinatorLayout(Layout):
 
     def gone(self, performer: str) -> bytes | None:
         """`/wek/outputs` with 0 in the performer's place; the others keep theirs."""
-        if performer not in self._performers:
+        here = [name == performer for name, _, _ in self._places]
+        if not any(here):
             return None
-        place = self._performers.index(performer)
-        self._performers[place], self._numbers[place] = "", (0.0, *_NOT_FOLLOWED)
+        self._places[here.index(True)] = "", 0.0, _NOT_FOLLOWED
         return self._outputs()
 
 
@@ -319,6 +318,7 @@ class LayoutSink(Sink):
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Send the class names."""
         self._send(self.layout.classes(classes))
+        self.notes = self.layout.notes
 
     def publish_status(self, status: Status) -> None:
         """Send the status."""

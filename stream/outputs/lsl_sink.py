@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from kinespace.stream.outputs.extra import extra
 from kinespace.stream.outputs.sink import Sink
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from types import ModuleType
 
     from kinespace.stream.recognition import Done, Event, Recognition
 
@@ -22,17 +22,6 @@ FURTHER = ("class", "margin", "phase", "speed", "amplitude")
 _MAX_STREAMS = 256
 
 
-def lsl() -> ModuleType:
-    """Load the library of LSL; ImportError says how to get it."""
-    try:
-        import pylsl  # noqa: PLC0415 - an extra
-    except (ImportError, RuntimeError) as error:
-        # RuntimeError: the package is there without the library that it calls.
-        raise ImportError("LSL needs pylsl: pip install 'kinespace[lsl]'") from error
-    loaded: ModuleType = pylsl
-    return loaded
-
-
 class LslSink(Sink):
     """Gives answers to all programs that look for them on the network by LSL, in LSL's own time.
 
@@ -43,7 +32,7 @@ class LslSink(Sink):
     """
 
     def __init__(self) -> None:
-        self._lsl = lsl()
+        self._lsl = extra("pylsl", LSL)
         info = self._lsl.StreamInfo(EVENTS, "Markers", 1, self._lsl.IRREGULAR_RATE, "string", EVENTS)
         self._events = self._lsl.StreamOutlet(info)
         #: The classes and the stream of each performer, and the time of the newest answer by the sender's clock.

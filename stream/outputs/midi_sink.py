@@ -7,12 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from kinespace.stream.outputs.extra import extra
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from kinespace.stream.recognition import Done, Event, Recognition
 
 #: The name among the layouts of `--out`.
@@ -23,16 +22,6 @@ GOES_ON, DONE = 60, 36
 SCORE, PHASE, SPEED, AMPLITUDE = 20, 21, 22, 23
 #: MIDI's channels and its highest number; performers have a channel each, those after the sixteenth share.
 _CHANNELS, _MOST = 16, 127
-
-
-def mido() -> ModuleType:
-    """Load the library of MIDI; ImportError says how to get it."""
-    try:
-        import mido as loaded  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise ImportError("MIDI needs mido: pip install 'kinespace[midi]'") from error
-    module: ModuleType = loaded
-    return module
 
 
 class MidiSink(Sink):
@@ -52,7 +41,7 @@ class MidiSink(Sink):
     """
 
     def __init__(self, place: str = "") -> None:
-        self._mido = mido()
+        self._mido = extra("mido", MIDI)
         #: The channel of each performer, and the value of each controller that was sent last.
         self._channels: dict[str, int] = {}
         self._sent: dict[tuple[int, int], int] = {}

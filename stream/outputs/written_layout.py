@@ -19,12 +19,13 @@ import msgspec
 from pythonosc.osc_message_builder import BuildError
 
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
+from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.outputs.layouts import Layout
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from kinespace.stream.recognition import Done, Event, Recognition
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 When = Literal["answer", "start", "end", "done", "gone"]
 #: The names that may stand in braces; `number` is the class's index from 1, 0 for none.
-_NAMED = ("performer", "class", "index", "number", "score")
+_NAMED = ("performer", "class", "title", "index", "number", "score")
 FACTS: dict[When, tuple[str, ...]] = {
     "answer": (*_NAMED, "margin", "phase", "speed", "amplitude"),
     "start": _NAMED,
@@ -44,7 +45,7 @@ FACTS: dict[When, tuple[str, ...]] = {
 }
 
 #: Facts that are no fractions, by which a file is tried before a performer comes.
-_EXAMPLES: Facts = {"performer": "ann", "class": "bow", "index": 0, "number": 1, "count": 1}
+_EXAMPLES: Facts = {"performer": "ann", "class": "bow", "title": "bow", "index": 0, "number": 1, "count": 1}
 
 
 class LayoutFileError(ValueError):
@@ -122,6 +123,16 @@ class WrittenLayout(Layout):
         further = {each: getattr(done, each) for each in ("count", "duration", "speed", "amplitude")}
         return self._encoded("done", {**named, **further})
 
+    def classes(self, classes: Sequence[str]) -> None:
+        """Send nothing; note the titles that a message asks for in place of classes."""
+        asked = {each.of_class for each in self._messages} - {*classes}
+        meant = {title: [each for each in classes if title_of(each) == title] for title in sorted(asked)}
+        self.notes = [
+            f"{self.name}: no class is called {title!r}, which is a title: {' or '.join(names)} is meant"
+            for title, names in meant.items()
+            if names
+        ]
+
     def gone(self, performer: str) -> bytes | None:
         """Encode the messages of a performer who has left."""
         return self._encoded("gone", {"performer": performer})
@@ -136,7 +147,8 @@ class WrittenLayout(Layout):
 
 
 def _named(performer: str, class_name: str, index: int, score: float) -> dict[str, str | int | float]:
-    return {"performer": performer, "class": class_name, "index": index, "number": index + 1, "score": score}
+    named = {"performer": performer, "class": class_name, "title": title_of(class_name)}
+    return {**named, "index": index, "number": index + 1, "score": score}
 
 
 def _filled(argument: float | str, facts: Facts) -> int | float | str:

@@ -66,7 +66,7 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": float(recognition.eigenvector_score),
         "doubted": recognition.doubted,
-        "progress": _progress(recognition.progress),
+        "progress": recognition.progress and _described(recognition.progress, class_name="class"),
     }
     return [f"class/{recognition.performer}/".encode(), _encode(answer)]
 
@@ -87,34 +87,20 @@ def encode_gone(performer: str) -> list[bytes]:
     return [f"class/{performer}/".encode(), _encode(answer)]
 
 
-def _progress(progress: Progress | None) -> dict[str, str | float] | None:
-    """Describe the progress of a motion; null when no motion is followed."""
-    if progress is None:
-        return None
-    described: dict[str, str | float] = asdict(progress)
-    described["class"] = described.pop("class_name")
-    return described
+def _described(answer: Progress | Event | Done, **renamed: str) -> dict[str, object]:
+    """Give the fields of an answer, some by the names that they have on the wire."""
+    return {renamed.get(name, name): value for name, value in asdict(answer).items()}
 
 
 def encode_event(event: Event) -> list[bytes]:
     """Encode that a motion started or ended."""
-    described = {
-        "v": VERSION,
-        "performer": event.performer,
-        "event": event.kind.value,
-        "class": event.label,
-        "index": event.index,
-        "score": float(event.score),
-        "t": float(event.time),
-    }
-    return [f"event/{event.performer}/".encode(), _encode(described)]
+    described = _described(event, kind="event", label="class", time="t")
+    return [f"event/{event.performer}/".encode(), _encode({"v": VERSION, **described})]
 
 
 def encode_done(done: Done) -> list[bytes]:
     """Encode that a motion was done."""
-    described: dict[str, object] = {"v": VERSION, **asdict(done)}
-    described["class"] = described.pop("label")
-    return [f"done/{done.performer}/".encode(), _encode(described)]
+    return [f"done/{done.performer}/".encode(), _encode({"v": VERSION, **_described(done, label="class")})]
 
 
 def decode_answer(parts: Sequence[bytes]) -> Answer | None:

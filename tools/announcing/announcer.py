@@ -11,21 +11,26 @@ import json
 import socket
 import threading
 from contextlib import suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
+
+from websockets.sync.server import serve
 
 from kinespace.stream.outputs import Sink
 from kinespace.stream.packet import is_within
 from kinespace.tools.announcing.description import Known, described, host_info, reply
-from kinespace.tools.page.requests import Gate
+from kinespace.tools.announcing.finding import OSC_SERVICE
+from kinespace.tools.page.requests import Gate, response
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from websockets.http11 import Request, Response
+    from websockets.sync.server import ServerConnection
+
     from kinespace.stream.packet import Networks
     from kinespace.stream.status import Status
 
-OSC_SERVICE, QUERY_SERVICE = "_osc._udp.local.", "_oscjson._tcp.local."
+QUERY_SERVICE = "_oscjson._tcp.local."
 #: Seconds that a client may take for a request.
 _MAX_REQUEST = 5.0
 #: Seconds in which mDNS says farewell, at most.
@@ -42,7 +47,7 @@ class Announcer(Sink):
     known
         What is described at first.
     networks
-        Networks whose clients are answered, and this machine; empty for all.
+        Networks whose clients are answered; empty for all.
 
     Attributes
     ----------
@@ -62,8 +67,15 @@ class Announcer(Sink):
         self._known, self._near = known, ipaddress.ip_address(host).is_loopback
         self._title = f"kinespace {port}"
         self._info = host_info(self._title, host, port)
-        self._server = _Server((host, 0), self, Gate.for_host(host), networks)
-        self.address = f"http://{host}:{self._server.server_port}/"
+        self._gate, self._networks = Gate.for_host(host), networks
+        listening = socket.create_server((host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        self._query_port = listening.getsockname()[1]
+        # Every request gets its answer at once: no WebSocket is ever opened.
+        self._server = serve(
+            lambda _: None, sock=listening, process_request=self._answer, open_timeout=_MAX_REQUEST, compression=None,
+            server_header=None,
+        )  # fmt: skip
+        self.address = f"http://{host}:{self._query_port}/"
         self._zeroconf: Any = None
         self._ended = threading.Event()
         serving = threading.Thread(target=self._server.serve_forever, name="kinespace OSCQuery", daemon=True)
@@ -81,9 +93,13 @@ class Announcer(Sink):
         if self._near and [*status.performers] != [*self._known.performers]:
             self._known = self._known._replace(performers=tuple(status.performers))
 
-    def reply(self, target: str) -> tuple[int, dict[str, Any] | None]:
+    def _answer(self, connection: ServerConnection, request: Request) -> Response:
         """Answer a request for a path, with its query."""
-        return reply(described(self._known), self._info, target)
+        let_in = not self._networks or is_within(str(connection.remote_address[0]), self._networks)
+        headers = {name.lower(): value for name, value in request.headers.raw_items()}
+        allowed = let_in and self._gate.knows(headers.get("host", ""))
+        status, found = reply(described(self._known), self._info, request.path) if allowed else (403, None)
+        return response(status, b"" if found is None else json.dumps(found).encode(), "application/json")
 
     def _announce(self, host: str, port: int) -> None:
         """Say by mDNS where we are; this takes a second or two, in which others may claim the name."""
@@ -95,7 +111,7 @@ class Announcer(Sink):
             addresses = [socket.gethostbyname(socket.gethostname())] if everywhere else [host]
             packed = [ipaddress.ip_address(each).packed for each in addresses]
             server = f"kinespace-{port}.local."
-            for service, its_port in ((OSC_SERVICE, port), (QUERY_SERVICE, self._server.server_port)):
+            for service, its_port in ((OSC_SERVICE, port), (QUERY_SERVICE, self._query_port)):
                 if self._ended.is_set():
                     return
                 info = ServiceInfo(service, f"{self._title}.{service}", its_port, addresses=packed, server=server)
@@ -105,47 +121,6 @@ class Announcer(Sink):
         """Say farewell, and close all sockets."""
         self._ended.set()
         self._server.shutdown()
-        self._server.server_close()
         self._announcing.join(_MAX_FAREWELL)
         if self._zeroconf:
             self._zeroconf.close()
-
-
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-
-    def __init__(self, place: tuple[str, int], announcer: Announcer, gate: Gate, networks: Networks) -> None:
-        self.announcer, self.gate, self.networks = announcer, gate, networks
-        if ":" in place[0]:
-            self.address_family = socket.AF_INET6
-        super().__init__(place, _Handler)
-
-
-class _Handler(BaseHTTPRequestHandler):
-    server: _Server
-    timeout = _MAX_REQUEST
-
-    def do_GET(self) -> None:
-        """Answer a request."""
-        peer, networks = str(self.client_address[0]), self.server.networks
-        let_in = not networks or is_within(peer, networks) or ipaddress.ip_address(peer).is_loopback
-        allowed = let_in and self.server.gate.knows(self.headers.get("Host", ""))
-        status, found = self.server.announcer.reply(self.path) if allowed else (403, None)
-        body = b"" if found is None else json.dumps(found).encode()
-        self.send_response(status)
-        self.send_header("Content-Type", "application/json")
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *_: object) -> None:
-        """Print nothing: a client may ask some times a second."""
-
-
-def is_possible() -> bool:
-    """Say whether the package for mDNS is installed."""
-    try:
-        import zeroconf  # noqa: F401, PLC0415 - an extra
-    except ImportError:
-        return False
-    return True

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import threading
 from abc import ABC, abstractmethod
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
@@ -14,7 +13,7 @@ from urllib.parse import urlsplit
 
 from kinespace.stream.workers.child_process import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
-from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.page.link import Subscription, ask_control
 
 if TYPE_CHECKING:
@@ -79,31 +78,24 @@ class PagePlan(Plan):
     keys: Path | None = None
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve the page."""
+        """Serve browsers."""
         from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
         from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
         from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
 
-        host, port = host_and_port(self.address)
-        keyring = Keyring(self.keys) if self.keys else None
-        subscription = Subscription(Endpoint.parse(self.source, bind=False), keyring)
-        control = partial(ask_control, Endpoint.parse(self.control, bind=False), keyring) if self.control else None
-        frames = ZmqSender(Endpoint.parse(self.frames, bind=False), keyring) if self.frames else None
-        gate = Gate.for_host(host, "" if frames else _NO_FRAMES)
-        server = PageServer(subscription, control, gate, Cameras(frames.send) if frames else None)
-        try:
-            # Windows' own loop cannot wait for ZeroMQ.
-            with opening("page"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-                try:
-                    runner.run(server.run(host, port, started, wants_end))
-                except OSError as error:
-                    raise OSError(error.errno, f"{self.address}: {error.strerror}") from error
-        finally:
-            subscription.close()
-            if frames:
-                frames.close()
-            if keyring:
-                keyring.close()
+        gate = Gate.for_host(host_and_port(self.address)[0], "" if self.frames else _NO_FRAMES)
+        with ExitStack() as opened:
+            keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
+            subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
+            control = partial(ask_control, _to(self.control), keyring) if self.control else None
+            cameras = None
+            if self.frames:
+                cameras = Cameras(opened.enter_context(closing(ZmqSender(_to(self.frames), keyring))).send)
+            PageServer(subscription, control, gate, cameras).serve(self.address, "page", started, wants_end)
+
+
+def _to(address: str) -> Endpoint:
+    return Endpoint.parse(address, bind=False)
 
 
 class PageProcess:

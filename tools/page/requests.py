@@ -164,7 +164,7 @@ def static_file(path: str, host: str, no_camera: str = "") -> Response:
     kind = _TYPES.get(name.rpartition(".")[2], _BYTES)
     if name in models.BROWSER:
         try:
-            return _response(200, models.browser_file(name), kind, {})
+            return response(200, models.browser_file(name), kind)
         except (OSError, ValueError) as error:
             return refusal(404, str(error))
     file = resources.files("kinespace.tools.page") / "static" / name
@@ -172,7 +172,7 @@ def static_file(path: str, host: str, no_camera: str = "") -> Response:
         return refusal(404, "no such file")
     worker = "'none'" if why_not else "'self'"
     policy = _WORKER_POLICY if name == WORKER else _POLICY.format(host=host, worker=worker)
-    return _response(200, file.read_bytes(), kind, {"Content-Security-Policy": policy})
+    return response(200, file.read_bytes(), kind, {"Content-Security-Policy": policy})
 
 
 _GUARDS = {
@@ -186,9 +186,10 @@ _GUARDS = {
 
 def refusal(status: int, why: str) -> Response:
     """Refuse a request with a line of text."""
-    return _response(status, f"kinespace: {why}\n".encode(), "text/plain; charset=utf-8", {})
+    return response(status, f"kinespace: {why}\n".encode(), "text/plain; charset=utf-8")
 
 
-def _response(status: int, body: bytes, kind: str, further: Mapping[str, str]) -> Response:
+def response(status: int, body: bytes, kind: str, further: Mapping[str, str] | None = None) -> Response:
+    """Make a response that no other site may use."""
     fields = {"Content-Length": str(len(body)), "Connection": "close", "Content-Type": kind}
-    return Response(status, HTTPStatus(status).phrase, Headers({**fields, **_GUARDS, **further}), body)
+    return Response(status, HTTPStatus(status).phrase, Headers({**fields, **_GUARDS, **(further or {})}), body)

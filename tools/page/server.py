@@ -12,12 +12,12 @@ from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from kinespace.tools.page.board import Board
 from kinespace.tools.page.cameras import PageCamera
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message, refusal
+from kinespace.tools.page.serving import ClientServer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 MAX_PAGES = 16
 #: Seconds between two messages to a page, at least.
 _PACE = 1 / 35
-#: Seconds between two looks for messages.
-_LOOK = 0.2
 #: Replies that wait for a page, at most.
 MAX_REPLIES = 8
 #: Seconds that a page may take for the handshake, or for a file: a network of the camera has 6 MB.
@@ -63,7 +61,7 @@ class _Page:
             self.ready.set()
 
 
-class PageServer:
+class PageServer(ClientServer):
     """Serves the page and keeps the board.
 
     Parameters
@@ -78,44 +76,23 @@ class PageServer:
         Takes what pages' cameras see; None: it is dropped.
     """
 
+    scheme = "http"
+    limits = {"max_size": MAX_MESSAGE, "max_queue": 4, "open_timeout": _MAX_OPENING}  # noqa: RUF012 - never changed
+
     def __init__(
         self, subscription: Subscription, control: Control | None, gate: Gate, cameras: Cameras | None = None
     ) -> None:
+        super().__init__(subscription, gate)
         self.board = Board()
-        self._subscription, self._control, self._gate, self._cameras = subscription, control, gate, cameras
+        self._control, self._cameras = control, cameras
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
         self._stale = True
         self._asking: asyncio.Task[object] | None = None
 
-    async def run(self, host: str, port: int, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve until it is to end, which is asked some times a second; `started` gets the page's address."""
-        loop = asyncio.get_running_loop()
-        loop.add_reader(self._subscription.fileno(), self._take_messages)
-        serving = serve(
-            self._serve,
-            host,
-            port,
-            process_request=self._answer,
-            max_size=MAX_MESSAGE,
-            max_queue=4,
-            compression=None,
-            open_timeout=_MAX_OPENING,
-            server_header=None,
-        )
-        async with serving as server:
-            port = next(iter(server.sockets)).getsockname()[1]
-            named = f"[{host}]" if ":" in host else host
-            started(f"http://{named}:{port}/" + (f"?token={self._gate.token}" if self._gate.token else ""))
-            while not wants_end():
-                # The file number wakes us for the first of several messages alone, and at times for none.
-                self._take_messages()
-                self._ask_for_state()
-                await asyncio.sleep(_LOOK)
-        loop.remove_reader(self._subscription.fileno())
-
-    def _take_messages(self) -> None:
+    def take_messages(self) -> None:
+        """Take the messages that wait, and ask for the classes and settings where they may have changed."""
         now, before = self._clock(), self.board.number
         self._subscription.want_bodies(wanted=bool(self._pages))
         for parts in self._subscription.messages():
@@ -124,6 +101,7 @@ class PageServer:
                 self._stale = True
         if self.board.number != before:
             self._wake()
+        self._ask_for_state()
 
     def _ask_for_state(self) -> None:
         """Ask the control again while it has not replied: it may have come later than we, or again."""
@@ -134,7 +112,7 @@ class PageServer:
         for page in self._pages:
             page.woken.set()
 
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer an HTTP request; None goes on to a WebSocket."""
         del connection
         headers = {name.lower(): value for name, value in request.headers.raw_items()}
@@ -142,13 +120,12 @@ class PageServer:
             return response
         return None if len(self._pages) < MAX_PAGES else refusal(503, "too many pages are open")
 
-    async def _serve(self, connection: ServerConnection) -> None:
+    async def serve_client(self, connection: ServerConnection) -> None:
         """Serve one page until it leaves; one that sends rubbish is closed."""
         page = _Page()
         self._pages.add(page)
-        self._take_messages()
+        self.take_messages()
         sending = asyncio.create_task(self._send(connection, page))
-        self._ask_for_state()
         try:
             async for text in connection:
                 message = read_message(text)

@@ -9,20 +9,20 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 from collections import deque
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
-from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
-from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.page.link import Subscription
 from kinespace.tools.page.process import Plan
 from kinespace.tools.page.requests import Gate, refusal
+from kinespace.tools.page.serving import ClientServer
 from kinespace.tools.websocket.messages import as_text, packed
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
-_THIS_MACHINE = ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128")
 #: Clients at once, at most.
 MAX_CLIENTS = 64
 #: Bytes of a message from a client, at most: as over ZeroMQ.
@@ -41,8 +40,6 @@ _MAX_MESSAGE = 256_000
 MAX_WAITING = 512
 #: Seconds in which a client's own socket reaches the recogniser: earlier frames would be lost.
 _MEETING = 0.1
-#: Seconds between two looks for messages.
-_LOOK = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,28 +55,23 @@ class SocketPlan(Plan):
     origins
         Sites whose pages may connect, like https://editor.p5js.org; pages of this machine may anyway.
     networks
-        Networks whose clients may connect, and this machine; empty for all.
+        Networks whose clients may connect; empty for all.
     """
 
-    name = "WebSocket"
     answers: str
     frames: str
     keys: Path | None = None
     origins: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()
+    name = "WebSocket"
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Serve clients."""
-        host, port = host_and_port(self.address)
-        keyring = Keyring(self.keys) if self.keys else None
-        server = SocketServer(self, keyring, Gate.for_host(host))
-        with closing(server), opening("--ws"), asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-            try:
-                runner.run(server.run(host, port, started, wants_end))
-            except OSError as error:
-                raise OSError(error.errno, f"{self.address}: {error.strerror}") from error
-        if keyring:
-            keyring.close()
+        with ExitStack() as opened:
+            keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
+            subscription = Subscription(Endpoint.parse(self.answers, bind=False), keyring)
+            server = SocketServer(opened.enter_context(closing(subscription)), self, keyring)
+            server.serve(self.address, "--ws", started, wants_end)
 
 
 def answer(gate: Gate, origins: Sequence[str], target: str, headers: Mapping[str, str]) -> Response | None:
@@ -110,53 +102,36 @@ class _Client:
         self.waiting, self.woken = deque[str](maxlen=MAX_WAITING), asyncio.Event()
 
 
-class SocketServer:
+class SocketServer(ClientServer):
     """Passes frames from clients to the recogniser, and its answers to all clients."""
 
-    def __init__(self, plan: SocketPlan, keyring: Keyring | None, gate: Gate) -> None:
-        self._plan, self._keyring, self._gate = plan, keyring, gate
-        self._networks = [ipaddress.ip_network(each, strict=False) for each in plan.networks]
-        self._subscription = Subscription(Endpoint.parse(plan.answers, bind=False), keyring)
+    limits = {"max_size": _MAX_MESSAGE}  # noqa: RUF012 - never changed
+
+    def __init__(self, subscription: Subscription, plan: SocketPlan, keyring: Keyring | None) -> None:
+        super().__init__(subscription, Gate.for_host(host_and_port(plan.address)[0]))
+        self._plan, self._keyring = plan, keyring
+        self._networks = [ipaddress.ip_network(each) for each in plan.networks]
         self._clients: set[_Client] = set()
 
-    def close(self) -> None:
-        """Close the subscription."""
-        self._subscription.close()
-
-    async def run(self, host: str, port: int, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve until it is to end, which is asked some times a second; `started` gets the address."""
-        loop = asyncio.get_running_loop()
-        loop.add_reader(self._subscription.fileno(), self._take_answers)
-        serving = serve(
-            self._serve, host, port, process_request=self._answer, max_size=_MAX_MESSAGE, compression=None,
-            server_header=None,
-        )  # fmt: skip
-        async with serving as server:
-            port = next(iter(server.sockets)).getsockname()[1]
-            named = f"[{host}]" if ":" in host else host
-            started(f"ws://{named}:{port}/" + (f"?token={self._gate.token}" if self._gate.token else ""))
-            while not wants_end():
-                self._take_answers()
-                await asyncio.sleep(_LOOK)
-        loop.remove_reader(self._subscription.fileno())
-
-    def _take_answers(self) -> None:
+    def take_messages(self) -> None:
+        """Give all clients the answers that wait."""
         for parts in self._subscription.messages():
             text = as_text(parts)
             for client in self._clients:
                 client.waiting.append(text)
                 client.woken.set()
 
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Refuse a client of another network or site, and one too many."""
         headers = {name.lower(): value for name, value in request.headers.raw_items()}
         peer = str(connection.remote_address[0])
-        if self._networks and not is_within(peer, [*self._networks, *_THIS_MACHINE]):
+        if self._networks and not is_within(peer, self._networks):
             return refusal(403, "this network is not let in: see --allow-from")
         if len(self._clients) >= MAX_CLIENTS:
             return refusal(503, "too many clients")
         return answer(self._gate, self._plan.origins, request.path, headers)
 
-    async def _serve(self, connection: ServerConnection) -> None:
+    async def serve_client(self, connection: ServerConnection) -> None:
         """Serve one client until it leaves."""
         client = _Client()
         self._clients.add(client)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pythonosc.osc_packet import OscPacket
 
+from kinespace.stream.outputs import LayoutSink
 from kinespace.stream.outputs.written_layout import LayoutFileError, WrittenLayout
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 
@@ -78,6 +79,18 @@ def test_each_moment_has_its_messages(films: WrittenLayout) -> None:
     assert _read(films.recognition(answer)) == [("/fader", [0.75, pytest.approx(answer.margin), 0.5, "1.2 x", 0.5])]
     assert _read(films.done(Done("Ada L", "jump", 1, 6.0, 1.5, 0.875, 1.25, 0.75, 3))) == [("/count", [3, 1.5])]
     assert _read(films.gone("Ada L")) == [("/blackout", [])]
+
+
+def test_titles_are_sent_and_a_title_in_place_of_a_class_is_said(tmp_path: Path) -> None:
+    """`{title}` is the name that people say; as a class it would never fire, and a note says which class is meant."""
+    message = '[[message]]\nwhen = "start"\nclass = "{}"\naddress = "/a"\narguments = ["{{title}}"]\n'
+    layout = _layout(tmp_path, message.format("squat1Reps") + message.format("kick") + message.format("bow"))
+    assert _read(layout.event(Event("ann", EventKind.START, "squat1Reps", 1, 0.75, 4.0))) == [("/a", ["squat"])]
+    sink = LayoutSink(layout, None)  # type: ignore[arg-type]  # nothing is sent
+    sink.publish_classes(("kickLFront1Reps", "squat1Reps"))
+    assert sink.notes == ["layout: no class is called 'kick', which is a title: kickLFront1Reps is meant"]
+    layout.classes(("kick", "squat1Reps"))
+    assert layout.notes == []
 
 
 @pytest.mark.parametrize(

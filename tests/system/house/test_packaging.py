@@ -38,6 +38,8 @@ FILES = {
         "stream/feeds/presets",
         "tools/examples",
         "tools/examples/processing",
+        "tools/examples/unity",
+        "tools/examples/unity/Runtime",
         "tools/page/static",
     )
 }

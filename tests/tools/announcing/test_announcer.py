@@ -15,8 +15,9 @@ from zeroconf import ServiceBrowser, ServiceStateChange, Zeroconf
 
 from kinespace.stream.osc import OscSender
 from kinespace.stream.osc.frames import encode_frame
-from kinespace.tools.announcing.announcer import OSC_SERVICE, QUERY_SERVICE, Announcer
+from kinespace.tools.announcing.announcer import QUERY_SERVICE, Announcer
 from kinespace.tools.announcing.description import Known
+from kinespace.tools.announcing.finding import OSC_SERVICE
 
 if TYPE_CHECKING:
     from collections.abc import Callable

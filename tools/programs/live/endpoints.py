@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
-from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,12 @@ from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
-from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
+from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
+from kinespace.tools.announcing.finding import is_possible, named
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
 from kinespace.tools.page.process import PagePlan, PageProcess
@@ -28,6 +29,7 @@ from kinespace.tools.terminal.console import say
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
+    from contextlib import AbstractContextManager
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs import Admission
@@ -35,8 +37,6 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
     from kinespace.tools.announcing.announcer import Announcer
-    from kinespace.tools.feeding.lsl_feed import LslFeed
-    from kinespace.tools.programs.camera.process import CameraProcess
 
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
@@ -78,7 +78,7 @@ def open_ends(
         native = [("--osc-out", f"native={options.osc_out}")] if options.osc_out else []
         for option, out in [*native, *(("--out", each) for each in options.out)]:
             with opening(option):
-                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission))))
+                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission, options))))
                 _require_no_loop(receivers, sinks[-1])
         if options.zmq_out:
             with opening("--zmq-out"):
@@ -102,40 +102,30 @@ def open_ends(
     return sources, sinks, writer
 
 
-def open_camera(options: argparse.Namespace, sources: Sequence[Source]) -> AbstractContextManager[CameraProcess | None]:
-    """Start the camera that is asked for; its frames come to the OSC port, as any sender's.
+def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list[AbstractContextManager[object]]:
+    """Start the camera and find the LSL stream that are asked for; their frames come to the OSC port, as any sender's.
 
     Raises
     ------
     ImportError, OSError, ValueError
-        As `tools.programs.camera.process.CameraProcess`.
+        As `tools.programs.camera.process.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
     """
-    if not getattr(options, "camera", None):
-        return nullcontext()
-    from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
-    from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
+    senders: list[AbstractContextManager[object]] = []
+    if camera := getattr(options, "camera", None):
+        from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
+        from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
 
-    place = "{}:{}".format(*_own_port(sources))
-    camera = CameraProcess(CameraPlan(options.camera, osc=place, people=options.people, show=options.show), say)
-    say(f"camera: {camera.opened}")
-    return camera
+        place = "{}:{}".format(*_own_port(sources))
+        process = CameraProcess(CameraPlan(camera, osc=place, people=options.people, show=options.show), say)
+        say(f"camera: {process.opened}")
+        senders.append(process)
+    if stream := getattr(options, "lsl_in", None):
+        from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
 
-
-def open_lsl(options: argparse.Namespace, sources: Sequence[Source]) -> AbstractContextManager[LslFeed | None]:
-    """Find the LSL stream that is asked for; its samples come to the OSC port, as any sender's frames.
-
-    Raises
-    ------
-    ImportError, OSError, ValueError
-        As `tools.feeding.lsl_feed.LslFeed`.
-    """
-    if not getattr(options, "lsl_in", None):
-        return nullcontext()
-    from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
-
-    feed = LslFeed(options.lsl_in, *_own_port(sources))
-    say(f"LSL: {options.lsl_in}, {len(feed.layout.joints)} joints")
-    return feed
+        feed = LslFeed(stream, *_own_port(sources))
+        say(f"LSL: {stream}, {len(feed.layout.joints)} joints")
+        senders.append(feed)
+    return senders
 
 
 def _own_port(sources: Sequence[Source]) -> tuple[str, int]:
@@ -154,25 +144,43 @@ def _source(
     return Source(receiver, decoder, recorder, admission)
 
 
-def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
-    """Open NAME or FILE.toml, perhaps with =HOST:PORT or =sender:PORT."""
+def _layout_sink(
+    text: str, receivers: Sequence[_AnyReceiver], admission: Admission, options: argparse.Namespace
+) -> Sink:
+    """Open NAME or FILE.toml, perhaps with =HOST:PORT, =sender:PORT or the name of a program that announces itself."""
     name, _, target = text.partition("=")
     if name == LSL and not target:
         return LslSink()
     if name == MIDI:
         return MidiSink(target)
+    place = None
     if name.endswith(".toml"):
         layout: Layout = WrittenLayout(Path(name))
     else:
-        layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL, MIDI))]()
+        try:
+            layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL, MIDI))]()
+        except ValueError as error:
+            layout, place = NativeLayout(), _announced("" if target else name, error, options)
     if target.partition(":")[0] != "sender":
-        host, port = host_and_port(target) if target else ("127.0.0.1", layout.port)
-        return LayoutSink(layout, osc.OscSender(host, port))
+        try:
+            place = place or (host_and_port(target) if target else ("127.0.0.1", layout.port))
+        except ValueError as error:
+            place = _announced(target, error, options)
+        return LayoutSink(layout, osc.OscSender(*place))
     by_osc = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     if not by_osc:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
     return ReplySink(layout, by_osc[0], port, admission)
+
+
+def _announced(name: str, mistake: ValueError, options: argparse.Namespace) -> tuple[str, int]:
+    """Find the program that announces itself by a name; where none does, the text was a mistake."""
+    if not (name and options.announce):
+        raise mistake
+    found = named(name, mistake)
+    say(f"--out: {found}")
+    return found.host, found.port
 
 
 def _require_no_loop(receivers: Sequence[_AnyReceiver], sink: Sink) -> None:
@@ -234,9 +242,8 @@ def open_websocket(
     with ExitStack() as opened:
         opened.callback(receiver.close)
         opened.callback(sender.close)
-        plan = SocketPlan(
-            options.ws, sender.address, receiver.address, options.keys, options.ws_origin, options.allow_from
-        )
+        networks = tuple(map(str, _and_here(_networks(options))))
+        plan = SocketPlan(options.ws, sender.address, receiver.address, options.keys, options.ws_origin, networks)
         process = PageProcess(plan, say)
         opened.pop_all()
     return receiver, [ZmqSink(sender)], process
@@ -245,16 +252,13 @@ def open_websocket(
 def open_announcer(options: argparse.Namespace, sources: Sequence[Source], classes: Sequence[str]) -> list[Announcer]:
     """Announce the port on which our own messages come in by OSC, if that is possible and wanted."""
     ours = [each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver)]
-    if not (options.announce and ours) or options.feed:
+    if not (options.announce and ours) or options.feed or not is_possible():
         return []
-    from kinespace.tools.announcing.announcer import Announcer, is_possible  # noqa: PLC0415 - slow to load
-
-    if not is_possible():
-        return []
+    from kinespace.tools.announcing.announcer import Announcer  # noqa: PLC0415 - slow to load
     from kinespace.tools.announcing.description import Known  # noqa: PLC0415 - as above
 
     known = Known(len(hdm05.SKELETON.joints), classes, teaches=bool(getattr(options, "teach", None)))
-    return [Announcer(ours[0].address[:2], known, _networks(options))]
+    return [Announcer(ours[0].address[:2], known, _and_here(_networks(options)))]
 
 
 def open_controls(

@@ -95,7 +95,8 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME[=HOST:PORT],...",
         help=f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
         + ", ".join((*LAYOUTS, LSL, MIDI))
-        + "; FILE.toml: messages of your own; sender:PORT replies",
+        + "; FILE.toml: messages of your own; sender:PORT replies; in place of NAME or HOST:PORT the name that a "
+        "program announces by mDNS",
     )
     parser.add_argument(
         "--joints",
@@ -123,10 +124,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
         "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
     )
     add_shared(parser, "--page")
-    text = (
-        "do not announce the OSC port by mDNS (_osc._udp, _oscjson._tcp) where it listens (needs kinespace[discovery])"
-    )
-    parser.add_argument("--no-announce", dest="announce", action="store_false", help=text)
+    add_shared(parser, "--no-announce")
     parser.add_argument(
         "--ws",
         nargs="?",

@@ -24,11 +24,10 @@ from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.programs.live.endpoints import (
     open_announcer,
-    open_camera,
     open_controls,
     open_ends,
-    open_lsl,
     open_page,
+    open_senders,
     open_websocket,
 )
 from kinespace.tools.programs.live.recognisers import recognisers
@@ -78,8 +77,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
         _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring) if lessons else []
-        camera = open_camera(options, sources)
-        lsl_feed = open_lsl(options, sources)
+        senders = open_senders(options, sources)
         # Last: threads that nothing else ends.
         announcers = open_announcer(options, sources, (lessons or performers).classes)
         opened.pop_all()
@@ -94,11 +92,11 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
             admission=admission,
             control=lessons,
         ) as service,
-        page_process or nullcontext() as page,
-        browser_process or nullcontext(),
-        camera,
-        lsl_feed,
+        ExitStack() as running,
     ):
+        servers: list[Any] = [each for each in (page_process, browser_process) if each]
+        for each in (*servers, *senders):
+            running.enter_context(each)
         if lessons:
             lessons.sinks = service.sinks
         # Before the program says that it runs.
@@ -109,8 +107,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
         listening += ", also for /motion/teach" if lessons and preset else ""
         say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
-        servers: list[Any] = [page, browser_process, *announcers]
-        for server in filter(None, servers):
+        for server in (*servers, *announcers):
             say(f"{server.name}: {server.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()

@@ -18,6 +18,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.tools.announcing.finding import recogniser
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import (
     OSC_IN,
@@ -58,7 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ".kinerec (default: built-in, all its motions)",
     )
     add_reading(parser)
-    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
+    text = f"send OSC there (default: {OSC_IN}; where nobody has this port, the kinespace live that announces itself)"
+    parser.add_argument("--osc", metavar="HOST:PORT", help=text)
     parser.add_argument(
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
@@ -74,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
-    add_shared(parser, "--json")
+    add_shared(parser, "--no-announce", "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -92,7 +94,9 @@ def run(options: argparse.Namespace) -> int:
     places, reading = options.clips, reading_of(options)
     if options.end is not None and options.end <= options.begin:
         raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
-    osc_to = options.osc or (None if options.zmq else OSC_IN)
+    osc_to = options.osc
+    if not (osc_to or options.zmq):
+        osc_to = recogniser(OSC_IN) if options.announce else OSC_IN
     zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
     is_raw = any(place.suffix.lower() == ENDING for place in places)
     if is_raw:

@@ -189,7 +189,9 @@ def test_max_patch_is_whole() -> None:
     assert "udpreceive 7400" in texts
 
 
-@pytest.mark.parametrize("file", ["processing/processing.pde", "Kinespace.cs", "touchdesigner.py"])
+@pytest.mark.parametrize(
+    "file", ["processing/processing.pde", "unity/Runtime/KinespacePerformer.cs", "touchdesigner.py"]
+)
 def test_untested_examples_use_our_messages_and_ports(file: str) -> None:
     """Programs that are not run here name the messages and the ports that kinespace has."""
     text = (EXAMPLES / file).read_text(encoding="utf-8")

@@ -1,0 +1,110 @@
+"""Programs that take OSC, found by the names that they announce by mDNS (`_osc._udp`)."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import closing, suppress
+from typing import NamedTuple
+
+from kinespace.stream.osc import OscReceiver, is_ours
+from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.terminal.console import note
+
+OSC_SERVICE = "_osc._udp.local."
+#: Seconds within which programs answer.
+WITHIN = 1.5
+
+
+class Found(NamedTuple):
+    """A program's name, and where it takes OSC."""
+
+    name: str
+    host: str
+    port: int
+
+    @property
+    def address(self) -> str:
+        """HOST:PORT."""
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.address})"
+
+
+def is_possible() -> bool:
+    """Say whether the package for mDNS is installed."""
+    try:
+        import zeroconf  # noqa: F401, PLC0415 - an extra
+    except ImportError:
+        return False
+    return True
+
+
+def announced(wanted: str = "", within: float = WITHIN) -> list[Found]:
+    """List the programs that announce themselves, sorted; none where mDNS is not possible.
+
+    Parameters
+    ----------
+    wanted
+        The name of a program, in any case: as soon as it is found the search ends.
+    within
+        Seconds.
+    """
+    if not is_possible():
+        return []
+    from zeroconf import InterfaceChoice, ServiceBrowser, Zeroconf  # noqa: PLC0415 - an extra
+
+    found, met = dict[str, Found](), threading.Event()
+
+    def meet(*, zeroconf: Zeroconf, service_type: str, name: str, **_: object) -> None:
+        info, title = zeroconf.get_service_info(service_type, name), name.removesuffix(f".{OSC_SERVICE}")
+        if info and info.port and (addresses := info.parsed_addresses()):
+            found[title] = Found(title, addresses[0], info.port)
+            if title.casefold() == wanted.casefold():
+                met.set()
+
+    # A machine without a network has nobody to find.
+    with suppress(OSError), closing(Zeroconf(InterfaceChoice.All)) as network:
+        ServiceBrowser(network, OSC_SERVICE, handlers=[meet])
+        met.wait(within)
+    return sorted(found.values())
+
+
+def named(name: str, mistake: ValueError) -> Found:
+    """Find the program that announces itself by a name.
+
+    Raises
+    ------
+    ValueError
+        None does: the mistake, with the programs that announce themselves.
+    """
+    seen = announced(name)
+    for each in seen:
+        if each.name.casefold() == name.casefold():
+            return each
+    others = f"; announced now: {', '.join(map(str, seen))}" if seen else ""
+    raise ValueError(f"{mistake}{others}") from mistake
+
+
+def recogniser(usual: str) -> str:
+    """Give the address of the `kinespace live` that is meant where nobody says which: the usual one, or one found.
+
+    Where a program has the usual port, nobody is looked for. This machine's recognisers come before others.
+
+    Raises
+    ------
+    ValueError
+        There are several.
+    """
+    try:
+        OscReceiver(*host_and_port(usual)).close()
+    except OSError:
+        return usual
+    found = [each for each in announced() if each.name.startswith("kinespace ")]
+    found = [each for each in found if is_ours(each.host)] or found
+    if len(found) > 1:
+        raise ValueError(f"--osc: expected one of {', '.join(map(str, found))}, got none")
+    for each in found:
+        note(f"sending to {each}")
+        return each.address
+    return usual

@@ -14,6 +14,7 @@ A motion is trimmed to the part in which the body moves. A motion that repeats i
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
 
@@ -195,9 +196,11 @@ class WholeMotions:
         cut = taught if teachers is motions else _cut(motions, body, basis)
         cut = sorted(cut, key=lambda each: (each.class_name, len(each.points)))
         width = basis.directions.shape[1]
-        numbers = _stacked([_course(each.points) for each in taught], len(_ORDERS) * width)
+        numbers = np.array([_course(each.points) for each in taught]).reshape(-1, len(_ORDERS) * width)
         if len(taught) > 1 and numbers.var(axis=0).sum() > _ALIKE:
-            metric = learned_metric(numbers, _lessons(taught), shrinkage=_SHRINKAGE, kept=_AXES)
+            whose = zip(*((each.class_name, each.actor) for each in taught), strict=True)
+            lessons = Lessons(*(np.unique(each, return_inverse=True)[1] for each in whose))
+            metric = learned_metric(numbers, lessons, shrinkage=_SHRINKAGE, kept=_AXES)
         else:
             origin = np.zeros(numbers.shape[1], dtype=np.float32)
             metric = Metric(origin, np.eye(len(origin), dtype=np.float32) / np.float32(math.sqrt(_USUAL)))
@@ -207,25 +210,18 @@ class WholeMotions:
         classes = tuple(sorted(set(names)))
         starts = np.searchsorted(names, [*classes, "\U0010ffff"])
         seconds = np.log([(len(each.points) - 1) * STEP for each in cut])
-        lengths = _lengths(seconds)
+        lengths = _between(0.75 * math.exp(seconds.min()), 1.3 * math.exp(seconds.max())) if cut else ()
         curves = np.zeros((len(lengths), len(_ORDERS), max(lengths, default=0)), dtype=np.float32)
         for own, count in zip(curves, lengths, strict=True):
             own[:, len(own[0]) - count :] = _cosines(count)
-        swings = [0.5 * math.log(float(each.points.var(axis=0).sum()) + plain.SMALLEST) for each in cut]
-        courses = metric.place(_stacked([_course(each.points) for each in cut], numbers.shape[1]))
-        spreads = _stacked([_spread(each.points.var(axis=0)) for each in cut], width).astype(np.float32)
-        return cls(
-            classes,
-            starts,
-            metric,
-            _laid(courses),
-            _laid(spreads),
-            _laid(np.column_stack([seconds, swings])),
-            lengths,
-            curves,
-            _ranges(seconds, starts, lengths),
-            *_compared(courses, spreads, seconds, cut),
-        )
+        courses = metric.place(np.array([_course(each.points) for each in cut]).reshape(-1, numbers.shape[1]))
+        variances = np.array([each.points.var(axis=0) for each in cut]).reshape(-1, width)
+        logs = np.log(np.sqrt(variances) + NOISE_FLOOR)
+        spreads = (logs - LEVEL_REMOVED * logs.mean(axis=1, keepdims=True)).astype(np.float32)
+        facts = np.column_stack([seconds, 0.5 * np.log(variances.sum(axis=1) + plain.SMALLEST)])
+        laid, ranges = (_laid(courses), _laid(spreads), _laid(facts)), _ranges(seconds, starts, lengths)
+        compared = _compared(courses, spreads, seconds, cut)
+        return cls(classes, starts, metric, *laid, lengths, curves, ranges, *compared)
 
     def limit_at(self, false_alarms: float) -> Numbers:
         """Give the evidence from which each class is done, for false alarms an hour that are accepted, (classes,)."""
@@ -244,8 +240,7 @@ class WholeMotions:
     def by_distance(self, most: float) -> Self:
         """Judge by the nearest course alone, at most so far (squared) whatever is promised: to compare."""
         weights, limits = Weights(*np.zeros(6))._replace(course=-1.0), (-math.log(most + _NEAREST_COURSE),) * 4
-        changed = replace(self, weights=weights, raised=np.zeros(len(self.classes)), limits=limits)
-        return replace(changed, support=Support(0.0, 0.0))
+        return replace(self, weights=weights, raised=0.0 * self.raised, limits=limits, support=Support(0.0, 0.0))
 
     def judging(self, points: Numbers, sizes: Numbers) -> tuple[Call, Numbers]:
         """Bind the comparison of windows to the memory of the points that will come.
@@ -293,14 +288,14 @@ class _Cut(NamedTuple):
 
 def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
     """Cut motions into courses: trimmed, or in rounds; without those too short or of one posture."""
-    pieces = list[_Cut]()
+    pieces, of_class = list[_Cut](), defaultdict[str, list[int]](list)
     shown = [(clip, points_of(clip, body, basis)) for clip in motions if has_course(clip)]
     rounds = [_round_of(points) if clip.class_name != NOTHING else 0 for clip, points in shown]
-    usual = {
-        name: int(np.median(own))
-        for name in {clip.class_name for clip, _ in shown}
-        if (own := _repeating([each for (clip, _), each in zip(shown, rounds, strict=True) if clip.class_name == name]))
-    }
+    for (clip, _), count in zip(shown, rounds, strict=True):
+        of_class[clip.class_name].append(count)
+    # Classes of which most motions repeat themselves.
+    repeating = {name: own for name, own in of_class.items() if 2 * np.count_nonzero(own) >= len(own)}
+    usual = {name: int(np.median([count for count in own if count])) for name, own in repeating.items()}
     for place, ((clip, points), count) in enumerate(zip(shown, rounds, strict=True)):
         often = count or usual.get(clip.class_name, 0)
         if clip.class_name == NOTHING:
@@ -314,25 +309,17 @@ def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
     return pieces
 
 
-def _repeating(rounds: Sequence[int]) -> list[int]:
-    """Give the rounds of a class whose motions repeat themselves, most of them; else nothing."""
-    found = [each for each in rounds if each]
-    return found if 2 * len(found) >= len(rounds) else []
-
-
 def _round_of(points: Numbers) -> int:
     """Find after how many points a motion repeats itself; 0 for a motion that does not."""
     lag = 2
     moving = np.hstack([points[lag:], 3.0 * (points[lag:] - points[:-lag])])
     moving /= math.sqrt(moving.var(axis=0).sum()) or 1.0
     first, last = round(_MIN_ROUND / STEP), int(len(points) / _ROUNDS)
-    squares = np.array(
-        [np.square(moving[each:] - moving[:-each]).sum(axis=1).mean() / 2 for each in range(first, last + 1)]
-    )
-    for place in range(1, len(squares) - 1):
-        if squares[place] < _SAME and squares[place] <= min(squares[place - 1], squares[place + 1]):
-            return first + place
-    return 0
+    away = [moving[each:] - moving[:-each] for each in range(first, last + 1)]
+    squares = np.array([np.square(each).sum(axis=1).mean() / 2 for each in away])
+    inner = squares[1:-1]
+    least = np.flatnonzero((inner < _SAME) & (inner <= np.minimum(squares[:-2], squares[2:])))
+    return first + 1 + least.item(0) if len(least) else 0
 
 
 def _trimmed(points: Numbers) -> Numbers:
@@ -351,15 +338,9 @@ def _everywhere(points: Numbers) -> list[Numbers]:
     ]
 
 
-def _lengths(seconds: Numbers) -> tuple[int, ...]:
-    """Choose the points of the windows that are compared with motions of these lengths (logarithms of seconds)."""
-    if not len(seconds):
-        return ()
-    return _between(max(SHORTEST, 0.75 * math.exp(seconds.min())), 1.3 * math.exp(seconds.max()))
-
-
 def _between(shortest: float, longest: float) -> tuple[int, ...]:
     """Give the points of windows from one length to another, seconds, each longer than the one before."""
+    shortest = max(SHORTEST, shortest)
     count = math.floor(math.log(longest / shortest) / math.log(_LONGER)) + 1
     return tuple(sorted({round(shortest * _LONGER**each / STEP) + 1 for each in range(count)}))
 
@@ -406,12 +387,10 @@ def _evidence(away: Numbers, apart: Numbers) -> Numbers:
 
 def _ranges(seconds: Numbers, starts: NDArray[np.intp], lengths: Sequence[int]) -> NDArray[np.intp]:
     """Say which motions of each class are about as long as windows; logarithms of seconds, ascending in each class."""
-    ranges = np.empty((len(lengths), len(starts) - 1, 2), dtype=np.intp)
+    ranges, most = np.empty((len(lengths), len(starts) - 1, 2), dtype=np.intp), math.log(_MAX_SPEED)
     for length, place in np.ndindex(*ranges.shape[:2]):
-        usual = math.log((lengths[length] - 1) * STEP)
-        between = usual - math.log(_MAX_SPEED), usual + math.log(_MAX_SPEED)
-        some = seconds[starts[place] : starts[place + 1]]
-        ranges[length, place] = starts[place] + np.searchsorted(some, between)
+        usual, some = math.log((lengths[length] - 1) * STEP), seconds[starts[place] : starts[place + 1]]
+        ranges[length, place] = starts[place] + np.searchsorted(some, (usual - most, usual + most))
     return ranges
 
 
@@ -427,21 +406,3 @@ def _course(points: NDArray[np.floating]) -> Numbers:
     numbers = (_cosines(len(points)) @ points).ravel()
     numbers /= max(float(np.linalg.norm(numbers)), plain.TINY)
     return numbers
-
-
-def _stacked(rows: Sequence[NDArray[np.floating]], width: int) -> Numbers:
-    return np.array(rows, dtype=np.float64).reshape(len(rows), width)
-
-
-def _spread(variances: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Give the spreads of variances (..., directions)."""
-    logs = np.log(np.sqrt(variances) + NOISE_FLOOR)
-    logs -= LEVEL_REMOVED * logs.mean(axis=-1, keepdims=True)
-    spreads: NDArray[np.float32] = logs.astype(np.float32)
-    return spreads
-
-
-def _lessons(cut: Sequence[_Cut]) -> Lessons:
-    _, classes = np.unique([each.class_name for each in cut], return_inverse=True)
-    _, people = np.unique([each.actor for each in cut], return_inverse=True)
-    return Lessons(classes, people)

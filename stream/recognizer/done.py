@@ -1,15 +1,16 @@
 """Motions that were really done: windows that end now against whole motions of the library.
 
 Five times a second the body's last points are compared, by windows of several lengths, with every whole motion
-(`library.windows.whole_motions`). A class that the recogniser guessed, or named, meanwhile gains evidence: its windows
-are shorter than most motions and see other things in them. The most evident class and length wait for a moment: when
-nothing more evident follows, the motion was done. The next motion may begin where this one ended.
+(`library.windows.whole_motions`). The most evident class and length gain evidence where the recogniser guessed, or
+named, the class meanwhile: its windows are shorter than most motions and see other things in them. They wait for a
+moment: when nothing more evident follows, the motion was done. The next motion may begin where this one ended.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections import defaultdict, deque
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 _LOOKS_EVERY = 3
 #: Seconds for which a motion waits for one that is more evident.
 _WAITS = 0.2
-#: The share of a motion that may overlap with the motion before.
-_OVERLAPS = 0.35
+#: The share of a motion that may overlap with the motion before: with more, one round is counted twice.
+_OVERLAPS = 0.15
 #: The share of a motion, at its beginning, whose guesses do not count: the recogniser's windows hold the motion before.
 _UNSURE = 0.3
 #: Tolerance, as a share of a step, because times are rounded.
@@ -76,16 +77,14 @@ class DoneFollower:
         if self._longest:
             self._judge, self._judgements = whole.judging(self._points, self._sizes)
         self._seconds = [(count - 1) * STEP for count in whole.lengths]
-        # The looks that count in each window; what each class gains by each look, the newest first.
-        self._counting = np.ceil((np.array(whole.lengths) - 1) * (1 - _UNSURE) / _LOOKS_EVERY).astype(int)
-        self._gains = np.zeros((self._counting.max(initial=0), len(whole.classes)))
         self._waiting: Found | None = None
         self.clear()
 
     def clear(self) -> None:
         """Forget the body's past; a motion that waits is said when the body is seen again."""
         self._count, self.time, self._over = 0, math.nan, -math.inf
-        self._looks, self._guess, self._is_named = 0, "", False
+        # What the latest looks guessed, and the evidence that it gains.
+        self._guesses = deque[tuple[str, float]](maxlen=max(self._longest, 1))
 
     def is_due(self, time: float) -> bool:
         """Whether a look is due at a time, seconds."""
@@ -93,7 +92,8 @@ class DoneFollower:
 
     def guessed(self, class_name: str, *, is_named: bool) -> None:
         """Take in the recogniser's guess, and whether it is known, for the positions that come next."""
-        self._guess, self._is_named = class_name, is_named
+        guessed, named = self._whole.support
+        self._guesses.append((class_name, guessed + named * is_named))
 
     def push_all(self, times: NDArray[np.float64], points: NDArray[np.float64], size_of: Sizes) -> Found | None:
         """Take in the body's positions.
@@ -133,13 +133,12 @@ class DoneFollower:
 
     def _extend(self, points: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
         """Keep some more points."""
-        end = self._count + len(points)
-        if end > len(self._points):
+        if self._count + len(points) > len(self._points):
             for kept in (self._points, self._sizes):
                 kept[: self._longest] = kept[self._count - self._longest : self._count]
-            self._count, end = self._longest, self._longest + len(points)
-        self._points[self._count : end], self._sizes[self._count : end] = points, sizes
-        self._count = end
+            self._count = self._longest
+        some = slice(self._count, self._count + len(points))
+        self._points[some], self._sizes[some], self._count = points, sizes, some.stop
 
     def _look(self) -> Found | None:
         """Compare the windows that end now."""
@@ -148,32 +147,31 @@ class DoneFollower:
             # The body is seen again after a gap, or the sender's clock began again.
             return self._said()
         self._judge(self._count)
-        waiting, support = self._waiting, self._support()
+        waiting = self._waiting
+        least = waiting.above if waiting else 0.0
         # A window must lie behind the motion before.
         free = bisect_right(self._seconds, (now - self._over) / (1 - _OVERLAPS) + _ROUNDING)
-        above = self._judgements[0, :free] + support[:free] - self._limit
-        length, place = divmod(int(above.argmax()) if free else 0, len(self._whole.classes))
-        if free and above.item(length, place) > (waiting.above if waiting else 0.0):
-            begin, judged = now - self._seconds[length], self._whole.judged(self._judgements, length, place)
-            waiting = Found(self._whole.classes[place], begin, now, judged, above.item(length, place))
+        without = self._judgements[0, :free] - self._limit
+        length, place = divmod(int(without.argmax()) if free else 0, len(self._limit))
+        # Guesses are counted only where they may decide.
+        if free and without.item(length, place) > least - sum(self._whole.support):
+            name = self._whole.classes[place]
+            above = without.item(length, place) + self._support(name, length)
+            if above > least:
+                judged = self._whole.judged(self._judgements, length, place)
+                waiting = Found(name, now - self._seconds[length], now, judged, above)
         self._waiting = waiting
         return self._said() if waiting and now - waiting.end >= _WAITS - _ROUNDING else None
 
-    def _support(self) -> NDArray[np.float64]:
-        """Give what each class gains in each window by the guesses in it, shape (lengths, classes)."""
-        gains, classes = self._gains, self._whole.classes
-        gains[1:] = gains[:-1]
-        gains[0] = 0.0
-        if self._guess in classes:
-            guessed, named = self._whole.support
-            gains[0, classes.index(self._guess)] = guessed + named * self._is_named
-        self._looks += 1
-        counting = np.minimum(self._counting, self._looks)
-        support: NDArray[np.float64] = gains.cumsum(axis=0)[counting - 1] / counting[:, None]
-        if NOTHING in classes:
-            # The recogniser never guesses it: it takes the place of any class.
-            support[:, classes.index(NOTHING)] = support.max(axis=1)
-        return support
+    def _support(self, class_name: str, length: int) -> float:
+        """Give what a class gains by the guesses in a window, the mean over its looks."""
+        looks = math.ceil((self._whole.lengths[length] - 1) * (1 - _UNSURE) / _LOOKS_EVERY)
+        counting, gains = list(self._guesses)[-looks:], defaultdict[str, float](float)
+        for guess, gain in counting:
+            gains[guess] += gain
+        # The recogniser never guesses `nothing`: it takes the place of any class.
+        gained = max(gains.values(), default=0.0) if class_name == NOTHING else gains[class_name]
+        return gained / max(len(counting), 1)
 
     def _said(self) -> Found | None:
         """Give the motion that waits, unless it is like an example of nothing."""

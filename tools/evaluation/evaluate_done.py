@@ -100,29 +100,21 @@ def run(options: argparse.Namespace) -> int:
     print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
     for each in scores if len(scores) > 1 else ():
         found = each["takes_found"] if each["found"] is None else each["found"]
-        console.print(
-            f"{each['name']:>14} {'█' * round(_WIDTH * (found or 0)):<{_WIDTH}} {each['false_per_hour']:6.1f}/h"
-        )
+        bar = "█" * round(_WIDTH * (found or 0))
+        console.print(f"{each['name']:>14} {bar:<{_WIDTH}} {each['false_per_hour']:6.1f}/h")
     return 0
 
 
 def done_take(asked: Asked, settings: Settings, judge: Judge | None = None) -> DoneTake:
     """Play a take, and each of its known motions to its half; `judge` says motions, by default as live."""
-    take, judge = asked.take, judge or _done
-    index = opened(asked.library)
-    known = set(asked.library.classes)
-    whole = DoneTake(take, known, judge(take, index, settings))
+    take, judge, index = asked.take, judge or _done, opened(asked.library)
+    whole, broken = DoneTake(take, set(asked.library.classes), judge(take, index, settings)), list[bool]()
     # Half of several rounds holds whole ones.
-    often = {segment for segment, own in zip(whole.segments, whole.shared()[0], strict=True) if len(own) > 1}
-    motions = zip(take.segments, take.motions() if take.is_known else (), strict=False)
-    halves = [
-        Take(motion.moved_to(motion.positions[: max(motion.frames // 2, 2)]), (segment,))
-        for segment, motion in motions
-        if segment.label in known and segment not in often
-    ]
-    broken = [
-        any(each.class_name == half.segments[0].label for each in judge(half, index, settings)) for half in halves
-    ]
+    once = [segment for segment, said in whole.shared()[0] if len(said) <= 1]
+    for segment, motion in zip(take.segments, take.motions() if take.is_known else (), strict=False):
+        if segment in once:
+            half = Take(motion.moved_to(motion.positions[: max(motion.frames // 2, 2)]), (segment,))
+            broken.append(any(each.class_name == segment.label for each in judge(half, index, settings)))
     return replace(whole, broken=broken)
 
 
@@ -149,8 +141,6 @@ def _answers(take: Take, index: WindowIndex, settings: Settings) -> Iterator[tup
     """Push a take through a recogniser of its own, with some stillness behind it."""
     feed = harness.Feed.of(take.clip, index.library.skeleton, take.delivered)
     stands = np.arange(1, round(_STANDS * take.clip.frame_rate) + 1) / take.clip.frame_rate
-    feed = feed._replace(
-        times=np.concatenate([feed.times, feed.times[-1] + stands]),
-        positions=np.concatenate([feed.positions, np.repeat(feed.positions[-1:], len(stands), axis=0)]),
-    )
+    positions = np.pad(feed.positions, ((0, len(stands)), (0, 0), (0, 0)), mode="edge")
+    feed = feed._replace(times=np.append(feed.times, feed.times[-1] + stands), positions=positions)
     return ((time, answer) for time, answer in harness.pushed(Recognizer(index, settings), feed) if answer)

@@ -120,20 +120,23 @@ def support_of(class_name: str, window: int, guesses: Guesses) -> float:
 def by_definition(
     index: WindowIndex, points: np.ndarray, limits: np.ndarray, guesses: Guesses
 ) -> list[tuple[str, float, float]]:
-    """Judge every class by every window at every second step, and let the most evident wait for a fifth of a second."""
+    """Judge every class by every window at every second step; the most evident gains support, and waits a moment."""
     whole, found, waiting, over = index.whole, [], None, -math.inf
     judge, judgements = whole.judging(points, np.ones(len(points)))
     for step in range(2, len(points) + 1, 2):
         now = (step - 1) * STEP
         judge(step)
+        free = []
         for (length, count), place in itertools.product(enumerate(whole.lengths), range(len(whole.classes))):
             begin = now - (count - 1) * STEP
-            if begin < over - 0.35 * (now - begin) or judgements[0, length, place] == -math.inf:
-                continue
-            judged = whole.judged(judgements, length, place)
-            above = judged.evidence + support_of(whole.classes[place], count, guesses[: step // 2]) - limits[place]
+            if begin >= over - 0.15 * (now - begin) and judgements[0, length, place] > -math.inf:
+                above = whole.judged(judgements, length, place).evidence - limits[place]
+                free.append((above, whole.classes[place], begin, count))
+        if free:
+            above, name, begin, count = max(free)
+            above += support_of(name, count, guesses[: step // 2])
             if above > (waiting[3] if waiting else 0.0):
-                waiting = whole.classes[place], begin, now, above
+                waiting = name, begin, now, above
         if waiting and now - waiting[2] > 0.19:
             found.append(waiting[:3])
             over, waiting = waiting[2], None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -59,16 +59,13 @@ class DoneTake:
         """The segments of known motions."""
         return [each for each in self.take.segments if each.label in self.known]
 
-    def shared(self) -> tuple[list[list[Said]], list[Said]]:
-        """Give what was said of each segment, and what was false; a contained motion without a segment is neither."""
-        segments, false = self.segments, list[Said]()
-        of_segments: list[list[Said]] = [[] for _ in segments]
+    def shared(self) -> tuple[list[tuple[Segment, list[Said]]], list[Said]]:
+        """Give each segment with what was said of it, and what was false."""
+        of_segments, false = [(each, list[Said]()) for each in self.segments], list[Said]()
         for said in self.said:
-            place = next((at for at, each in enumerate(segments) if _belongs(said, each)), None)
-            if place is not None:
-                of_segments[place].append(said)
-            elif said.class_name not in self.take.contains:
-                false.append(said)
+            own = (of_segment for each, of_segment in of_segments if _belongs(said, each))
+            # A contained motion without a segment is neither right nor false.
+            next(own, [] if said.class_name in self.take.contains else false).append(said)
         return of_segments, false
 
 
@@ -90,21 +87,15 @@ def score_done(takes: Sequence[DoneTake]) -> dict[str, object]:
     `broken_done`, share of the motions broken off at half that were said. None where there is nothing to take a share
     of. `segments` and `takes` say what they rest on.
     """
-    shared = [each.shared() for each in takes]
-    found = [bool(said) for of_segments, _ in shared for said in of_segments]
-    delays = [
-        said[-1].at - segment.end
-        for each, (of_segments, _) in zip(takes, shared, strict=True)
-        for segment, said in zip(each.segments, of_segments, strict=True)
-        if said
-    ]
+    performed = [each for take in takes for each in take.shared()[0]]
+    delays = [said[-1].at - segment.end for segment, said in performed if said]
     containing = [each for each in takes if each.take.contains and not each.segments]
     in_takes = [any(said.class_name in each.take.contains for said in each.said) for each in containing]
     counted = [right for each in takes if (right := _counted_right(each)) is not None]
-    false, hours = sum(len(each) for _, each in shared), sum(each.take.clip.duration for each in takes) / 3600
+    false, hours = sum(len(take.shared()[1]) for take in takes), sum(each.take.clip.duration for each in takes) / 3600
     broken = [each for take in takes for each in take.broken]
     return {
-        "found": _share(found),
+        "found": _share([bool(said) for _, said in performed]),
         "takes_found": _share(in_takes),
         "counted_right": _share(counted),
         "false_per_hour": false / hours if hours else None,
@@ -113,21 +104,19 @@ def score_done(takes: Sequence[DoneTake]) -> dict[str, object]:
         "unknown_hours": sum(_unknown_seconds(each) for each in takes) / 3600,
         "delay_s": float(np.median(delays)) if delays else None,
         "broken_done": _share(broken),
-        "segments": len(found),
+        "segments": len(performed),
         "takes": len(containing),
     }
 
 
 def by_class(takes: Sequence[DoneTake]) -> dict[str, dict[str, float]]:
     """Give of each class the segments, how many of them were found, and how often it was said falsely."""
-    rows = defaultdict[str, Counter[str]](Counter)
-    for each in takes:
-        of_segments, false = each.shared()
-        for segment, said in zip(each.segments, of_segments, strict=True):
-            rows[segment.label].update(segments=1, found=bool(said))
-        for one in false:
-            rows[one.class_name].update(false=1)
-    return {name: {key: float(rows[name][key]) for key in ("segments", "found", "false")} for name in sorted(rows)}
+    performed = [each for take in takes for each in take.shared()[0]]
+    segments = Counter(each.label for each, _ in performed)
+    found = Counter(each.label for each, said in performed if said)
+    false = Counter(each.class_name for take in takes for each in take.shared()[1])
+    counts = {"segments": segments, "found": found, "false": false}
+    return {name: {key: float(each[name]) for key, each in counts.items()} for name in sorted(segments | false)}
 
 
 def _counted_right(each: DoneTake) -> bool | None:
@@ -139,11 +128,8 @@ def _counted_right(each: DoneTake) -> bool | None:
 
 def _unknown_seconds(each: DoneTake) -> float:
     """Give the seconds in which nothing known happens."""
-    if each.take.contains:
-        return 0.0
-    if each.take.labels:
-        return max(each.take.clip.duration - sum(one.duration for one in each.segments), 0.0)
-    return each.take.clip.duration if any(one.label == NOTHING for one in each.take.segments) else 0.0
+    known = sum(one.duration for one in each.segments if one.label != NOTHING)
+    return max(each.take.clip.duration - known, 0.0) if each.take.segments and not each.take.contains else 0.0
 
 
 def _share(right: Sequence[bool]) -> float | None:

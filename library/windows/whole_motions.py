@@ -109,10 +109,9 @@ _SHARE, _USUAL_EVIDENCE, _MAX_RAISED, _LEAST = 0.95, -2.5, (-1.0, 2.0), -9.0
 
 def has_course(clip: Clip) -> bool:
     """Say whether a motion has a course: it is long enough, and more than one posture."""
-    if clip.duration < SHORTEST:
-        return False
     rows = distance_rows(clip.positions[:: max(clip.frames // _SHOWN, 1)], clip.skeleton)
-    return bool(rows.var(axis=0).sum() >= _MIN_MOVEMENT**2 * np.square(rows.mean(axis=0)).sum())
+    moves = rows.var(axis=0).sum() >= _MIN_MOVEMENT**2 * np.square(rows.mean(axis=0)).sum()
+    return bool(clip.duration >= SHORTEST and moves)
 
 
 def without_course(motions: Sequence[Clip]) -> list[str]:
@@ -211,17 +210,15 @@ class WholeMotions:
         starts = np.searchsorted(names, [*classes, "\U0010ffff"])
         seconds = np.log([(len(each.points) - 1) * STEP for each in cut])
         lengths = _between(0.75 * math.exp(seconds.min()), 1.3 * math.exp(seconds.max())) if cut else ()
-        curves = np.zeros((len(lengths), len(_ORDERS), max(lengths, default=0)), dtype=np.float32)
-        for own, count in zip(curves, lengths, strict=True):
-            own[:, len(own[0]) - count :] = _cosines(count)
+        behind = [np.pad(_cosines(count), ((0, 0), (lengths[-1] - count, 0))) for count in lengths]
+        curves = np.array(behind, dtype=np.float32).reshape(len(lengths), len(_ORDERS), max(lengths, default=0))
         courses = metric.place(np.array([_course(each.points) for each in cut]).reshape(-1, numbers.shape[1]))
         variances = np.array([each.points.var(axis=0) for each in cut]).reshape(-1, width)
         logs = np.log(np.sqrt(variances) + NOISE_FLOOR)
         spreads = (logs - LEVEL_REMOVED * logs.mean(axis=1, keepdims=True)).astype(np.float32)
         facts = np.column_stack([seconds, 0.5 * np.log(variances.sum(axis=1) + plain.SMALLEST)])
         laid, ranges = (_laid(courses), _laid(spreads), _laid(facts)), _ranges(seconds, starts, lengths)
-        compared = _compared(courses, spreads, seconds, cut)
-        return cls(classes, starts, metric, *laid, lengths, curves, ranges, *compared)
+        return cls(classes, starts, metric, *laid, lengths, curves, ranges, *_compared(courses, spreads, seconds, cut))
 
     def limit_at(self, false_alarms: float) -> Numbers:
         """Give the evidence from which each class is done, for false alarms an hour that are accepted, (classes,)."""

@@ -89,13 +89,12 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         harness.print_json({**last, "classes": classes, "persons": persons, "promises": scores})
         return 0
-    low, high = last["false_interval"]
     print_scores(
         [*scores, *({"name": name, **each} for name, each in persons.items())],
         _COLUMNS,
         title=f"{last['segments']} motions, {last['takes']} takes with a motion; "
         f"{last['hours'] * 60:.1f} minutes, {last['unknown_hours'] * 60:.1f} unknown",
-        caption=f"false an hour, 95 %: {low:.1f} to {high:.1f}",
+        caption="false an hour, 95 %: {:.1f} to {:.1f}".format(*last["false_interval"]),
     )
     print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
     for each in scores if len(scores) > 1 else ():
@@ -120,8 +119,8 @@ def done_take(asked: Asked, settings: Settings, judge: Judge | None = None) -> D
 
 def _done(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
     """Give the motions that are said to be done."""
-    found = [(time, each.done) for time, each in _answers(take, index, settings) if each.done]
-    return [Said(done.label, done.start, done.end, time) for time, done in found]
+    answers = _answers(take, index, settings)
+    return [Said(done.label, done.start, done.end, time) for time, each in answers if (done := each.done)]
 
 
 def starts(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:

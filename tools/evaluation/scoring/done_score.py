@@ -93,7 +93,6 @@ def score_done(takes: Sequence[DoneTake]) -> dict[str, object]:
     in_takes = [any(said.class_name in each.take.contains for said in each.said) for each in containing]
     counted = [right for each in takes if (right := _counted_right(each)) is not None]
     false, hours = sum(len(take.shared()[1]) for take in takes), sum(each.take.clip.duration for each in takes) / 3600
-    broken = [each for take in takes for each in take.broken]
     return {
         "found": _share([bool(said) for _, said in performed]),
         "takes_found": _share(in_takes),
@@ -103,7 +102,7 @@ def score_done(takes: Sequence[DoneTake]) -> dict[str, object]:
         "hours": hours,
         "unknown_hours": sum(_unknown_seconds(each) for each in takes) / 3600,
         "delay_s": float(np.median(delays)) if delays else None,
-        "broken_done": _share(broken),
+        "broken_done": _share([each for take in takes for each in take.broken]),
         "segments": len(performed),
         "takes": len(containing),
     }

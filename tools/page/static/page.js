@@ -10,7 +10,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true, tunes: {}, sounded: "", theme: null };
+  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true, tunes: {}, sounded: "" };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;

@@ -94,9 +94,6 @@ def run(options: argparse.Namespace) -> int:
     places, reading = options.clips, reading_of(options)
     if options.end is not None and options.end <= options.begin:
         raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
-    osc_to = options.osc
-    if not (osc_to or options.zmq):
-        osc_to = recogniser(OSC_IN) if options.announce else OSC_IN
     zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
     is_raw = any(place.suffix.lower() == ENDING for place in places)
     if is_raw:
@@ -107,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as opened:
         keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
         if is_raw:
-            return packets.replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
+            return packets.replay(places[0], _senders(opened, _osc_to(options), zmq_to, keyring), options)
         recordings = recordings_in(places, reading)
         pieces = pieces_of(recordings, reading, options)
         with progress_console.status("Reading"):
@@ -117,6 +114,7 @@ def run(options: argparse.Namespace) -> int:
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
+        osc_to = _osc_to(options)
         sender = [*_senders(opened, osc_to, zmq_to, keyring).values()][-1]
         exchange = Exchange(sender, listener, announcement, zmq_to.address if zmq_to else osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
@@ -127,6 +125,13 @@ def run(options: argparse.Namespace) -> int:
             exchange.play(progress(played, "Sending", None))
         in_vain = exchange.reached_nobody
     return 1 if in_vain or (listener and not exchange.answered) else 0
+
+
+def _osc_to(options: argparse.Namespace) -> str | None:
+    """Give the address that OSC goes to; looked for once all else is right."""
+    if options.osc or options.zmq:
+        return options.osc
+    return recogniser(OSC_IN) if options.announce else OSC_IN
 
 
 def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:

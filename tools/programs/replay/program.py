@@ -129,8 +129,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _osc_to(options: argparse.Namespace) -> str | None:
     """Give the address that OSC goes to; looked for once all else is right."""
-    if options.osc or options.zmq:
-        return options.osc
+    given: str | None = options.osc
+    if given or options.zmq:
+        return given
     return recogniser(OSC_IN) if options.announce else OSC_IN
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import threading
+import time
 from contextlib import closing, suppress
+from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 from kinespace.stream.osc import OscReceiver, is_ours
@@ -54,19 +55,21 @@ def announced(wanted: str = "", within: float = WITHIN) -> list[Found]:
         return []
     from zeroconf import InterfaceChoice, ServiceBrowser, Zeroconf  # noqa: PLC0415 - an extra
 
-    found, met = dict[str, Found](), threading.Event()
+    found, names, until = dict[str, Found](), SimpleQueue[str](), time.monotonic() + within
 
-    def meet(*, zeroconf: Zeroconf, service_type: str, name: str, **_: object) -> None:
-        info, title = zeroconf.get_service_info(service_type, name), name.removesuffix(f".{OSC_SERVICE}")
-        if info and info.port and (addresses := info.parsed_addresses()):
-            found[title] = Found(title, addresses[0], info.port)
-            if title.casefold() == wanted.casefold():
-                met.set()
+    # It asks nothing itself: its thread may still be at work when the network is closed.
+    def meet(*, name: str, **_: object) -> None:
+        names.put(name)
 
     # A machine without a network has nobody to find.
-    with suppress(OSError), closing(Zeroconf(InterfaceChoice.All)) as network:
+    with suppress(OSError, Empty), closing(Zeroconf(InterfaceChoice.All)) as network:
         ServiceBrowser(network, OSC_SERVICE, handlers=[meet])
-        met.wait(within)
+        while wanted.casefold() not in map(str.casefold, found):
+            name = names.get(timeout=max(until - time.monotonic(), 0.0))
+            info = network.get_service_info(OSC_SERVICE, name, timeout=round(1000 * within))
+            title = name.removesuffix(f".{OSC_SERVICE}")
+            if info and info.port and (addresses := info.parsed_addresses()):
+                found[title] = Found(title, addresses[0], info.port)
     return sorted(found.values())
 
 

@@ -21,7 +21,7 @@
 #endif
 
 /* As in `kernels/__init__.py`. */
-#define VERSION 7
+#define VERSION 8
 /* Frames measured side by side. */
 #define TOGETHER 4
 /* Sizes for which the stack has room; larger ones are left to numpy. */

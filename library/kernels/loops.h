@@ -823,16 +823,16 @@ HELPER float KIND(least)(const float *restrict numbers, Py_ssize_t begin, Py_ssi
 /* Compare a live window with all windows of a library. groups (groups, 4): axes, eigenvectors or 0, where its vector and its
  * windows begin; windows; lengths (groups, windows of all lanes); weights (views, groups); block_starts (blocks + 1): where
  * each person's windows in each class start; class_starts (classes + 1): where each class's blocks start; vectors; products
- * (views, windows of all lanes), to work on; logs (views, classes); n: groups, halves, windows of all lanes, views, blocks +
- * 1, classes + 1, numbers of all vectors, classes; x: the least squared distance, and whether negative |inner products| are
- * weighed in place of log distances. */
+ * (views, windows of all lanes), to work on; logs (views, classes); named (classes), the least of the first views; n: groups,
+ * halves, windows of all lanes, views, blocks + 1, classes + 1, numbers of all vectors, classes; x: the least squared distance,
+ * whether negative |inner products| are weighed in place of log distances, and how many views name. */
 KERNEL(compare) {
     const Py_ssize_t *restrict groups = array[0], *restrict block_starts = array[4], *restrict class_starts = array[5];
     const float *restrict weights = array[3], nearest = (float)x[0];
     const int by_products = x[1] != 0.0;
     const double *restrict live = array[6];
     float *restrict products = array[7];
-    double *restrict logs = array[8];
+    double *restrict logs = array[8], *restrict named = array[9];
     const Py_ssize_t count = n[0], every = n[2], views = n[3], classes = n[7];
     float vectors[MAX_PARTS][MAX_AXES], squares[MAX_PARTS] = {0.0F};
     KIND(Group) group[MAX_PARTS];
@@ -895,7 +895,9 @@ KERNEL(compare) {
                 second = larger < second ? larger : second;
                 first = least < first ? least : first;
             }
-            logs[v * classes + c] = ((double)first + (double)(end - begin < 2 ? first : second)) / 2.0;
+            const double agreed = ((double)first + (double)(end - begin < 2 ? first : second)) / 2.0;
+            logs[v * classes + c] = agreed;
+            named[c] = v == 0 || ((double)v < x[2] && agreed < named[c]) ? agreed : named[c];
         }
     }
     return 0.0;

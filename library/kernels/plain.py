@@ -281,8 +281,10 @@ def compare(  # noqa: PLR0913, PLR0917 - a kernel's arguments
     vectors: Numbers,
     products: Floats,  # noqa: ARG001 - only the compiled kernel needs room
     logs: Numbers,
+    named: Numbers,
     nearest: float,
     by_products: float,
+    naming: float,
 ) -> Call:
     """Compare a live window with all windows of a library: log distances of each class, by each row of weights."""
     weigh = weighing(groups, windows, lengths[:, : blocks[-1]], weights, vectors, nearest, by_products=by_products > 0)
@@ -290,6 +292,7 @@ def compare(  # noqa: PLR0913, PLR0917 - a kernel's arguments
 
     def call() -> float:
         logs[:] = agreed(weigh())
+        named[:] = logs[: int(naming)].min(axis=0)
         return 0.0
 
     return call

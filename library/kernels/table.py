@@ -131,8 +131,8 @@ KERNELS = {
     "place": Kernel.of("numbers:n origin:n.f axes:na.e vector:k!"),
     "compare": Kernel.of(
         "groups:g4.i windows:h.e lengths:gl.f weights:vg.f blocks:b.i<=l classes:c.i<b vectors:n products:vl.f! "
-        "logs:vk!",
-        "nearest by_products",
+        "logs:vk! named:k!",
+        "nearest by_products naming",
     ),
     "scores": Kernel.of("windows:adw.f products:p.f! starts:c.i<=p eigenvector:d scores:k!"),
     "follow_phase": Kernel.of(

@@ -189,15 +189,13 @@ class Comparer:
                 self._steps.append(partial(np.concatenate, [placed[part] for part in group], out=joined))
                 self._steps.append(bind("place", joined, *laid.metrics[group], of_groups[group]))
         products = np.zeros((len(laid.weights), room), dtype=np.float32)
-        how = weighing.nearest, weighing.by_products
-        self._steps.append(bind("compare", *laid[:6], vectors, products, self.logs, *how))
+        how = weighing.nearest, weighing.by_products, len(weighing.views)
+        self._steps.append(bind("compare", *laid[:6], vectors, products, self.logs, self.named, *how))
         leading = self.eigenvectors[0]
         if weighing.by_products:
             self._steps.append(lambda: np.copyto(self.named, weighing.named(self.logs)))
             self._steps.append(partial(np.negative, self.logs[0], out=self.scores))
         else:
-            # As `Weighing.named`, which takes a call more.
-            self._steps.append(partial(np.minimum.reduce, self.logs[: len(weighing.views)], out=self.named))
             self._steps.append(bind("scores", laid.eigenvectors, products[0], laid.starts, leading, self.scores))
 
     def _placing(

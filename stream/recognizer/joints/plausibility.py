@@ -213,10 +213,11 @@ class Plausibility:
             return 1.0
         first, second = self._body.lengths(np.stack([before, after]))
         ratios = np.divide(first, second, out=np.ones_like(first), where=second > 0)
-        factor = float(np.median(ratios))
-        alike = np.quantile(np.abs(ratios / factor - 1), 0.75) < _ALIKE if factor > 0 else False
-        changed = factor > 0 and not 1 / _MIN_UNIT_CHANGE < factor < _MIN_UNIT_CHANGE
-        return factor if alike and changed else 1.0
+        factor = _middle(ratios)
+        if factor <= 0 or 1 / _MIN_UNIT_CHANGE < factor < _MIN_UNIT_CHANGE:
+            return 1.0
+        alike = np.count_nonzero(np.abs(ratios / factor - 1) < _ALIKE)
+        return factor if alike > 0.75 * len(ratios) else 1.0
 
     # --- spans ---
 

@@ -194,8 +194,10 @@ def _compare(generator: Generator) -> Case:
         "vectors": generator.normal(size=begin) / 5,
         "products": _zeros(views, lanes * LANE, kind=np.float32),
         "logs": _zeros(views, len(classes) - 1),
+        "named": _zeros(len(classes) - 1),
     }
-    return Case(arrays, (0.0 if by_products else 0.01, float(by_products)), tolerance=1e-3, own=("products",))
+    constants = 0.0 if by_products else 0.01, float(by_products), float(generator.integers(1, views + 1))
+    return Case(arrays, constants, tolerance=1e-3, own=("products",))
 
 
 def _scores(generator: Generator) -> Case:
@@ -381,7 +383,7 @@ def test_numbers_that_are_none_are_noticed(arithmetic: str) -> None:
         given = kernels.bind(name, *case.arrays.values(), *case.constants)()
         assert given == pytest.approx(failed, nan_ok=True), arithmetic
     case = _case("compare", 1)
-    case.constants = (0.01, 0.0)
+    case.constants = (0.01, 0.0, 1.0)
     usual = _logs(case)
     for strange in (np.nan, np.inf):
         case.arrays["vectors"][:] = strange

@@ -66,7 +66,7 @@ class Clip:
     """
 
     skeleton: Skeleton
-    positions: NDArray[np.float64] = field(repr=False)
+    positions: NDArray[np.floating] = field(repr=False)
     frame_rate: float
     name: str = ""
     class_name: str = ""
@@ -109,7 +109,7 @@ class Clip:
         """Time of each frame from the clip's start, shape (frames,), seconds."""
         return np.arange(self.frames) / self.frame_rate
 
-    def moved_to(self, positions: NDArray[np.float64]) -> Clip:
+    def moved_to(self, positions: NDArray[np.floating]) -> Clip:
         """Give the same clip with other positions, shape (frames, joints, 3), metres."""
         return replace(self, positions=positions)
 

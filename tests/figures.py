@@ -7,7 +7,7 @@ After a change that is meant to move them:
 
 writes what came out in place of the old values. A figure of another name, its tolerance (less than a listener would
 notice, more than another processor's rounding moves it) and its direction are written into the file by hand. Names of
-evaluations measure only those (`FIGURES="noise --update"`). The takes are found as the tests find them: in
+evaluations measure only those (`FIGURES="teach --update"`). The takes are found as the tests find them: in
 `shared/data` beside the repository, or where KINESPACE_DATA says. Look at the difference before you commit it: it is
 the change's price.
 """
@@ -33,7 +33,7 @@ _OWN_TAKES = tuple(f"{{data}}/cmu/13_{number}.amc" for number in (29, 30, 31))
 _OTHERS_TAKES = (*_OWN_TAKES, "{data}/cmu/86_01.amc")
 _NAMES = ("--map", "Squat=squat1Reps", "ArmCircle=rotateArmsBothBackward1Reps", "Jog=jogLeftCircle4StepsRstart")
 
-# Some of the persons, and in "noise" and "progress" some of the motions: all of them take minutes longer, and a change
+# Some of the persons, and in "progress" some of the motions: all of them take minutes longer, and a change
 # that makes recognition worse shows in these as well.
 _SOME_STRANGERS = ("02", "03", "05", "09", "35")
 _SOME_PERSONS = tuple(
@@ -43,7 +43,7 @@ _SOME_PERSONS = tuple(
 
 #: The evaluations that the tests measure: one of each kind.
 QUICK = (
-    *("own_takes", "builtin", "noise", "faults", "teach", "discover", "progress", "done"),
+    *("own_takes", "builtin", "faults", "teach", "discover", "progress", "done"),
     "retrieval_spread_split",
 )
 
@@ -67,7 +67,6 @@ RUNS: Mapping[str, tuple[str, ...]] = {
         *("stream", "{data}/camera", "--actor-in", "name"),
         *("--map", "squat=squat1Reps", "run=jogLeftCircle4StepsRstart"),
     ),
-    "noise": ("noise", "--noise", "0", "20", "--groups", "3", "--every", "4"),
     "faults": ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
     "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
     "discover": ("discover", *_OWN_TAKES[:2]),
@@ -104,8 +103,8 @@ Figures = dict[str, dict[str, Figure]]
 def measured(arguments: Sequence[str], names: Iterable[str], data: Path | None) -> dict[str, float]:
     """Run one evaluation as a person would, on the recordings of a folder; give the figures that there are.
 
-    A figure's name says where it stands in the JSON object: `mean.nearest` is "nearest" in "mean", `noise.0.x` is "x"
-    in the first of "noise".
+    A figure's name says where it stands in the JSON object: `mean.nearest` is "nearest" in "mean", `faults.0.x` is "x"
+    in the first of "faults".
     """
     from kinespace.tools.cli.main import main  # noqa: PLC0415 - as a script this file first has to find the project
 

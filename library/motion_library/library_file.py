@@ -103,9 +103,9 @@ class _Kind(msgspec.Struct):
     version: object = None
 
 
-def rounded(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round positions of any shape, metres, to the whole millimetres of a file."""
-    return np.rint(positions * _MILLIMETRES) / _MILLIMETRES
+def rounded(positions: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Round positions of any shape, metres, to the whole millimetres of a file, which single numbers hold."""
+    return (np.rint(positions * np.float64(_MILLIMETRES)) / _MILLIMETRES).astype(np.float32)
 
 
 # --- writing -----------------------------------------------------------------------------------------------------
@@ -305,12 +305,12 @@ def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
 
 def _decoded(
     steps: NDArray[np.signedinteger], starts: NDArray[np.int32], frames: Sequence[int]
-) -> Iterator[NDArray[np.float64]]:
+) -> Iterator[NDArray[np.float32]]:
     """Give each motion's positions, shape (frames, joints, 3), metres, read-only."""
     along = np.cumsum(steps, axis=2, dtype=steps.dtype)
     np.cumsum(along, axis=2, dtype=steps.dtype, out=along)
     _require_near(starts, along)
-    positions = np.ascontiguousarray(along.transpose(2, 0, 1)).astype(np.float64)
+    positions = np.ascontiguousarray(along.transpose(2, 0, 1)).astype(np.float32)
     # Motion by motion, while its numbers are in the processor's cache.
     for start, end, count in zip(starts, np.cumsum(frames), frames, strict=True):
         motion = positions[end - count : end]

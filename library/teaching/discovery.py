@@ -272,7 +272,7 @@ def _steadied(take: Clip) -> Clip:
     return take.moved_to(_averaged(rows, over).reshape(take.positions.shape))
 
 
-def _averaged(vectors: NDArray[np.float64], over: int) -> NDArray[np.float64]:
+def _averaged(vectors: NDArray[np.floating], over: int) -> NDArray[np.float64]:
     """Average each row with those around it."""
     over = min(over, len(vectors))
     padded = np.pad(vectors, ((over // 2, over - 1 - over // 2), (0, 0)), "edge")

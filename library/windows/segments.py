@@ -130,9 +130,8 @@ class Segments:
         return float((built + np.maximum(stretch - self.stretches, 0.0)).min())
 
 
-def _lengths(positions: NDArray[np.float64], ends: NDArray[np.intp]) -> NDArray[np.float64]:
-    along = positions[:, ends[:, 0]]
-    along = along - positions[:, ends[:, 1]]
+def _lengths(positions: NDArray[np.floating], ends: NDArray[np.intp]) -> NDArray[np.float64]:
+    along = np.subtract(positions[:, ends[:, 0]], positions[:, ends[:, 1]], dtype=np.float64)
     lengths: NDArray[np.float64] = np.sqrt(np.einsum("fsc,fsc->fs", along, along))
     return lengths
 
@@ -152,7 +151,7 @@ def _by_person(
     return builds, varying.sum(axis=1) / max(varying.shape[1], 1)
 
 
-def shares_of_size(positions: NDArray[np.float64], segments: NDArray[np.intp]) -> NDArray[np.float64]:
+def shares_of_size(positions: NDArray[np.floating], segments: NDArray[np.intp]) -> NDArray[np.float64]:
     """Compare the mean length of the segments with the root mean square of the distances between all joints.
 
     Parameters
@@ -167,7 +166,7 @@ def shares_of_size(positions: NDArray[np.float64], segments: NDArray[np.intp]) -
     For each frame the share, shape (frames,): some .2 to .4 for a body, some .9 for joints in another order, and 0 for
     joints that are all in one place.
     """
-    own = positions - positions.mean(axis=1, keepdims=True)
+    own = positions - positions.mean(axis=1, keepdims=True, dtype=np.float64)
     # The mean square of all distances is twice the variance of the positions, by n / (n - 1).
     squares = np.einsum("fjc,fjc->f", own, own) * (2 / (positions.shape[1] - 1))
     shares: NDArray[np.float64] = _lengths(positions, segments).mean(axis=1) / np.sqrt(

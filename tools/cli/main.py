@@ -52,7 +52,6 @@ _MAX_SAID = 280
 EXPERIMENTS: Programs = {
     "retrieval": ("evaluation.evaluate_retrieval", "the paper's experiment: nearest neighbours in three spaces"),
     "stream": ("evaluation.evaluate_stream", "play takes through the live recogniser"),
-    "noise": ("evaluation.evaluate_noise", "play motions with noise, each left out of its library"),
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
     "discover": ("evaluation.evaluate_discover", "find motions in takes with their labels hidden"),

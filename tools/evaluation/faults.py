@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,7 @@ _FAR = 3.0
 _EVERY = 12
 
 
-def _posed(change: Callable[[NDArray[np.float64], Feed], object]) -> Fault:
+def _posed(change: Callable[[NDArray[Any], Feed], object]) -> Fault:
     """Make a fault of a function that changes the positions, (frames, joints, 3), of a feed in their place."""
 
     def fault(feed: Feed, _: np.random.Generator) -> Feed:

@@ -36,7 +36,7 @@ class Feed(NamedTuple):
     """Frames of a take: times (frames,), seconds, and positions (frames, joints, 3), metres, of a skeleton."""
 
     times: NDArray[np.float64]
-    positions: NDArray[np.float64]
+    positions: NDArray[np.floating]
     skeleton: Skeleton
 
     @classmethod

@@ -30,7 +30,6 @@ RUNS = {
     "stream": ("stream {takes} --protocol leave-one-take-out", "known motions: 9 s, 6 segments, persons not known"),
     "stream by person": ("stream {takes} --protocol one-person --actor-in name", "By person (one-person)"),
     "stream itself": ("stream --protocol leave-one-person-out", "By person (leave-one-person-out)"),
-    "noise": ("noise --noise 0 30 --groups 3", "18 motions, 3 persons; left out in 3 groups; 95 % in brackets"),
     "faults": (
         "faults {takes} --protocol leave-one-take-out --fault none,half the frames dropped",
         "10 s, 7 segments, persons not known; last second inside the segment",
@@ -59,8 +58,6 @@ REFUSED = {
     "faults": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
     "done": "expected takes with --protocol library, got none",
-    "noise --groups 1": "--groups: expected 2 to 18, the motions there are, got 1",
-    "noise --groups 19": "--groups: expected 2 to 18, the motions there are, got 19",
     "stream {takes} --protocol leave-one-take-out --confirmed 1": "--confirmed: expected --protocol library, got leave",
     "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
     "discover {clips}": "joints: expected at least 5 of the library's",

@@ -145,7 +145,7 @@ def _rows(clip: Clip, space: Space) -> NDArray[np.float64]:
     if space is Space.DISTANCES:
         return distance_rows(clip.positions, clip.skeleton)
     if space is Space.POSITIONS:
-        return clip.positions.reshape(clip.frames, -1)
+        return clip.positions.reshape(clip.frames, -1).astype(np.float64)
     if not clip.rotations.shape[1]:
         raise ValueError(f"space: clip {clip.name!r} has no rotations")
     return clip.rotations

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import naive_score
 import numpy as np
 import pytest
 from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed
@@ -55,38 +51,6 @@ def test_answers_counted_by_hand() -> None:
     found = shares([counts, silent], {"right": ("right", "answers"), "last": ("last_right", "takes")})
     assert [each.value() for each in found.values()] == [0.2, 0.0]
     assert shares([silent], {"right": ("right", "answers")})["right"].value() is None
-
-
-@pytest.mark.slow
-def test_noise_equals_a_replay_by_hand(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each motion, at 30 frames a second and with its own noise, is answered by a library without its group."""
-    builtin = MotionLibrary.builtin()
-    names = ("grabHighR", "jogLeftCircle4StepsRstart", "squat1Reps")
-    motions = [
-        each for name in names for each in [each for each in builtin.motions if each.class_name == name][::6][:2]
-    ]
-    few = replace(builtin, motions=tuple(motions))
-    monkeypatch.setattr(MotionLibrary, "builtin", lambda: few)
-    assert main(["evaluate", "noise", "--noise", "15", "--groups", "3", "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    guessed, last = list[list[bool]](), list[bool]()
-    for index, motion in enumerate(motions):
-        recognizer = Recognizer(few.without(motions=motions[index % 3 :: 3]))
-        noise = np.random.default_rng([0, index]).standard_normal(motion.positions[::2].shape)
-        frames = enumerate(motion.positions[::2] + 0.015 * noise)
-        answers = [each for place, body in frames if (each := recognizer.push(Frame("p", place / 30, body)))]
-        guessed.append([each.guess_index >= 0 and each.classes[each.best] == motion.class_name for each in answers])
-        last.append(answers[-1].class_name == motion.class_name)
-    (score,) = printed["noise"]
-    assert (printed["groups"], score["noise_mm"], score["clips"]) == (3, 15, 6)
-    assert score["answers_guessed"] == pytest.approx(np.concatenate(guessed).mean())
-    assert score["clips_right"] == pytest.approx(np.mean(last))
-    drawn = [
-        sum(count * sum(each) for count, each in zip(counts, guessed, strict=True))
-        / sum(count * len(each) for count, each in zip(counts, guessed, strict=True))
-        for counts in naive_score.drawn_again(6, 2012)
-    ]
-    assert score["intervals"]["answers_guessed"] == pytest.approx(naive_score.middle(drawn))
 
 
 def _played(fault: str) -> tuple[Feed, Feed]:

@@ -449,9 +449,7 @@ def teacher_of(library: MotionLibrary) -> MotionLibrary:
     A library teaches itself when three or more of its persons share classes. Otherwise the built-in library teaches, if
     it has all joints; if it lacks some, the library teaches itself as well as it can.
     """
-    performed = {(clip.class_name, clip.actor) for clip in library.motions if clip.actor}
-    people = {actor for _, actor in performed}
-    if len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed}):
+    if teaches_itself(library):
         return library
     builtin = MotionLibrary.builtin()
     if set(library.skeleton.joints) <= set(builtin.skeleton.joints):
@@ -462,6 +460,13 @@ def teacher_of(library: MotionLibrary) -> MotionLibrary:
         # Guests teach nothing.
         return replace(taught, skeleton=skeleton, motions=motions, guests=())
     return library
+
+
+def teaches_itself(library: MotionLibrary) -> bool:
+    """Whether so many persons of a library share classes that its metrics are learned from them."""
+    performed = {(clip.class_name, clip.actor) for clip in library.motions if clip.actor}
+    people = {actor for _, actor in performed}
+    return len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed})
 
 
 def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:

@@ -147,11 +147,11 @@ class Teacher:
                 return []
 
     def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice | Changed]:
-        """Report the check of an example that is in the library now."""
+        """Report the check of an example that was opened with the library, or was undone before."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
-            return []
+            return [_refused(performer, "undone before it was checked")]
         words = check.words if check else "good"
         taught = Taught(
             example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, would_have_started

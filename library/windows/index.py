@@ -472,7 +472,7 @@ def teaches_itself(library: MotionLibrary) -> bool:
 def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
     """Learn the basis from a library's motions."""
     by_class = groupby(library.motions, key=lambda clip: clip.class_name)
-    rows = ((_thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
+    rows = ((thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
     measured = ((distance_rows(clip.positions, clip.skeleton) for clip in clips) for clips in rows)
     return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
 
@@ -533,7 +533,7 @@ class Measured(NamedTuple):
         ValueError
             No motion is long enough for a window.
         """
-        clips = [_thinned(clip, _MEASURED_AT) for clip in library.motions]
+        clips = [thinned(clip, _MEASURED_AT) for clip in library.motions]
         ends = [window_ends(clip, every, first) for clip in clips]
         motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
         if not len(motions):
@@ -565,7 +565,8 @@ class Measured(NamedTuple):
         return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
 
 
-def _thinned(clip: Clip, frame_rate: float) -> Clip:
+def thinned(clip: Clip, frame_rate: float) -> Clip:
+    """Give a clip with every so many frames alone, that it has about so many a second."""
     step = max(1, round(clip.frame_rate / frame_rate))
     return replace(clip, positions=clip.positions[::step], frame_rate=clip.frame_rate / step)
 

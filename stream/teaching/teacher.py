@@ -182,10 +182,9 @@ class Teacher:
         performer = self._present(asked.performer, now)
         if performer is None:
             return [_refused(asked.performer, "no such performer is there")]
-        if len(self.roster.examples) >= MAX_EXAMPLES:
-            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         if isinstance(asked, commands.Last):
-            return self._take_last(asked, performer)
+            end = self._memories[performer].newest - asked.ago
+            return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
         if self.lesson:
             return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
         if isinstance(asked, commands.Hold):
@@ -193,10 +192,6 @@ class Teacher:
             return [State(performer, Step.RECORDING)]
         self.lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
-
-    def _take_last(self, asked: commands.Last, performer: str) -> list[Notice | Changed]:
-        end = self._memories[performer].newest - asked.ago
-        return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
 
     def _take(self, performer: str, class_name: str, whole: Stretch) -> list[Notice | Changed]:
         """Take the movement in a remembered span as an example."""
@@ -214,8 +209,6 @@ class Teacher:
         motion = self.named.meant(performer, self._memories[performer].newest) if performer else None
         if performer is None or motion is None:
             return [_refused(asked, "no motion was named")]
-        if len(self.roster.examples) >= MAX_EXAMPLES:
-            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         if motion.number in {each.number for each in self.roster.examples}:
             return [_refused(performer, f"{motion.class_name} was judged already: undo it first")]
         motion.judgement = is_right
@@ -253,6 +246,8 @@ class Teacher:
     def _add(
         self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch
     ) -> list[Notice | Changed]:
+        if len(self.roster.examples) >= MAX_EXAMPLES:
+            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         number, self._number = self._number, self._number + 1
         recording = replace(clip, actor=performer)
         example = Example(number, class_name, recording, kept.start, kept.end)

@@ -133,13 +133,17 @@ class Teacher:
                 return self._moved(self._before, self._undone, "nothing to undo")
             case commands.Redo():
                 return self._moved(self._undone, self._before, "nothing to redo")
+            case commands.Forget(""):
+                return self._change(Roster((), self.roster.disabled), "all forgotten")
+            case commands.Rename(name, _) | commands.Forget(name) if name not in self.roster.classes:
+                return [_unknown(name)]
             case commands.Rename(old, new):
-                return self._renamed(old, new)
+                return self._change(self.roster.renamed(old, new), f"{old} is {new}")
             case commands.Forget(name):
-                return self._forgotten(name)
+                return self._change(self.roster.without_class(name), f"{name} forgotten")
+            case commands.Enable(name, _) if name not in (*self._base, *self.roster.classes):
+                return [_unknown(name)]
             case commands.Enable(name, on):
-                if name not in (*self._base, *self.roster.classes):
-                    return [_unknown(name)]
                 return self._change(self.roster.enabled(name, on=on), f"{name} {'on' if on else 'off'}")
             case commands.Trim(on):
                 return self._trimmed(on=on)
@@ -173,10 +177,7 @@ class Teacher:
 
     def take(self, clip: Clip, class_name: str) -> list[Notice | Changed]:
         """Take a motion of a recording, over the skeleton's joints, as an example; it is trimmed."""
-        kept = moved_at_all(clip)
-        if kept is None:
-            return [_refused("", f"{clip.name}: expected {MIN_SECONDS:g} s or more of movement")]
-        return self._add(clip.actor, class_name, clip, Stretch(0.0, clip.duration), kept)
+        return self._add(clip.actor, class_name, clip, Stretch(0.0, clip.duration))
 
     def _begin(self, asked: commands.Teach | commands.Last | commands.Hold, now: float) -> list[Notice | Changed]:
         performer = self._present(asked.performer, now)
@@ -198,10 +199,7 @@ class Teacher:
         clip = self._memories[performer].between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{whole.duration:g} s have not been seen")]
-        kept = moved_at_all(clip)
-        if kept is None:
-            return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
-        return self._add(performer, class_name, clip, whole, kept)
+        return self._add(performer, class_name, clip, whole)
 
     def _judged(self, asked: str, now: float, *, is_right: bool) -> list[Notice | Changed]:
         """Take the last named motion as an example of its class, or of `nothing`; once, until that is undone."""
@@ -244,8 +242,13 @@ class Teacher:
         return notices if self.lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
 
     def _add(
-        self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch
+        self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch | None = None
     ) -> list[Notice | Changed]:
+        """Add an example; all its movement is kept where nobody says which part."""
+        kept = kept or moved_at_all(clip)
+        if kept is None:
+            whose = f"{clip.name}: " if clip.name else ""
+            return [_refused(performer, f"{whose}expected {MIN_SECONDS:g} s or more of movement")]
         if len(self.roster.examples) >= MAX_EXAMPLES:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         number, self._number = self._number, self._number + 1
@@ -274,18 +277,6 @@ class Teacher:
             return [_refused("", "nobody is being taught")]
         performer, self.lesson = self.lesson.performer, None
         return [State(performer, Step.DONE, 0.0, "cancelled")]
-
-    def _renamed(self, old: str, new: str) -> list[Notice | Changed]:
-        if old not in self.roster.classes:
-            return [_unknown(old)]
-        return self._change(self.roster.renamed(old, new), f"{old} is {new}")
-
-    def _forgotten(self, name: str) -> list[Notice | Changed]:
-        if not name:
-            return self._change(Roster((), self.roster.disabled), "all forgotten")
-        if name not in self.roster.classes:
-            return [_unknown(name)]
-        return self._change(self.roster.without_class(name), f"{name} forgotten")
 
     def _trimmed(self, *, on: bool) -> list[Notice | Changed]:
         if not self.roster.examples:

@@ -7,7 +7,7 @@ in JSON: `{"do": "teach", "performer": "ann", "class": "wave"}`.
 from __future__ import annotations
 
 import json
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, astuple, fields
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
@@ -102,8 +102,7 @@ def encode(notice: Notice) -> bytes:
     """Give a notice as an OSC message."""
     if isinstance(notice, State):
         return encode_message(f"{TEACH}/state", notice.performer, str(notice.step), notice.seconds, notice.reason)
-    described = notice.class_name, notice.examples, notice.seconds, notice.words, notice.would_have_started
-    return encode_message(f"{TEACH}/taught", *described)
+    return encode_message(f"{TEACH}/taught", *astuple(notice))
 
 
 def as_json(notice: Notice) -> dict[str, object]:

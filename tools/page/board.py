@@ -333,12 +333,9 @@ class Board:
             if newer:
                 shown[field_name] = newer
         shown["motions"] = list(self._motions(seen))
-        shown["guesses"] = [
-            (name, *guess[1:]) for name, each in self._performers.items() for guess in each.guesses if guess[0] > seen
-        ]
-        shown["done"] = [
-            (name, *done[1:]) for name, each in self._performers.items() for done in each.done if done[0] > seen
-        ]
+        for field_name in ("guesses", "done"):
+            by_name = {name: getattr(each, field_name) for name, each in self._performers.items()}
+            shown[field_name] = [(name, *each[1:]) for name, own in by_name.items() for each in own if each[0] > seen]
         shown["notices"] = [notice for number, notice in self._notices if number > seen]
         bodies = {name: each.body.shown for name, each in self._performers.items() if each.body.number > seen}
         shown["bodies"] = [(name, joints) for name, (joints, _) in bodies.items()]

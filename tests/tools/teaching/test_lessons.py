@@ -252,6 +252,13 @@ def test_an_example_that_cannot_be_compared_takes_no_other_with_it() -> None:
     assert [each.number for each in teacher.roster.examples] == [11, 12, 14]
 
 
+def test_an_example_that_is_undone_at_once_is_told(stage: Stage) -> None:
+    """Its lesson ends, although nothing is left to check."""
+    _teach(stage, 10, "my squat", "squat1Reps")
+    stage.command(commands.Undo())
+    stage.until(lambda heard: State("ann", Step.REFUSED, 0.0, "undone before it was checked") in heard.notices)
+
+
 def test_saving_is_told_when_the_file_is_written(stage: Stage, tmp_path: Path) -> None:
     """The answer to `save` says that it goes on; a state tells that the file is there."""
     _teach(stage, 10, "my squat", "squat1Reps")

@@ -136,8 +136,8 @@ def named(folder: Path, names: Mapping[str, str], *, rest_nothing: bool) -> tupl
         last = max(pieces.classes, key=int)
         raise ValueError(f"--name: expected numbers of groups, 1 to {last}, got {strange[0]!r}")
     rest = [number for number in pieces.classes if number not in names]
-    library = pieces.renamed(dict(names) | (dict.fromkeys(rest, NOTHING) if rest_nothing else {}))
-    library = library if rest_nothing or not rest else library.without(classes=rest)
+    pieces = pieces if rest_nothing or not rest else pieces.without(classes=rest)
+    library = pieces.renamed({**dict.fromkeys(rest if rest_nothing else (), NOTHING), **names})
     library.save(folder / NAMED)
     with (folder / TABLE).open(newline="", encoding="utf-8") as file:
         return library, _write_labels(folder / LABELS, csv.DictReader(file), names)

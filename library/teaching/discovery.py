@@ -21,7 +21,7 @@ from kinespace.library.signature.parts import PARTS, Kind, Part
 from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.comparison import NEAREST, WITHIN_LABORATORY
 from kinespace.library.windows.cutting import CutWindows
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.index import WindowIndex, thinned
 from kinespace.library.windows.metric import squared_distances
 
 if TYPE_CHECKING:
@@ -112,9 +112,9 @@ class Pieces:
     def add(self, take: Clip) -> int:
         """Cut the next take; give the number of its pieces. Of the take nothing but the pieces is kept."""
         before = len(self.pieces)
-        thin = _thinned(take, _MEASURED_AT)
+        thin = thinned(take, _MEASURED_AT)
         known = _steadied(thin.restricted_to(self._skeleton.joints).as_of(self._skeleton))
-        for stretch in moved_in(_thinned(known, _MOVED_AT)):
+        for stretch in moved_in(thinned(known, _MOVED_AT)):
             for start, end in self._cut(known, stretch):
                 first, last = round(start * thin.frame_rate), round(end * thin.frame_rate)
                 clip = replace(thin, positions=thin.positions[first:last].astype(np.float32), gaps=(), filled=0)
@@ -208,12 +208,7 @@ def log_distances(vectors: Sequence[NDArray[np.float32]], others: Sequence[NDArr
     return logs
 
 
-def alike_of(*, several: bool) -> float:
-    """Give the log distance up to which two pieces are alike: where several persons perform, more."""
-    return ALIKE_SEVERAL if several else ALIKE
-
-
-def grouped(vectors: Sequence[NDArray[np.float32]], alike: float = ALIKE) -> NDArray[np.intp]:
+def grouped(vectors: Sequence[NDArray[np.float32]], alike: float) -> NDArray[np.intp]:
     """Group pieces; all of a group are alike, as far as they are compared each with each.
 
     Parameters
@@ -225,7 +220,7 @@ def grouped(vectors: Sequence[NDArray[np.float32]], alike: float = ALIKE) -> NDA
 
     Returns
     -------
-    The group of each piece, shape (pieces,), counted from 1; the largest first.
+    The group of each piece, shape (pieces,), above 0.
     """
     from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - slow to load, and a live feed needs it not
     from scipy.spatial.distance import squareform  # noqa: PLC0415 - as above
@@ -247,9 +242,7 @@ def grouped(vectors: Sequence[NDArray[np.float32]], alike: float = ALIKE) -> NDA
         own = near.min(axis=1) <= alike
         labels[further[own]] = labels[compared[near[own].argmin(axis=1)]]
     labels[labels == 0] = labels.max() + 1 + np.arange(int((labels == 0).sum()))
-    names, sizes = np.unique(labels, return_counts=True)
-    ranks = {name: rank for rank, name in enumerate(names[np.argsort(-sizes, kind="stable")].tolist(), start=1)}
-    return np.array([ranks[label] for label in labels.tolist()], dtype=np.intp)
+    return labels
 
 
 def middle(vectors: Sequence[NDArray[np.float32]], members: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -257,11 +250,6 @@ def middle(vectors: Sequence[NDArray[np.float32]], members: NDArray[np.intp]) ->
     some = [each[members] for each in vectors]
     order: NDArray[np.intp] = members[log_distances(some, some).sum(axis=1).argsort(kind="stable")]
     return order
-
-
-def _thinned(take: Clip, frame_rate: float) -> Clip:
-    step = max(1, round(take.frame_rate / frame_rate))
-    return replace(take, positions=take.positions[::step], frame_rate=take.frame_rate / step)
 
 
 def _steadied(take: Clip) -> Clip:
@@ -274,8 +262,7 @@ def _steadied(take: Clip) -> Clip:
 
 def _averaged(vectors: NDArray[np.floating], over: int) -> NDArray[np.float64]:
     """Average each row with those around it."""
-    over = min(over, len(vectors))
-    padded = np.pad(vectors, ((over // 2, over - 1 - over // 2), (0, 0)), "edge")
-    sums = np.vstack([np.zeros(padded.shape[1]), np.cumsum(padded, axis=0)])
-    averaged: NDArray[np.float64] = (sums[over:] - sums[:-over]) / over
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - as in `grouped`
+
+    averaged: NDArray[np.float64] = uniform_filter1d(vectors, min(over, len(vectors)), axis=0, mode="nearest")
     return averaged

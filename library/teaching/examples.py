@@ -137,13 +137,8 @@ class Roster:
     @classmethod
     def of_library(cls, library: MotionLibrary) -> Roster:
         """Take a library's motions as examples, in the order of their takes' numbers if these are numbers."""
-        numbered = sorted(enumerate(library.motions), key=lambda each: (_number(each[1]), each[0]))
-        return cls(
-            tuple(
-                Example(number, motion.class_name, motion, 0.0, motion.duration)
-                for number, (_, motion) in enumerate(numbered, start=1)
-            )
-        )
+        numbered = enumerate(sorted(library.motions, key=_number), start=1)
+        return cls(tuple(Example(number, each.class_name, each, 0.0, each.duration) for number, each in numbered))
 
 
 def _number(motion: Clip) -> float:

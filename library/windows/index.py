@@ -449,9 +449,7 @@ def teacher_of(library: MotionLibrary) -> MotionLibrary:
     A library teaches itself when three or more of its persons share classes. Otherwise the built-in library teaches, if
     it has all joints; if it lacks some, the library teaches itself as well as it can.
     """
-    performed = {(clip.class_name, clip.actor) for clip in library.motions if clip.actor}
-    people = {actor for _, actor in performed}
-    if len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed}):
+    if teaches_itself(library):
         return library
     builtin = MotionLibrary.builtin()
     if set(library.skeleton.joints) <= set(builtin.skeleton.joints):
@@ -464,10 +462,17 @@ def teacher_of(library: MotionLibrary) -> MotionLibrary:
     return library
 
 
+def teaches_itself(library: MotionLibrary) -> bool:
+    """Whether so many persons of a library share classes that its metrics are learned from them."""
+    performed = {(clip.class_name, clip.actor) for clip in library.motions if clip.actor}
+    people = {actor for _, actor in performed}
+    return len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed})
+
+
 def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
     """Learn the basis from a library's motions."""
     by_class = groupby(library.motions, key=lambda clip: clip.class_name)
-    rows = ((_thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
+    rows = ((thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
     measured = ((distance_rows(clip.positions, clip.skeleton) for clip in clips) for clips in rows)
     return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
 
@@ -528,7 +533,7 @@ class Measured(NamedTuple):
         ValueError
             No motion is long enough for a window.
         """
-        clips = [_thinned(clip, _MEASURED_AT) for clip in library.motions]
+        clips = [thinned(clip, _MEASURED_AT) for clip in library.motions]
         ends = [window_ends(clip, every, first) for clip in clips]
         motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
         if not len(motions):
@@ -560,7 +565,8 @@ class Measured(NamedTuple):
         return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
 
 
-def _thinned(clip: Clip, frame_rate: float) -> Clip:
+def thinned(clip: Clip, frame_rate: float) -> Clip:
+    """Give a clip with every so many frames alone, that it has about so many a second."""
     step = max(1, round(clip.frame_rate / frame_rate))
     return replace(clip, positions=clip.positions[::step], frame_rate=clip.frame_rate / step)
 

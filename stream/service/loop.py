@@ -162,8 +162,8 @@ class Service:
         self._held: dict[str, Recognition] = {}
         #: The motions whose starts were published: performer and class.
         self._begun: set[tuple[str, str]] = set()
-        #: How often each performer has done a motion: performer and class.
-        self._done = Counter[tuple[str, str]]()
+        #: How often each performer has done a motion: performer and index of the class, which a renamed class keeps.
+        self._done = Counter[tuple[str, int]]()
         #: When the loop last looked at its sources.
         self._looked = clock()
         self._stale = 0
@@ -314,8 +314,8 @@ class Service:
 
     def _publish_done(self, done: Done) -> None:
         """Count a motion that was done, and publish it."""
-        self._done[done.performer, done.label] += 1
-        counted = replace(done, count=self._done[done.performer, done.label])
+        self._done[done.performer, done.index] += 1
+        counted = replace(done, count=self._done[done.performer, done.index])
         for sink in self.sinks:
             sink.publish_done(counted)
 

@@ -230,25 +230,10 @@ class List:
     """Change nothing; the reply has the classes and settings, as every reply does."""
 
 
-Command = (
-    Teach
-    | Last
-    | Hold
-    | Right
-    | Wrong
-    | From
-    | Rename
-    | Forget
-    | Enable
-    | Trim
-    | Stop
-    | Cancel
-    | Undo
-    | Redo
-    | Save
-    | Sensitivity
-    | List
-)
+#: What gives an example, and what changes or ends something.
+_Showing = Teach | Last | Hold | Right | Wrong | From
+_Changing = Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | List
+Command = _Showing | _Changing
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -133,13 +133,17 @@ class Teacher:
                 return self._moved(self._before, self._undone, "nothing to undo")
             case commands.Redo():
                 return self._moved(self._undone, self._before, "nothing to redo")
+            case commands.Forget(""):
+                return self._change(Roster((), self.roster.disabled), "all forgotten")
+            case commands.Rename(name, _) | commands.Forget(name) if name not in self.roster.classes:
+                return [_unknown(name)]
             case commands.Rename(old, new):
-                return self._renamed(old, new)
+                return self._change(self.roster.renamed(old, new), f"{old} is {new}")
             case commands.Forget(name):
-                return self._forgotten(name)
+                return self._change(self.roster.without_class(name), f"{name} forgotten")
+            case commands.Enable(name, _) if name not in (*self._base, *self.roster.classes):
+                return [_unknown(name)]
             case commands.Enable(name, on):
-                if name not in (*self._base, *self.roster.classes):
-                    return [_unknown(name)]
                 return self._change(self.roster.enabled(name, on=on), f"{name} {'on' if on else 'off'}")
             case commands.Trim(on):
                 return self._trimmed(on=on)
@@ -147,11 +151,11 @@ class Teacher:
                 return []
 
     def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice | Changed]:
-        """Report the check of an example that is in the library now."""
+        """Report the check of an example that was opened with the library, or was undone before."""
         performer, _ = self._checking.pop(number, ("", 0.0))
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
-            return []
+            return [_refused(performer, "undone before it was checked")]
         words = check.words if check else "good"
         taught = Taught(
             example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, would_have_started
@@ -173,19 +177,15 @@ class Teacher:
 
     def take(self, clip: Clip, class_name: str) -> list[Notice | Changed]:
         """Take a motion of a recording, over the skeleton's joints, as an example; it is trimmed."""
-        kept = moved_at_all(clip)
-        if kept is None:
-            return [_refused("", f"{clip.name}: expected {MIN_SECONDS:g} s or more of movement")]
-        return self._add(clip.actor, class_name, clip, Stretch(0.0, clip.duration), kept)
+        return self._add(clip.actor, class_name, clip, Stretch(0.0, clip.duration))
 
     def _begin(self, asked: commands.Teach | commands.Last | commands.Hold, now: float) -> list[Notice | Changed]:
         performer = self._present(asked.performer, now)
         if performer is None:
             return [_refused(asked.performer, "no such performer is there")]
-        if len(self.roster.examples) >= MAX_EXAMPLES:
-            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         if isinstance(asked, commands.Last):
-            return self._take_last(asked, performer)
+            end = self._memories[performer].newest - asked.ago
+            return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
         if self.lesson:
             return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
         if isinstance(asked, commands.Hold):
@@ -194,19 +194,12 @@ class Teacher:
         self.lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
 
-    def _take_last(self, asked: commands.Last, performer: str) -> list[Notice | Changed]:
-        end = self._memories[performer].newest - asked.ago
-        return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
-
     def _take(self, performer: str, class_name: str, whole: Stretch) -> list[Notice | Changed]:
         """Take the movement in a remembered span as an example."""
         clip = self._memories[performer].between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{whole.duration:g} s have not been seen")]
-        kept = moved_at_all(clip)
-        if kept is None:
-            return [_refused(performer, f"expected {MIN_SECONDS:g} s or more of movement")]
-        return self._add(performer, class_name, clip, whole, kept)
+        return self._add(performer, class_name, clip, whole)
 
     def _judged(self, asked: str, now: float, *, is_right: bool) -> list[Notice | Changed]:
         """Take the last named motion as an example of its class, or of `nothing`; once, until that is undone."""
@@ -214,8 +207,6 @@ class Teacher:
         motion = self.named.meant(performer, self._memories[performer].newest) if performer else None
         if performer is None or motion is None:
             return [_refused(asked, "no motion was named")]
-        if len(self.roster.examples) >= MAX_EXAMPLES:
-            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         if motion.number in {each.number for each in self.roster.examples}:
             return [_refused(performer, f"{motion.class_name} was judged already: undo it first")]
         motion.judgement = is_right
@@ -251,8 +242,15 @@ class Teacher:
         return notices if self.lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
 
     def _add(
-        self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch
+        self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch | None = None
     ) -> list[Notice | Changed]:
+        """Add an example; all its movement is kept where nobody says which part."""
+        kept = kept or moved_at_all(clip)
+        if kept is None:
+            whose = f"{clip.name}: " if clip.name else ""
+            return [_refused(performer, f"{whose}expected {MIN_SECONDS:g} s or more of movement")]
+        if len(self.roster.examples) >= MAX_EXAMPLES:
+            return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         number, self._number = self._number, self._number + 1
         recording = replace(clip, actor=performer)
         example = Example(number, class_name, recording, kept.start, kept.end)
@@ -279,18 +277,6 @@ class Teacher:
             return [_refused("", "nobody is being taught")]
         performer, self.lesson = self.lesson.performer, None
         return [State(performer, Step.DONE, 0.0, "cancelled")]
-
-    def _renamed(self, old: str, new: str) -> list[Notice | Changed]:
-        if old not in self.roster.classes:
-            return [_unknown(old)]
-        return self._change(self.roster.renamed(old, new), f"{old} is {new}")
-
-    def _forgotten(self, name: str) -> list[Notice | Changed]:
-        if not name:
-            return self._change(Roster((), self.roster.disabled), "all forgotten")
-        if name not in self.roster.classes:
-            return [_unknown(name)]
-        return self._change(self.roster.without_class(name), f"{name} forgotten")
 
     def _trimmed(self, *, on: bool) -> list[Notice | Changed]:
         if not self.roster.examples:

@@ -7,7 +7,7 @@ in JSON: `{"do": "teach", "performer": "ann", "class": "wave"}`.
 from __future__ import annotations
 
 import json
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, astuple, fields
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
@@ -16,7 +16,7 @@ from kinespace.stream.teaching.commands import Command, CommandError
 from kinespace.stream.teaching.notices import Notice, State
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
 #: The beginning of commands' addresses.
 TEACH = "/motion/teach"
@@ -40,14 +40,11 @@ def decode(packet: bytes) -> list[Command]:
     CommandError
         The packet is no OSC, or a message is no command; the error names the argument that was expected.
     """
-    return list(_commands(packet))
-
-
-def _commands(packet: bytes) -> Iterator[Command]:
     try:
         messages = decode_packet(packet)
     except PacketError as error:
         raise CommandError(f"packet: expected OSC ({error})") from error
+    found = []
     for address, arguments in messages:
         start, _, word = address.partition(TEACH)
         if start or word[:1] not in ("", "/"):
@@ -57,7 +54,8 @@ def _commands(packet: bytes) -> Iterator[Command]:
         if names and len(arguments) > len(names):
             raise CommandError(f"{word}: expected {', '.join(names)}, got {len(arguments)}")
         # Many programs send a number with every message, also with one that has no arguments.
-        yield _made(word, dict(zip(names, arguments, strict=False)))
+        found.append(_made(word, dict(zip(names, arguments, strict=False))))
+    return found
 
 
 def decode_json(request: bytes) -> Command:
@@ -104,8 +102,7 @@ def encode(notice: Notice) -> bytes:
     """Give a notice as an OSC message."""
     if isinstance(notice, State):
         return encode_message(f"{TEACH}/state", notice.performer, str(notice.step), notice.seconds, notice.reason)
-    described = notice.class_name, notice.examples, notice.seconds, notice.words, notice.would_have_started
-    return encode_message(f"{TEACH}/taught", *described)
+    return encode_message(f"{TEACH}/taught", *astuple(notice))
 
 
 def as_json(notice: Notice) -> dict[str, object]:

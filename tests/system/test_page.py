@@ -308,9 +308,10 @@ def teaches(page: Page, performer: Performer) -> None:
     page.keyboard.up("h")
     until(page, "kinespace.control.taught.statue === 1")
     teaches_the_past(page, performer)
-    # A refusal is told in words.
+    # A refusal is told in words, for some seconds.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
+    until(page, "document.querySelector('#said').textContent === ''")
 
 
 def teaches_the_past(page: Page, performer: Performer) -> None:

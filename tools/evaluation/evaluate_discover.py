@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,10 +24,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from kinespace.library.recordings.formats.labels import Segment
-    from kinespace.stream.recognizer import Settings
     from kinespace.tools.evaluation.takes import Take
 
 #: The share of a group's segments that are of one class in a pure group.
@@ -41,33 +38,6 @@ _COLUMNS = (
     ("guesses right: named", "{named_right:.1%}"),
     ("taught", "{taught_right:.1%}"),
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """The groups of some takes.
-
-    Attributes
-    ----------
-    pieces
-        The pieces, with their clips.
-    groups
-        The largest first.
-    group_of
-        The number of each piece's group, shape (pieces,).
-    """
-
-    pieces: discovery.Pieces
-    groups: list[Group]
-    group_of: NDArray[np.intp]
-
-
-class Purity(NamedTuple):
-    """How well groups are classes: figures as `--json` gives them."""
-
-    in_pure: float
-    groups_per_class: float
-    in_no_group: float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,7 +62,10 @@ def run(options: argparse.Namespace) -> int:
     takes = list(harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin()))
     joints = harness.shared_joints([take.clip.skeleton for take in takes])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
-    found = find(takes, options.alike)
+    pieces = discovery.Pieces(joints)
+    for take in progress(takes, "Looking", len(takes)):
+        pieces.add(take.clip)
+    groups = _groups(takes, pieces, options)
     seconds = sum(take.clip.duration for take in takes)
     persons = {take.person for take in takes}
     figures: dict[str, object] = {
@@ -100,10 +73,10 @@ def run(options: argparse.Namespace) -> int:
         "persons": len(persons) if all(persons) else None,
         "seconds": seconds,
         "segments": sum(len(take.segments) for take in takes),
-        "pieces": len(found.pieces.pieces),
-        "groups": len(found.groups),
-        **purity(takes, found)._asdict(),
-        **_worth(takes, found, options, settings_of(options)),
+        "pieces": len(pieces.pieces),
+        "groups": len(groups),
+        **purity(takes, pieces, groups),
+        **_worth(takes, pieces, options),
     }
     if options.json:
         harness.print_json(figures)
@@ -115,20 +88,12 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def find(takes: Sequence[Take], alike: float | None = None, known: discovery.Pieces | None = None) -> Found:
-    """Find the groups of takes, without their labels; of some takes, if `known` has the pieces of these alone."""
-    pieces = known or discovery.Pieces(takes[0].clip.skeleton.joints)
-    for take in progress(takes, "Looking", len(takes)) if known is None else ():
-        pieces.add(take.clip)
-    several = len({takes[piece.take].person for piece in pieces.pieces}) > 1
-    labels = discovery.grouped(pieces.vectors(), discovery.alike_of(several=several) if alike is None else alike)
-    groups, group_of = groups_of(pieces, labels), np.zeros(len(labels), dtype=np.intp)
-    for group in groups:
-        group_of[list(group.pieces)] = group.number
-    return Found(pieces, groups, group_of)
+def _groups(takes: Sequence[Take], pieces: discovery.Pieces, options: argparse.Namespace) -> list[Group]:
+    """Group pieces without the takes' labels."""
+    return groups_of(pieces, [take.person for take in takes], options.alike)
 
 
-def purity(takes: Sequence[Take], found: Found) -> Purity:
+def purity(takes: Sequence[Take], pieces: discovery.Pieces, groups: Sequence[Group]) -> dict[str, float]:
     """Compare groups with labels.
 
     Returns
@@ -137,40 +102,39 @@ def purity(takes: Sequence[Take], found: Found) -> Purity:
     one class; how many such groups there are for each class; and the share of segments in no group.
     """
     lies = list[tuple[str, int]]()
+    in_groups = [(pieces.pieces[place], group.number) for group in groups for place in group.pieces]
     for place, take in enumerate(takes):
-        own = [
-            (each, group) for each, group in zip(found.pieces.pieces, found.group_of, strict=True) if each.take == place
-        ]
         for segment in take.segments:
             seconds = defaultdict[int, float](float)
-            for piece, group in own:
-                seconds[int(group)] += _shared(piece, segment)
+            for piece, group in in_groups:
+                if piece.take == place:
+                    seconds[group] += _shared(piece, segment)
             group, most = max(seconds.items(), key=itemgetter(1), default=(0, 0.0))
             lies.append((segment.label, group if most >= _INSIDE * segment.duration else 0))
     classes = {group: Counter(label for label, other in lies if other == group) for _, group in lies if group}
     pure = {group for group, own in classes.items() if max(own.values()) >= PURE * sum(own.values())}
     named = {label for label, _ in lies} - {NOTHING}
-    return Purity(
-        float(np.mean([group in pure for _, group in lies])),
-        len(pure) / max(len(named), 1),
-        float(np.mean([not group for _, group in lies])),
-    )
+    return {
+        "in_pure": float(np.mean([group in pure for _, group in lies])),
+        "groups_per_class": len(pure) / max(len(named), 1),
+        "in_no_group": float(np.mean([not group for _, group in lies])),
+    }
 
 
-def named_by_labels(takes: Sequence[Take], found: Found, most: int) -> MotionLibrary | None:
-    """Name the largest groups by the label of most of their time; None where no group is a labelled motion.
+def named_by_labels(takes: Sequence[Take], pieces: discovery.Pieces, groups: Sequence[Group]) -> MotionLibrary | None:
+    """Name groups by the label of most of their time; None where no group is a labelled motion.
 
     A group most of whose time has no label is nothing that a person would name.
     """
     motions = []
-    for group in found.groups[:most]:
+    for group in groups:
         seconds = defaultdict[str, float](float)
-        for piece in (found.pieces.pieces[place] for place in group.pieces):
+        for piece in (pieces.pieces[place] for place in group.pieces):
             labelled = [(each.label, _shared(piece, each)) for each in takes[piece.take].segments]
             for name, inside in (*labelled, (NOTHING, piece.seconds - sum(each for _, each in labelled))):
                 seconds[name] += inside
         name = max(seconds.items(), key=itemgetter(1))[0]
-        motions += [replace(found.pieces.clips[place], class_name=name, take=str(place)) for place in group.pieces]
+        motions += [replace(pieces.clips[place], class_name=name, take=str(place)) for place in group.pieces]
     return MotionLibrary.of_clips(motions) if any(each.class_name != NOTHING for each in motions) else None
 
 
@@ -179,20 +143,18 @@ def _shared(piece: discovery.Piece, segment: Segment) -> float:
     return max(min(piece.end, segment.end) - max(piece.start, segment.start), 0.0)
 
 
-def _worth(
-    takes: Sequence[Take], found: Found, options: argparse.Namespace, settings: Settings
-) -> dict[str, float | None]:
+def _worth(takes: Sequence[Take], pieces: discovery.Pieces, options: argparse.Namespace) -> dict[str, float | None]:
     """Ask with takes left out: the library of named groups, and the library of the labelled motions."""
     persons = {take.person for take in takes}
     usual = Protocol.LEAVE_ONE_PERSON_OUT if all(persons) and len(persons) > 1 else Protocol.LEAVE_ONE_TAKE_OUT
     if len(takes) < 2:
         return {"named_right": None, "taught_right": None}
-    folds = folds_of(takes, Protocol(options.protocol or usual), MotionLibrary.builtin)
+    folds, settings = folds_of(takes, Protocol(options.protocol or usual), MotionLibrary.builtin), settings_of(options)
     right, asked = dict[str, float](), 0.0
     for what in ("named", "taught"):
         courses, classes = [], tuple(sorted({name for fold in folds for name in fold.library.classes}))
         for fold in progress(folds, f"Asking the {what}", len(folds)):
-            library = fold.library if what == "taught" else _named(takes, found, fold, options)
+            library = fold.library if what == "taught" else _named(takes, pieces, fold, options)
             courses += [course(take, library, classes, settings) for take in fold.takes if library]
         score = score_courses(courses, classes, harness.INSIDE) if courses else None
         asked = score.known["seconds"] or 0.0 if score else 0.0
@@ -201,7 +163,10 @@ def _worth(
     return {f"{what}_right": seconds / asked if asked else None for what, seconds in right.items()}
 
 
-def _named(takes: Sequence[Take], found: Found, fold: Fold, options: argparse.Namespace) -> MotionLibrary | None:
-    left = found.pieces.of_takes([place for place, take in enumerate(takes) if take not in fold.takes])
-    library = named_by_labels(takes, find(takes, options.alike, left), options.most)
+def _named(
+    takes: Sequence[Take], pieces: discovery.Pieces, fold: Fold, options: argparse.Namespace
+) -> MotionLibrary | None:
+    """Name the largest groups of the takes that a fold's own do not ask about."""
+    left = pieces.of_takes([place for place, take in enumerate(takes) if take not in fold.takes])
+    library = named_by_labels(takes, left, _groups(takes, left, options)[: options.most])
     return library and library.restricted_to(fold.library.skeleton.joints)

@@ -124,16 +124,36 @@ def run(options: argparse.Namespace) -> int:
     they must win over the built-in classes, even over those of the same motion. The built-in library knows its own
     persons, so they do not ask.
     """
-    builtin = MotionLibrary.builtin()
-    takes = harness.takes_at(harness.sources_of(options), options, builtin)
+    takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
     by_person = _motions(takes, options)
     if strange := {*options.teachers} - {*by_person}:
         raise ValueError(f"--teachers: expected some of {', '.join(sorted(by_person))}, got {min(strange)!r}")
     teachers = sorted(options.teachers or by_person)
+    replies = _replies(by_person, teachers, options)
+    if not any(replies.values()):
+        note(f"nothing asked: {_why_nobody_asks(by_person)}")
+        return 1
+    figures = {"examples": options.examples, **scored(replies, options.examples)}
+    if options.json:
+        motions = [clip for each in by_person.values() for _, clip in each]
+        whole = {"persons": len(teachers), "draws": options.draws}
+        harness.print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
+        return 0
+    rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
+    title = "Motions asked that were not taught: is the first start event right?"
+    caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
+    print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
+    return 0
+
+
+def _replies(
+    by_person: Mapping[str, Sequence[Motion]], teachers: Sequence[str], options: argparse.Namespace
+) -> dict[tuple[str, int], list[Reply]]:
+    """Ask what each teacher's draws teach; give the replies by who asks, and by the number of examples."""
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
         own, taught = by_person[teacher], taught_by(by_person[teacher], with_builtin=options.beside)
-        not_asked = {teacher, *(builtin.actors if options.beside else ())}
+        not_asked = {teacher, *(MotionLibrary.builtin().actors if options.beside else ())}
         others = [clip for name, each in by_person.items() if name not in not_asked for _, clip in each]
         for draw in range(options.draws):
             for count in options.examples:
@@ -147,31 +167,7 @@ def run(options: argparse.Namespace) -> int:
                         replies[whose, count] += [ask(clip, index, settings) for clip in asked]
                         if options.left_out:
                             replies[f"unknown {whose}", count] += _strangers(asked, taught, examples, settings)
-    if not any(replies.values()):
-        note(f"nothing asked: {_why_nobody_asks(by_person)}")
-        return 1
-    _report(
-        options, {"examples": options.examples, **scored(replies, options.examples)}, len(teachers), takes, by_person
-    )
-    return 0
-
-
-def _report(
-    options: argparse.Namespace,
-    figures: Mapping[str, Sequence[float | None]],
-    persons: int,
-    takes: Sequence[Take],
-    by_person: Mapping[str, Sequence[Motion]],
-) -> None:
-    if options.json:
-        motions = [clip for each in by_person.values() for _, clip in each]
-        whole = {"persons": persons, "draws": options.draws}
-        harness.print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
-        return
-    rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
-    title = "Motions asked that were not taught: is the first start event right?"
-    caption = f"{counted(persons, 'person')}, {counted(options.draws, 'draw')} each"
-    print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
+    return replies
 
 
 def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:

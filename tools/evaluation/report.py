@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import base64
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.tools.page.sheet import write_sheet
+from kinespace.tools.page.sheet import body_shown, write_sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 _BODIES = 20.0
 #: Scores of a second.
 _SCORES = 10.0
-#: Metres from the origin to which bodies are kept: as far as millimetres in 16 bits reach.
-_REACH = 32.767
 
 
 def write_report(path: Path, takes: Sequence[tuple[Course, Clip]], classes: Sequence[str]) -> None:
@@ -48,19 +45,11 @@ def write_report(path: Path, takes: Sequence[tuple[Course, Clip]], classes: Sequ
 
 
 def _described(course: Course, clip: Clip) -> dict[str, object]:
-    step = max(round(clip.frame_rate / _BODIES), 1)
-    positions = clip.positions[::step]
-    # A body far from the origin is brought back to it; its way is kept.
-    positions = positions - np.nan_to_num(positions[0].mean(axis=0))
-    millimetres = (np.nan_to_num(positions).clip(-_REACH, _REACH) * 1000).round().astype("<i2")
     return {
         "name": course.name,
         "person": course.person,
         "seconds": course.seconds,
-        "names": clip.skeleton.joints,
-        "parents": clip.skeleton.parents or (-1,) * len(clip.skeleton.joints),
-        "rate": clip.frame_rate / step,
-        "bodies": base64.b64encode(millimetres.tobytes()).decode(),
+        **body_shown(clip, _BODIES),
         "performed": [(each.start, each.end, each.label) for each in course.segments],
         "events": spans(course.times, course.event),
         "named": spans(course.times, course.published),

@@ -49,6 +49,7 @@ class _Event(msgspec.Struct, rename={"label": "class"}):
     performer: str
     event: str
     label: str
+    t: float = 0.0
 
 
 class _Done(msgspec.Struct, rename={"label": "class"}):
@@ -113,6 +114,8 @@ class _Motion:
     end: float | None
     number: int
     mark: str = ""
+    #: When it started, seconds on the sender's clock.
+    started: float = 0.0
 
 
 @dataclass(slots=True)
@@ -127,15 +130,15 @@ class _Performer:
     done: deque[tuple[int, str, int, float, float]] = field(default_factory=lambda: deque(maxlen=_MAX_DONE))
     #: The beginnings of the guesses: seconds, the class or None.
     guesses: deque[tuple[int, float, str | None]] = field(default_factory=deque)
-    #: When a lesson's recording began, and a span of the past that is to be taught.
-    recording: float | None = None
-    asked: tuple[float, float] | None = None
+    #: Where the example begins that is being recorded, or is to be taken out of the past.
+    example: float | None = None
 
-    def close(self, now: float, number: int) -> None:
-        """End the motion that goes on."""
+    def close(self, ended: float, now: float, number: int) -> None:
+        """End the motion that goes on, as long as the sender's clock says: an end is told late when a feed pauses."""
         for motion in self.motions:
             if motion.end is None:
-                motion.end, motion.number = now, number
+                lasted = ended - motion.started
+                motion.end, motion.number = min(motion.begin + max(lasted, 0.0), now), number
 
 
 class Board:
@@ -241,9 +244,10 @@ class Board:
         if isinstance(event, _Done):
             performer.done.append((self.number, event.label, event.count, now - event.duration, now))
             return
-        performer.close(now, self.number)
+        performer.close(event.t, now, self.number)
         if event.event == EventKind.START:
-            performer.motions.append(_Motion(next(self._keys), event.label, now, None, self.number))
+            motion = _Motion(next(self._keys), event.label, now, None, self.number, started=event.t)
+            performer.motions.append(motion)
         while performer.motions and (performer.motions[0].end or now) < now - _KEPT:
             performer.motions.popleft()
 
@@ -266,14 +270,10 @@ class Board:
     def _take_notice(self, notice: _Notice, now: float) -> None:
         self._notices.append((self.number, {"at": now, **msgspec.to_builtins(notice)}))
         performer = self._performers.get(notice.performer)
-        if performer and notice.state == Step.RECORDING:
-            performer.recording = now
-        elif performer and notice.state == Step.CHECKING:
-            begin = now - notice.seconds if performer.recording is None else performer.recording
-            performer.recording = None
-            # One that is to be taken later has no seconds yet.
-            if notice.seconds > 0:
-                self._checking.append((notice.performer, *(performer.asked or (begin, now))))
+        # One that is to be taken later has no seconds yet.
+        if performer and notice.state == Step.CHECKING and notice.seconds > 0:
+            begin = now - notice.seconds if performer.example is None else performer.example
+            self._checking.append((notice.performer, begin, begin + notice.seconds))
         elif notice.taught and self._checking:
             name, begin, end = self._checking.popleft()
             if taught := self._performers.get(name):
@@ -281,7 +281,7 @@ class Board:
         elif notice.state == Step.REFUSED and len(self._checking) == 1:
             self._checking.clear()
         if performer:
-            performer.asked = None
+            performer.example = now if notice.state == Step.RECORDING else None
 
     def _forget(self, name: str) -> None:
         if self._performers.pop(name, None):
@@ -292,7 +292,7 @@ class Board:
         performer = self._performers.get(str(command.get("performer")))
         match command:
             case {"do": "last", "seconds": float() | int() as seconds, "ago": float() | int() as ago} if performer:
-                performer.asked = now - ago - seconds, now - ago
+                performer.example = now - ago - seconds
 
     def take_reply(self, control: dict[str, object]) -> None:
         """Take in the control socket's description of the classes and the settings."""
@@ -333,12 +333,9 @@ class Board:
             if newer:
                 shown[field_name] = newer
         shown["motions"] = list(self._motions(seen))
-        shown["guesses"] = [
-            (name, *guess[1:]) for name, each in self._performers.items() for guess in each.guesses if guess[0] > seen
-        ]
-        shown["done"] = [
-            (name, *done[1:]) for name, each in self._performers.items() for done in each.done if done[0] > seen
-        ]
+        for field_name in ("guesses", "done"):
+            by_name = {name: getattr(each, field_name) for name, each in self._performers.items()}
+            shown[field_name] = [(name, *each[1:]) for name, own in by_name.items() for each in own if each[0] > seen]
         shown["notices"] = [notice for number, notice in self._notices if number > seen]
         bodies = {name: each.body.shown for name, each in self._performers.items() if each.body.number > seen}
         shown["bodies"] = [(name, joints) for name, (joints, _) in bodies.items()]

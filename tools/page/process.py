@@ -135,7 +135,10 @@ class PageProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._end()
+        with self._lock:
+            self._ending = True
+            self._child.close()
+        self._watching.join()
 
     def _watch(self, plan: Plan) -> None:
         wait([self._child.process.sentinel])
@@ -155,12 +158,6 @@ class PageProcess:
         wait([self._child.process.sentinel])
         if not self._ending:
             self._say(f"{plan.name}: its process died again; kinespace goes on without it")
-
-    def _end(self) -> None:
-        with self._lock:
-            self._ending = True
-            self._child.close()
-        self._watching.join()
 
 
 def _serve(connection: Connection, plan: Plan) -> None:

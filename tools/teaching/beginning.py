@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library.clip import Clip
-from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.motion_library import MIN_JOINTS, NOTHING, MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Roster, TaughtWindows
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.index import WindowIndex, opened, teaches_itself
 from kinespace.stream.teaching import Teacher
 from kinespace.tools.teaching.lessons import ClassPlaces, Lessons
 from kinespace.tools.teaching.roster_file import RosterFile
+from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from kinespace.stream.workers.gateway import Recognising
+
+#: The share of a feed's joints, or of HDM05's, that both must have for HDM05's metrics to compare the examples: a hand
+#: with twenty bones has neither.
+_ENOUGH = 0.5
 
 
 def open_lessons(
@@ -61,49 +67,46 @@ def open_lessons(
         The file cannot be read, or its folder is missing.
     """
     kept = RosterFile(file)
-    try:
-        return _opened(kept, library, joints, performers, stillness, recordings=recordings, either_side=either_side)
-    except BaseException:
-        kept.close()
-        raise
+    with ExitStack() as failing:
+        failing.callback(kept.close)
+        taught = kept.library
+        base = _base(library, taught, joints)
+        if taught and base:
+            taught = taught.restricted_to(base.library.skeleton.joints)
+            motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
+            taught = MotionLibrary(base.library.skeleton, motions)
+        roster = Roster.of_library(taught) if taught else Roster()
+        windows = TaughtWindows(base, with_base=library is not None, either_side=either_side)
+        index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
+        teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
+        order = ClassPlaces(windows.base_classes).of(roster)
+        lessons = Lessons(performers(index, order or index.classes), teacher, windows, kept, recordings=recordings)
+        failing.pop_all()
+    return lessons
 
 
-def _opened(
-    file: RosterFile,
-    library: MotionLibrary | None,
-    joints: Sequence[str],
-    performers: Callable[[WindowIndex, Sequence[str]], Recognising],
-    stillness: float,
-    *,
-    recordings: Path | None,
-    either_side: bool,
-) -> Lessons:
-    taught = file.library
-    base = _base(library, taught.skeleton.joints if taught else (), joints)
-    if taught and base:
-        taught = taught.restricted_to(base.library.skeleton.joints)
-        motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
-        taught = MotionLibrary(base.library.skeleton, motions)
-    roster = Roster.of_library(taught) if taught else Roster()
-    windows = TaughtWindows(base, with_base=library is not None, either_side=either_side)
-    index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
-    teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
-    order = ClassPlaces(windows.base_classes).of(roster)
-    return Lessons(performers(index, order or index.classes), teacher, windows, file, recordings=recordings)
-
-
-def _base(library: MotionLibrary | None, taught: Sequence[str], joints: Sequence[str]) -> WindowIndex | None:
+def _base(library: MotionLibrary | None, taught: MotionLibrary | None, joints: Sequence[str]) -> WindowIndex | None:
     """Open the windows whose metrics compare the examples, by the joints taught or, else, known.
 
-    None when the examples learn their own metrics.
+    Without a library the built-in one's metrics compare, by the joints that both have. None where these are few, or
+    where many persons were taught by other joints: then the examples learn their own metrics.
     """
+    joints = taught.skeleton.joints if taught else joints
     if library:
-        return opened(library.restricted_to(taught) if taught else library)
+        return opened(library.restricted_to(joints) if taught else library)
     builtin = MotionLibrary.builtin()
     # The numbers learned from the built-in motions make opening quick; those of other motions are left out.
     builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
-    joints = taught or joints or builtin.skeleton.joints
-    return opened(builtin.restricted_to(joints)) if set(joints) <= set(builtin.skeleton.joints) else None
+    wanted = builtin.skeleton.joints
+    joints = joints or wanted
+    left_out = [name for name in joints if name not in wanted]
+    shared = len(joints) - len(left_out)
+    few = shared < max(MIN_JOINTS, _ENOUGH * min(len(joints), len(wanted)))
+    if few or (left_out and taught and teaches_itself(taught)):
+        return None
+    if left_out:
+        say(f"taught motions are compared by {shared} of {len(joints)} joints, without {', '.join(left_out)}")
+    return opened(builtin.restricted_to(joints))
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:

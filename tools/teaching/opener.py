@@ -132,9 +132,10 @@ class RosterOpener:
         self._results.put(partial(self._exchange, roster, index))
         numbers = {each.number for each in roster.examples}
         for each in changes:
-            if each.number in numbers and index is not None and not self._ending.is_set():
-                check = checked(index, each.number)
-                starts = self._starts(each, index)
+            if each.number and not self._ending.is_set():
+                known = index if each.number in numbers else None
+                check = checked(known, each.number) if known else None
+                starts = self._starts(each, known) if known else 0
                 self._results.put(partial(self._teacher.checked, each.number, check, starts))
         return True
 

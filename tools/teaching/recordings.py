@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import queue
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader
@@ -45,8 +44,8 @@ class RecordingsFolder:
         self._folder, self._skeleton = folder and folder.resolve(), skeleton
         self._reader = RecordingReader(Reading(raw=read_raw))
         self._thread = ThreadPoolExecutor(1, "kinespace recordings")
-        self._waiting = 0
-        self._read: queue.SimpleQueue[tuple[From, Clip | str]] = queue.SimpleQueue()
+        #: The requests whose parts are being read, in order, and their files.
+        self._asked: list[tuple[From, Path, Future[Clip]]] = []
 
     def ask(self, asked: From) -> str:
         """Read a part of a recording soon; give the reason why not, empty when it is read."""
@@ -54,22 +53,26 @@ class RecordingsFolder:
         if path is None:
             self.refused += 1
             return "no such recording in the folder of --recordings" if self._folder else "expected --recordings"
-        if self._waiting >= MAX_WAITING:
+        if len(self._asked) >= MAX_WAITING:
             self.refused += 1
             return f"{MAX_WAITING} recordings are being read already"
-        self._waiting += 1
-        self._thread.submit(self._work, path, asked)
+        self._asked.append((asked, path, self._thread.submit(self._part, path, asked)))
         return ""
 
     def parts(self) -> Iterator[tuple[From, Clip | str]]:
         """Give the parts read since the last call, over the skeleton's joints, or why there is none."""
-        while not self._read.empty():
-            self._waiting -= 1
-            yield self._read.get()
+        while self._asked and self._asked[0][2].done():
+            asked, path, read = self._asked.pop(0)
+            if error := read.exception():
+                why = " ".join(str(error).split()).removeprefix(f"{path}: ") or type(error).__name__
+                yield asked, f"{path.name}: {why}"[:_MAX_SAID]
+            else:
+                yield asked, read.result()
 
     def close(self) -> None:
         """End; what is being read is read."""
         self._thread.shutdown(cancel_futures=True)
+        self._asked = [each for each in self._asked if not each[2].cancelled()]
 
     def _path(self, name: str) -> Path | None:
         """Find a file in the folder; None for a file elsewhere, for none, and for a name that no file can have."""
@@ -81,16 +84,9 @@ class RecordingsFolder:
         except (OSError, ValueError, RuntimeError):
             return None
 
-    def _work(self, path: Path, asked: From) -> None:
-        try:
-            self._read.put((asked, self._part(path, asked)))
-        except (OSError, ValueError, MemoryError, ImportError) as error:
-            why = " ".join(str(error).split()).removeprefix(f"{path}: ") or type(error).__name__
-            self._read.put((asked, f"{path.name}: {why}"[:_MAX_SAID]))
-
     def _part(self, path: Path, asked: From) -> Clip:
         whole = self._reader.clip(path)
-        parts = list(cut(whole, [Segment(asked.start, min(asked.end, whole.duration), asked.class_name)]))
-        if not parts:
+        part = next(cut(whole, [Segment(asked.start, min(asked.end, whole.duration), asked.class_name)]), None)
+        if part is None:
             raise RecordingError("expected frames between start and end")
-        return parts[0].restricted_to(self._skeleton.joints).as_of(self._skeleton)
+        return part.restricted_to(self._skeleton.joints).as_of(self._skeleton)

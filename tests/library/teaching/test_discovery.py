@@ -10,7 +10,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.teaching import discovery
-from kinespace.library.teaching.discovery import Pieces, changes, grouped, log_distances, middle
+from kinespace.library.teaching.discovery import ALIKE, Pieces, changes, grouped, log_distances, middle
 
 CLASSES = ("squat1Reps", "kickLFront1Reps", "grabHighR")
 
@@ -37,7 +37,7 @@ def _rehearsal() -> tuple[list[tuple[float, float, str]], Pieces]:
 def test_motions_that_repeat_are_grouped() -> None:
     """Each of twelve motions has a piece, and no group has pieces of two classes."""
     spans, pieces = _rehearsal()
-    groups, classes = grouped(pieces.vectors()).tolist(), dict[int, set[str]]()
+    groups, classes = grouped(pieces.vectors(), ALIKE).tolist(), dict[int, set[str]]()
     for begin, end, name in spans:
         shared = [min(each.end, end) - max(each.start, begin) for each in pieces.pieces]
         assert max(shared) > 0.25 * (end - begin)
@@ -73,7 +73,7 @@ def test_no_other_cuts_cost_less(penalty: float) -> None:
 
 
 def test_all_pieces_of_a_group_are_alike() -> None:
-    """Every two are as near as asked, the largest group has the number 1, and each piece has one group."""
+    """Every two are as near as asked, and each piece has one group."""
     generator = np.random.default_rng(3)
     centres = generator.normal(0, 4, (6, 5))
     vectors = [(np.repeat(centres, 5, axis=0) + generator.normal(0, 0.1, (30, 5))).astype(np.float32) for _ in range(2)]
@@ -81,9 +81,7 @@ def test_all_pieces_of_a_group_are_alike() -> None:
     for group in np.unique(groups):
         own = groups == group
         assert logs[np.ix_(own, own)].max() <= 0.2 + 1e-4
-    sizes = np.bincount(groups)[1:]
-    assert sizes.sum() == 30
-    assert (np.diff(sizes) <= 0).all()
+    assert (groups > 0).all()
     assert set(middle(vectors, np.flatnonzero(groups == 1)).tolist()) == set(np.flatnonzero(groups == 1).tolist())
 
 
@@ -98,7 +96,7 @@ def test_pieces_beyond_those_compared_join_groups(monkeypatch: pytest.MonkeyPatc
     assert len(set(groups.tolist())) == 3
     alone = [np.vstack([each, np.full((1, 5), 99.0, np.float32), each]) for each in near]
     assert (np.bincount(grouped(alone, 0.2)) == 1).sum() == 1
-    assert grouped([each[:1] for each in near]).tolist() == [1]
+    assert grouped([each[:1] for each in near], 0.2).tolist() == [1]
 
 
 def test_too_few_joints_are_refused() -> None:

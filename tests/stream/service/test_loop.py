@@ -131,11 +131,16 @@ def test_what_is_due_by_the_clock_is_recognised_too(bench: Bench, library: Motio
 
 
 def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, bench: Bench) -> None:
-    """For each performer and class from 1, until somebody resets the count, by OSC, or the performer leaves."""
+    """For each performer and class from 1, until somebody resets the count, by OSC, or the performer leaves.
+
+    A class that is renamed keeps its index and its count.
+    """
+    classes = ["bow", "wave"]
 
     def pushed(_: Recognizer, frame: Frame) -> Recognition:
-        done = Done(frame.performer, "bow" if frame.time < 4 else "wave", 0, 0.0, 1.0, 0.9, 1.0, 1.0)
-        return Recognition(frame.performer, frame.time, Outcome.STILL, ("bow", "wave"), np.ones(2), 0.0, done=done)
+        index = int(frame.time >= 4)
+        done = Done(frame.performer, classes[index], index, 0.0, 1.0, 0.9, 1.0, 1.0)
+        return Recognition(frame.performer, frame.time, Outcome.STILL, tuple(classes), np.ones(2), 0.0, done=done)
 
     monkeypatch.setattr(Recognizer, "push", pushed)
 
@@ -149,6 +154,9 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
 
     perform("Ada 1", 1.0, 2.0, 5.0)
     perform("bob", 1.0)
+    classes[0] = "dip"
+    perform("Ada 1", 2.5)
+    classes[0] = "bow"
     reset("/motion/Ada_1/count/reset")
     perform("Ada 1", 3.0)
     perform("bob", 2.0)
@@ -159,7 +167,7 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
     told = [(each.performer, each.label, each.count) for each in bench.sink.told if isinstance(each, Done)]
     ada = [("Ada 1", "bow", 1), ("Ada 1", "bow", 2), ("Ada 1", "wave", 1)]
     again = [("Ada 1", "bow", 1), ("bob", "bow", 2), ("bob", "bow", 1), ("bob", "bow", 1)]
-    assert told == [*ada, ("bob", "bow", 1), *again]
+    assert told == [*ada, ("bob", "bow", 1), ("Ada 1", "dip", 3), *again]
 
 
 @pytest.mark.parametrize(("waited", "held"), [(1.0, False), (1.01, True)])

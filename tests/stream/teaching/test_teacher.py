@@ -102,6 +102,13 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
     assert stage.teacher.lesson is None
 
 
+def test_an_example_that_is_undone_before_its_check_is_told() -> None:
+    """Whoever showed it waits for an end of the lesson."""
+    stage = _taught()
+    stage.ask(commands.Undo())
+    assert stage.teacher.checked(1, None, 0) == [State("ann", Step.REFUSED, 0.0, "undone before it was checked")]
+
+
 def test_the_example_holds_the_motion_that_was_shown() -> None:
     """The example's frames are the motion's, at 30 frames per second."""
     stage = _taught()

@@ -35,8 +35,8 @@ def _answer(performer: str, class_name: str = "bow", score: float = 0.8) -> list
     return zeromq.encode_recognition(Recognition(performer, 1.0, Outcome.NAMED, CLASSES, scores, 0.1, guess=place))
 
 
-def _event(performer: str, kind: EventKind, class_name: str) -> list[bytes]:
-    return zeromq_answers.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, 1.0))
+def _event(performer: str, kind: EventKind, class_name: str, time: float) -> list[bytes]:
+    return zeromq_answers.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, time))
 
 
 def _notice(notice: State | Taught) -> list[bytes]:
@@ -94,12 +94,13 @@ def test_bodies_and_answers_are_the_newest() -> None:
 
 
 def test_motions_are_kept_for_a_minute_with_their_beginnings_and_ends() -> None:
-    """A page that wakes up gets every motion of the last minute; older ones are forgotten."""
+    """A page that wakes up gets every motion of the last minute, as long as the sender's clock says; no older ones."""
     board = Board()
     for second in range(0, 200, 10):
-        board.take(_event("ann", EventKind.START, "bow"), float(second))
-        board.take(_event("ann", EventKind.END, "bow"), second + 4.0)
-    board.take(_event("ann", EventKind.START, "wave"), 200.0)
+        board.take(_event("ann", EventKind.START, "bow", 1.0 + second), float(second))
+        # The end is told late: no frames came for two seconds.
+        board.take(_event("ann", EventKind.END, "bow", 5.0 + second), second + 6.0)
+    board.take(_event("ann", EventKind.START, "wave", 0.0), 200.0)
     motions = _told(board)[0]["motions"]
     assert [(name, begin, end) for _, _, name, begin, end, _ in motions][-2:] == [
         ("bow", 190, 194),
@@ -110,7 +111,7 @@ def test_motions_are_kept_for_a_minute_with_their_beginnings_and_ends() -> None:
 
 
 def test_a_lesson_becomes_a_bar() -> None:
-    """What was recorded in a lesson stands on the timeline, marked as taught, from recording to checking."""
+    """What is kept of a lesson stands on the timeline, marked as taught, as long as the table says."""
     board = _board(_answer("ann"))
     for moment, notice in (
         (5.0, State("ann", Step.COUNTDOWN, 3.0)),
@@ -120,7 +121,7 @@ def test_a_lesson_becomes_a_bar() -> None:
     ):
         board.take(_notice(notice), moment)
     told = _told(board)[0]
-    assert told["motions"][0][2:6] == ["wave", 8.0, 10.0, "taught"]
+    assert told["motions"][0][2:6] == ["wave", 8.0, 9.8, "taught"]
     assert [each["state"] for each in told["notices"]] == ["countdown", "recording", "checking", ""]
 
 

@@ -3,13 +3,16 @@ from __future__ import annotations
 import json
 import time
 from contextlib import closing
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import zmq
+from synthetic import STICK, stick_clip
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
+from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream.frame import Admitted, Announcement, Frame
 from kinespace.stream.outputs.sink import Sink
@@ -249,6 +252,13 @@ def test_an_example_that_cannot_be_compared_takes_no_other_with_it() -> None:
     assert [each.number for each in teacher.roster.examples] == [11, 12, 14]
 
 
+def test_an_example_that_is_undone_at_once_is_told(stage: Stage) -> None:
+    """Its lesson ends, although nothing is left to check."""
+    _teach(stage, 10, "my squat", "squat1Reps")
+    stage.command(commands.Undo())
+    stage.until(lambda heard: State("ann", Step.REFUSED, 0.0, "undone before it was checked") in heard.notices)
+
+
 def test_saving_is_told_when_the_file_is_written(stage: Stage, tmp_path: Path) -> None:
     """The answer to `save` says that it goes on; a state tells that the file is there."""
     _teach(stage, 10, "my squat", "squat1Reps")
@@ -293,6 +303,40 @@ def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
     assert (stage.classes, stage.heard.events) == (("squat", "kick"), [])
     assert _show(stage, 30, "squat1Reps", 1)[:1] == ["squat"]
+    stage.lessons.close()
+
+
+@pytest.mark.parametrize("taught", [True, False])
+def test_a_joint_that_hdm05_lacks_is_left_out(
+    taught: bool,  # noqa: FBT001
+    library: MotionLibrary,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """HDM05's metrics compare the other joints, and a line says so; few examples cannot teach metrics."""
+    known = library.skeleton.joints
+    joints = (*known[:18], "spine", "nose")
+    if taught:
+        skeleton = Skeleton((*known, "spine", "nose"))
+        motion = library.motions[0]
+        body = np.concatenate([motion.positions, motion.positions[:, :2] + 0.1], axis=1)
+        clip = Clip(skeleton, body, motion.frame_rate, class_name="dip", actor="ann").restricted_to(joints)
+        MotionLibrary.of_clips([clip]).save(tmp_path / "mine.npz")
+    stage = Stage(tmp_path / "mine.npz", None, () if taught else joints)
+    assert set(stage.lessons.performers.library.skeleton.joints) == {*known[:18]}
+    assert stage.classes == (("dip",) if taught else ())
+    stage.lessons.close()
+    assert "compared by 18 of 20 joints, without spine, nose" in capsys.readouterr().out
+
+
+def test_many_persons_teach_their_own_metrics(tmp_path: Path) -> None:
+    """With a joint that HDM05 lacks three persons who share a class are compared by all joints."""
+    known = MotionLibrary.builtin().skeleton.joints
+    skeleton = Skeleton((*known[: len(STICK.joints) - 1], "prop"))
+    clips = [replace(stick_clip("bow", seed=place), actor=name) for place, name in enumerate(("ann", "ben", "cid"))]
+    MotionLibrary.of_clips([replace(clip, skeleton=skeleton) for clip in clips]).save(tmp_path / "mine.npz")
+    stage = Stage(tmp_path / "mine.npz", None)
+    assert "prop" in stage.lessons.performers.library.skeleton.joints
     stage.lessons.close()
 
 

@@ -456,7 +456,9 @@ function correct(performer, motion, meant) {
   const led = performer.guesses.findLast(([at]) => at <= motion.begin);
   const begin = led && led[1] === motion.className ? led[0] : motion.begin;
   page.wrong = { performer, key: motion.key, meant };
-  ask({ do: "last", performer: performer.name, seconds: motion.end - begin, class: meant, ago: nowThere() - motion.end });
+  // Counted from the last frame: a feed may pause.
+  const ago = Math.max(nowThere() - (performance.now() - performer.seen) / 1000 - motion.end, 0);
+  ask({ do: "last", performer: performer.name, seconds: motion.end - begin, class: meant, ago });
 }
 
 byId("timeline").addEventListener("click", (event) => {

@@ -6,13 +6,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
 from kinespace.library.recordings import RecordingReader, find_recordings, performed
 from kinespace.library.teaching import discovery
 from kinespace.tools.cli.arguments import add_reading, add_shared, count, mapping, reading_of
 from kinespace.tools.programs.recordings import found
-from kinespace.tools.terminal.console import printable, progress_console, say
+from kinespace.tools.terminal.console import printable, progress, progress_console, say
 from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.tables import counted, print_scores
 
@@ -75,28 +73,16 @@ def run(options: argparse.Namespace) -> int:
 def _find(options: argparse.Namespace, folder: Path) -> None:
     paths = find_recordings(options.sources)
     found.require_room(folder, overwrite=options.overwrite)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:.0f} %"))
-    bar = Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=progress_console, transient=True)
-    seconds, names = 0.0, list[found.Source]()
-    with bar:
-        began = time.perf_counter()
-        reading = bar.add_task("Reading", total=sum(path.stat().st_size for path in paths))
-        pieces = None
-        for path, takes in _read(paths, reading_of(options)):
-            bar.update(reading, description=f"Looking at {printable(path.name)}")
-            for take in takes:
-                pieces = pieces or discovery.Pieces(take.skeleton.joints)
-                pieces.add(take)
-                names.append(found.Source(path.resolve(), take.actor))
-                seconds += take.duration
-            bar.advance(reading, path.stat().st_size)
-        assert pieces is not None  # noqa: S101 - there is a recording
-        bar.update(reading, description="Grouping")
-        if not pieces.pieces:
-            raise ValueError(f"expected movement in the recordings, got none in {seconds:.0f} s")
-        several = len({source.performer for source in names}) > 1
-        alike = options.alike if options.alike is not None else discovery.alike_of(several=several)
-        groups = found.groups_of(pieces, discovery.grouped(pieces.vectors(), alike))
+    began, seconds, names, pieces = time.perf_counter(), 0.0, list[found.Source](), None
+    for path, take in _read(paths, reading_of(options)):
+        pieces = pieces or discovery.Pieces(take.skeleton.joints)
+        pieces.add(take)
+        names.append(found.Source(path.resolve(), take.actor))
+        seconds += take.duration
+    if pieces is None or not pieces.pieces:
+        raise ValueError(f"expected movement in the recordings, got none in {seconds:.0f} s")
+    with progress_console.status("Grouping"):
+        groups = found.groups_of(pieces, [source.performer for source in names], options.alike)
     found.write(folder, groups, pieces, names, options.most)
     times = seconds / (time.perf_counter() - began)
     rows = []
@@ -123,14 +109,13 @@ def _find(options: argparse.Namespace, folder: Path) -> None:
     say(f"look at them: {folder / found.PAGE}")
 
 
-def _read(paths: Sequence[Path], reading: Reading) -> Iterator[tuple[Path, Sequence[Clip]]]:
-    """Read one recording after the other, over the first one's joints."""
+def _read(paths: Sequence[Path], reading: Reading) -> Iterator[tuple[Path, Clip]]:
+    """Read the takes of one recording after the other, over the first one's joints."""
     reader, named, joints = RecordingReader(reading), NameNotes(), None
-    for path in paths:
-        takes = [performed(named(take), path, reading.actor_in) for take in reader.clips(path)]
-        joints = joints or takes[0].skeleton
-        for take in takes:
-            missing = sorted({*joints.joints} - {*take.skeleton.joints})
-            if missing:
+    for path in progress(paths, "Looking", len(paths)):
+        for clip in reader.clips(path):
+            take = performed(named(clip), path, reading.actor_in)
+            joints = joints or take.skeleton
+            if missing := sorted({*joints.joints} - {*take.skeleton.joints}):
                 raise ValueError(f"{path}: expected the joints of {paths[0].name}, no {', '.join(missing[:5])}")
-        yield path, [take.restricted_to(joints.joints).as_of(joints) for take in takes]
+            yield path, take.restricted_to(joints.joints).as_of(joints)

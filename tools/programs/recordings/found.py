@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 from dataclasses import replace
 from pathlib import Path
@@ -11,15 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
-from kinespace.library.teaching.discovery import middle
+from kinespace.library.teaching.discovery import ALIKE, ALIKE_SEVERAL, grouped, middle
 from kinespace.stream.teaching.commands import Rename
-from kinespace.tools.page.sheet import write_sheet
+from kinespace.tools.page.sheet import body_shown, write_sheet
 from kinespace.tools.terminal.tables import csv_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
     from kinespace.library.teaching.discovery import Pieces
@@ -58,9 +55,21 @@ class Group(NamedTuple):
     seconds: float
 
 
-def groups_of(pieces: Pieces, labels: NDArray[np.intp]) -> list[Group]:
-    """List the groups, those that came most often first, then those that lasted longest."""
-    vectors = pieces.vectors()
+def groups_of(pieces: Pieces, performers: Sequence[str], alike: float | None) -> list[Group]:
+    """Group pieces; list those that came most often first, then those that lasted longest.
+
+    Parameters
+    ----------
+    pieces
+        At least one.
+    performers
+        Who performs each take.
+    alike
+        The log distance up to which two pieces are alike; None for the usual one.
+    """
+    vectors, several = pieces.vectors(), len({performers[piece.take] for piece in pieces.pieces}) > 1
+    usual = ALIKE_SEVERAL if several else ALIKE
+    labels = grouped(vectors, usual if alike is None else alike)
     every = [middle(vectors, np.flatnonzero(labels == label)).tolist() for label in np.unique(labels)]
     seconds = [sum(pieces.pieces[place].seconds for place in each) for each in every]
     order = sorted(range(len(every)), key=lambda each: (-len(every[each]), -seconds[each]))
@@ -127,8 +136,8 @@ def named(folder: Path, names: Mapping[str, str], *, rest_nothing: bool) -> tupl
         last = max(pieces.classes, key=int)
         raise ValueError(f"--name: expected numbers of groups, 1 to {last}, got {strange[0]!r}")
     rest = [number for number in pieces.classes if number not in names]
-    library = pieces.renamed(dict(names) | (dict.fromkeys(rest, NOTHING) if rest_nothing else {}))
-    library = library if rest_nothing or not rest else library.without(classes=rest)
+    pieces = pieces if rest_nothing or not rest else pieces.without(classes=rest)
+    library = pieces.renamed({**dict.fromkeys(rest if rest_nothing else (), NOTHING), **names})
     library.save(folder / NAMED)
     with (folder / TABLE).open(newline="", encoding="utf-8") as file:
         return library, _write_labels(folder / LABELS, csv.DictReader(file), names)
@@ -151,16 +160,7 @@ def _write_labels(folder: Path, rows: Iterable[dict[str, str]], names: Mapping[s
 
 
 def _described(group: Group, clip: Clip) -> dict[str, object]:
-    """Describe a group and the body of its middle piece for the page; positions in millimetres."""
-    step = max(round(clip.frame_rate / _FRAMES), 1)
-    positions = clip.positions[: round(_SECONDS * clip.frame_rate) : step].astype(np.float64)
-    near = (positions - positions[0].mean(axis=0)).clip(-32.0, 32.0)
-    return {
-        "number": group.number,
-        "came": len(group.pieces),
-        "seconds": round(group.seconds, 1),
-        "names": clip.skeleton.joints,
-        "parents": clip.skeleton.parents or (-1,) * len(clip.skeleton.joints),
-        "rate": clip.frame_rate / step,
-        "bodies": base64.b64encode((near * 1000).round().astype("<i2").tobytes()).decode(),
-    }
+    """Describe a group and the body of its middle piece for the page."""
+    begin = replace(clip, positions=clip.positions[: round(_SECONDS * clip.frame_rate)])
+    body = body_shown(begin, _FRAMES)
+    return {"number": group.number, "came": len(group.pieces), "seconds": round(group.seconds, 1), **body}

@@ -23,6 +23,12 @@ def may_command(sender: Sender, networks: Networks) -> bool:
     return sender is not None and (sender[0].startswith(KEYED) or is_within(sender[0], (*_THIS_MACHINE, *networks)))
 
 
+def holds_command(packet: Packet) -> bool:
+    """Say whether a packet holds a command."""
+    datagram = datagram_of(packet)
+    return datagram.startswith(_TEACH) or (datagram.startswith(b"#bundle") and _TEACH in datagram)
+
+
 class CommandReader:
     """Reads the commands of one address.
 
@@ -43,15 +49,13 @@ class CommandReader:
 
     def read(self, packet: Packet, sender: Sender) -> Sequence[Asked] | None:
         """Read a packet's commands; None for a packet that holds none: hundreds of frames come each second."""
-        datagram = datagram_of(packet)
-        in_bundle = datagram.startswith(b"#bundle") and _TEACH in datagram
-        if not (in_bundle or datagram.startswith(_TEACH)):
+        if not holds_command(packet):
             return None
         self.received += 1
         if not may_command(sender, self._networks):
             self.refused += 1
             return [Asked(None, f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from")]
         try:
-            return [Asked(command) for command in wire.decode(datagram)]
+            return [Asked(command) for command in wire.decode(datagram_of(packet))]
         except CommandError as error:
             return [Asked(None, str(error))]

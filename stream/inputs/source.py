@@ -14,7 +14,9 @@ from collections import Counter, deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from kinespace.stream.inputs.commands import holds_command
 from kinespace.stream.packet import datagram_of, sender_name
+from kinespace.stream.teaching.commands import Asked
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
     from kinespace.stream.inputs.recording.kinerec import Recorder
     from kinespace.stream.packet import Packet, Receiver, Sender
     from kinespace.stream.status import InputCounts
-    from kinespace.stream.teaching.commands import Asked
 
 #: Seconds between two turns of most sources that have work to do even when no packet comes.
 TENDING = 0.02
@@ -89,6 +90,8 @@ class Source:
         Whether packets were put aside; the socket does not wake the loop for them.
     commands
         Reads the commands among the packets; None where nobody may command.
+    no_commands
+        What the first sender of a command hears where nobody may command; empty once it is said.
     unread
         Looks at packets while no frame comes of them; None: nobody does.
     is_of_browsers
@@ -108,6 +111,7 @@ class Source:
         self.decoder = decoder
         self.recorder: Recorder | Survey | None = recorder
         self.commands: CommandReader | None = None
+        self.no_commands = ""
         self.is_of_browsers = False
         self.unread: Unread | None = None
         #: When a frame or an announcement last came, seconds on our clock.
@@ -175,6 +179,8 @@ class Source:
         decoded = self.decoder.decode(packet, arrival, sender) if has_frames else ()
         if decoded:
             self._made = arrival
+        elif self.no_commands and holds_command(packet):
+            asked, self.no_commands = [Asked(None, self.no_commands)], ""
         elif self.unread and asked is None and arrival - self._made > _SILENCE:
             self.unread.keep(packet, arrival, sender)
         self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)

@@ -165,6 +165,9 @@ class TouchDesignerLayout(NativeLayout):
     def classes(self, classes: Sequence[str]) -> bytes | None:
         """Nothing: names are no numbers."""
 
+    def notice(self, notice: Notice) -> bytes | None:
+        """Nothing: a lesson's state is a word."""
+
 
 class WekinatorLayout(Layout):
     """The messages that Wekinator itself would send to the program that listens to it."""

@@ -19,6 +19,7 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching.commands import Asked
+from kinespace.stream.teaching.notices import State, Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -131,7 +132,7 @@ class Service:
     admission
         The admission of the sources, for the status.
     control
-        Carries out commands; needed where a source gives any.
+        Carries out commands; without it each is refused.
     clock
         Seconds; stamps arrivals and paces the status.
     """
@@ -247,6 +248,9 @@ class Service:
                     begun.append(_Begun(started, source.waited))
                 elif self._control:
                     self._control.carry_out(event)
+                else:
+                    for sink in self.sinks:
+                        sink.publish_notice(State("", Step.REFUSED, reason=event.refusal))
             if len(taken) >= _MAX_TOGETHER:
                 break
         else:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.frame import Announcement, Frame
     from kinespace.stream.recognizer import Performers
+    from kinespace.stream.teaching import Notice
 
 
 class FakeClock:
@@ -66,7 +67,7 @@ class FakeSink(Sink):
     """Keeps everything it gets, in order."""
 
     def __init__(self) -> None:
-        self.told: list[Recognition | Event | Done | Status | tuple[str, ...]] = []
+        self.told: list[Recognition | Event | Done | Status | Notice | tuple[str, ...]] = []
         self.gone: list[str] = []
         self.closed = False
 
@@ -93,6 +94,10 @@ class FakeSink(Sink):
     def publish_status(self, status: Status) -> None:
         """Keep a status."""
         self.told.append(status)
+
+    def publish_notice(self, notice: Notice) -> None:
+        """Keep a notice of teaching."""
+        self.told.append(notice)
 
     def close(self) -> None:
         """Close nothing, but remember it."""

@@ -62,12 +62,8 @@ def described(known: Known) -> _Node:
         node |= {"TYPE": types, "ACCESS": access, "DESCRIPTION": text}
         node |= {"RANGE": [*ranges]} if ranges else {}
 
-    add(
-        "/motion/frame",
-        "sd" + "fff" * known.joints,
-        _TAKEN,
-        "performer, time in seconds or 0, x y z of each joint, metres",
-    )
+    text = "performer, time in seconds or 0, x y z of each joint, metres"
+    add("/motion/frame", "sd" + "fff" * known.joints, _TAKEN, text)
     add(SKELETON, "s" + "s" * known.joints, _TAKEN, "performer, name of each joint, in the order of the frames")
     if known.teaches:
         add(TEACH, "ss", _TAKEN, "performer, class: teaches a motion", _ANY, _ANY)
@@ -81,14 +77,8 @@ def described(known: Known) -> _Node:
         add(f"{at}/scores", "f" * count, _SENT, "score of each class", *[_SHARE] * count)
         event: list[_Node | None] = [{"VALS": [str(each) for each in EventKind]}, names, index, _SHARE, _ANY]
         add(f"{at}/event", "ssiff", _SENT, "start or end, class, index, score, time", *event)
-        add(
-            f"{at}/done",
-            "siifffff",
-            _SENT,
-            "class, index, count, start, duration, score, speed, amplitude",
-            names,
-            index,
-        )
+        text = "class, index, count, start, duration, score, speed, amplitude"
+        add(f"{at}/done", "siifffff", _SENT, text, names, index)
     return root
 
 

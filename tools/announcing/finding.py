@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import closing, suppress
+from importlib.util import find_spec
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
@@ -34,11 +35,7 @@ class Found(NamedTuple):
 
 def is_possible() -> bool:
     """Say whether the package for mDNS is installed."""
-    try:
-        import zeroconf  # noqa: F401, PLC0415 - an extra
-    except ImportError:
-        return False
-    return True
+    return find_spec("zeroconf") is not None
 
 
 def announced(wanted: str = "", within: float = WITHIN) -> list[Found]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections import deque
+from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 import zmq
 
 from kinespace.stream import osc, zeromq
+from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.interruption import check_interrupted
 
@@ -77,6 +80,17 @@ class Listener:
 def answer_in(packet: Packet) -> Answer | None:
     """Read the answer in a packet; None for other packets."""
     return osc.decode_answer(packet) if isinstance(packet, bytes) else zeromq.decode_answer(packet)
+
+
+def classes_in(packet: Packet) -> list[str]:
+    """List the recogniser's classes where a packet lists them; none for other packets."""
+    with suppress(PacketError, ValueError, LookupError, TypeError):
+        if isinstance(packet, bytes):
+            messages = decode_packet(packet) if packet.startswith(b"/motion/classes\0") else ()
+            return [str(name) for _, names in messages for name in names]
+        if packet[0] == b"classes/":
+            return [str(name) for name in json.loads(packet[-1])["classes"]]
+    return []
 
 
 class Expected(NamedTuple):

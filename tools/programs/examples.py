@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import argparse
 
 #: Folders and endings of files that are no examples.
-_PASSED_OVER = {"node_modules", "__pycache__", ".pyc"}
+_PASSED_OVER = {"node_modules", "__pycache__", ".pyc", ".meta"}
 #: The page that says what each needs.
 PAGE = ".github/docs/examples.md"
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
@@ -163,20 +164,28 @@ def _facts(what: str, performer: str, class_name: str, **numbers: float) -> dict
     return {"what": what, "performer": performer, "class": class_name, **numbers}
 
 
+@dataclass(slots=True)
+class _Shown:
+    """A performer's last answer, the motion that goes on, the last ended motions with their lengths.
+
+    And the motions that were done, counted by class, the last ones last.
+    """
+
+    latest: Recognition | None = None
+    going_on: Event | None = None
+    over: tuple[str, ...] = ()
+    done: dict[str, int] = field(default_factory=dict)
+
+
 class LiveTable(Sink):
-    """A sink that keeps the content of the table: the last recognition of each performer, the last status."""
+    """A sink that keeps the content of the table: the last answers to each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
         self._classes = classes
         #: The performer in each row; empty when the performer has left, until a newcomer takes the row.
         self._rows: list[str] = []
-        self._latest: dict[str, Recognition] = {}
-        self._going_on: dict[str, Event] = {}
+        self._shown = defaultdict[str, _Shown](_Shown)
         self._silence = _Silence()
-        #: For each performer the last ended motions, with their lengths.
-        self._over: dict[str, tuple[str, ...]] = {}
-        #: For each performer the motions that were done, by class, the last ones last.
-        self._done: dict[str, dict[str, int]] = {}
         self._status: Status | None = None
         #: The line below the table while `live` can be taught.
         self.hint = ""
@@ -191,7 +200,7 @@ class LiveTable(Sink):
     def publish(self, recognition: Recognition) -> None:
         """Keep the recognition."""
         name = recognition.performer
-        self._latest[name] = recognition
+        self._shown[name].latest = recognition
         self._silence.note(name)
         if name not in self._rows:
             place = self._rows.index("") if "" in self._rows else len(self._rows)
@@ -199,17 +208,17 @@ class LiveTable(Sink):
 
     def publish_event(self, event: Event) -> None:
         """Keep the motion that goes on, and ended ones."""
-        if event.kind is EventKind.START:
-            self._going_on[event.performer] = event
-        elif begun := self._going_on.pop(event.performer, None):
-            over = f"{shortened(title_of(event.label), _PERFORMER)} {event.time - begun.time:.1f} s"
-            self._over[event.performer] = (*self._over.get(event.performer, ()), over)[-_MOTIONS:]
+        shown = self._shown[event.performer]
+        if event.kind is EventKind.END and shown.going_on:
+            over = f"{shortened(title_of(event.label), _PERFORMER)} {event.time - shown.going_on.time:.1f} s"
+            shown.over = (*shown.over, over)[-_MOTIONS:]
+        shown.going_on = event if event.kind is EventKind.START else None
 
     def publish_done(self, done: Done) -> None:
         """Keep how often the class was done."""
-        counts = self._done.setdefault(done.performer, {})
-        counts.pop(done.label, None)
-        counts[done.label] = done.count
+        shown = self._shown[done.performer]
+        shown.done = {name: count for name, count in shown.done.items() if name != done.label}
+        shown.done[done.label] = done.count
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Keep the classes."""
@@ -223,24 +232,23 @@ class LiveTable(Sink):
         while rows and not rows[-1]:
             del rows[-1]
         self._rows = rows
-        self._latest = {name: last for name, last in self._latest.items() if name in here}
-        self._going_on = {name: event for name, event in self._going_on.items() if name in here}
-        self._over = {name: over for name, over in self._over.items() if name in here}
-        self._done = {name: done for name, done in self._done.items() if name in here}
+        for name in self._shown.keys() - here.keys():
+            del self._shown[name]
 
     def drawn(self) -> Table:
         """Draw the current table; from any thread."""
-        rows, latest, rates = list(self._rows), dict(self._latest), self._status.performers if self._status else {}
-        going_on, silent = dict(self._going_on), self._silence.of(latest)
+        rows, shown, rates = list(self._rows), dict(self._shown), self._status.performers if self._status else {}
+        answered = {name: each.latest for name, each in shown.items() if each.latest}
+        silent = self._silence.of(answered)
         width, longest = console.width, min(max(map(len, (*rows, "performer"))), _PERFORMER)
         room = max((width - longest - _FIGURES - (_BAR + 1 if width >= _WIDE else 0)) // 2, _CLASS)
         cells = list["Sequence[str | Text]"]()
         for name in rows:
-            last = latest.get(name)
+            last = answered.get(name)
             if last is None:
                 cells.append(())
                 continue
-            doing = title_of(going_on[name].label) if name in going_on else ""
+            doing = title_of(begun.label) if (begun := shown[name].going_on) else ""
             label = "no frames" if name in silent else title_of(last.label)
             cells.append(
                 (
@@ -252,10 +260,10 @@ class LiveTable(Sink):
                     f"{rates[name]:.0f}" if name in rates else "",
                 )
             )
-        if not latest:
+        if not answered:
             cells.append(("", Text(self._waiting(), style="dim")))
         headings = ("performer", "doing", "this moment", "score", "margin", "frames/s")
-        return table_of("kinespace live", headings, cells, caption=self._caption(silent), names=3)
+        return table_of("kinespace live", headings, cells, caption=self._caption(shown, silent), names=3)
 
     def _waiting(self) -> str:
         """Say what is waited for while nobody is answered."""
@@ -268,14 +276,13 @@ class LiveTable(Sink):
             f"waiting for frames on {', '.join(status.listening)} ..." if status and status.listening else "waiting ..."
         )
 
-    def _caption(self, silent: Mapping[str, float]) -> str:
+    def _caption(self, shown: Mapping[str, _Shown], silent: Mapping[str, float]) -> str:
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        lines = [f"{printable(name)} before: {', '.join(over)}" for name, over in list(self._over.items())]
-        for name, done in list(self._done.items()):
-            last = list(done.items())[-_MOTIONS:]
-            lines.append(f"{printable(name)} done: {', '.join(f'{title_of(label)} {count}' for label, count in last)}")
+        lines = [f"{printable(name)} before: {', '.join(each.over)}" for name, each in shown.items() if each.over]
+        for name, done in ((name, list(each.done.items())[-_MOTIONS:]) for name, each in shown.items() if each.done):
+            lines.append(f"{printable(name)} done: {', '.join(f'{title_of(label)} {count}' for label, count in done)}")
         lines += [f"performer {printable(name)}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
         lines += [*said_of(status), *map(printable, status.notes)]
         lines += [*(printable(as_line(each)) for each in self._taught), *([self.hint] if self.hint else ())]

@@ -42,6 +42,21 @@ def test_commands_are_read_from_senders_that_may_give_them() -> None:
     assert (reader.received, reader.refused) == (7, 2)
 
 
+def test_where_nobody_may_command_the_first_who_does_hears_why() -> None:
+    """Once, also among frames, which are read as ever; the packet counts as foreign."""
+    made = Source(osc.OscReceiver("127.0.0.1", 0), OscDecoder())
+    made.no_commands = "teaching is off"
+    assert isinstance(made.receiver, osc.OscReceiver)
+    with closing(made), closing(osc.OscSender(*made.receiver.address[:2])) as sender:
+        for packet in (FRAME, STOP, STOP, FRAME):
+            sender.send(packet)
+        taken = [event for _ in range(4) for event in made.take(1.0) or ()]
+    (refused,) = [(each.command, each.refusal) for each in taken if isinstance(each, Asked)]
+    assert refused == (None, "teaching is off")
+    assert sum(isinstance(each, Frame) for each in taken) == 2
+    assert (made.counts.received, made.counts.foreign) == (4, 2)
+
+
 @pytest.fixture
 def source() -> Iterator[Source]:
     """Give a port whose packets may hold commands."""

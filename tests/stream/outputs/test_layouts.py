@@ -110,6 +110,7 @@ def test_touchdesigner_gets_numbers_only() -> None:
     assert read(layout.event(dataclasses.replace(START, kind=EventKind.END))) == {"/motion/Ada_L/going": [-1]}
     assert read(layout.done(DONE)) == {"/motion/Ada_L/done": [1, 3, 1.5, 0.875, 1.25, 0.75]}
     assert layout.classes(CLASSES) is None
+    assert layout.notice(State("Ada L", Step.WAITING)) is None
     for told in (first, again, unknown, read(layout.status(STATUS))):
         assert all(type(value) in (int, float) for values in told.values() for value in values)
 

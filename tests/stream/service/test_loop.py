@@ -24,7 +24,7 @@ from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.loop import STATUS_EVERY, Service
 from kinespace.stream.status import InputCounts
-from kinespace.stream.teaching import Asked, commands
+from kinespace.stream.teaching import Asked, State, Step, commands
 from kinespace.stream.zeromq import Endpoint
 
 if TYPE_CHECKING:
@@ -441,6 +441,15 @@ def test_commands_are_carried_out_and_may_switch_answers_off(library: MotionLibr
         assert bool(sink.events) is answers
         if not answers:
             assert {(each.label, each.score, each.guess_index) for each in sink.recognitions} == {("unknown", 0.0, -1)}
+
+
+def test_without_a_control_a_command_is_refused(library: MotionLibrary) -> None:
+    """Whoever listens to the answers hears why."""
+    sink, refused = FakeSink(), Asked(None, "teaching is off")
+    with Service(Performers(library), [FakeSource([[refused]])], [sink]) as service:
+        service.step(0.0)
+    notices = [each for each in sink.told if isinstance(each, State)]
+    assert notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
 
 
 @pytest.mark.parametrize(

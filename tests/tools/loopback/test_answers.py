@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 from programs import builtin_library, motion_cues
 
 from kinespace.stream import Frame, Recognizer, Settings, osc
+from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.recognition import Answer
-from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, expected_answers
+from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, classes_in, expected_answers
 
 if TYPE_CHECKING:
     from kinespace.tools.feeding.feed import Cue
@@ -45,6 +47,14 @@ def test_listening_lasts_until_the_moment(stage: osc.OscReceiver, seconds: float
     moment = time.perf_counter() + seconds
     assert Listener(stage).listen_until(moment) == []
     assert time.perf_counter() >= moment
+
+
+def test_the_classes_are_read_where_a_recogniser_lists_them() -> None:
+    """By either transport; other packets, and broken ones, list none."""
+    for packet in (osc_answers.encode_classes(("bow", "jump")), zeromq_answers.encode_classes(("bow", "jump"))):
+        assert classes_in(packet) == ["bow", "jump"]
+    for packet in (b"/motion/classes\0,", b"#bundle\0", [b"classes/", b"{}"], [b"classes/"], [b"status/", b"1"]):
+        assert classes_in(packet) == []
 
 
 def over_osc(cue: Cue) -> Frame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.library.naming import hdm05
 from kinespace.stream import osc, zeromq
@@ -21,14 +21,14 @@ from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.tools.announcing.finding import is_possible, named
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
-from kinespace.tools.page.process import PagePlan, PageProcess
+from kinespace.tools.page.process import PagePlan
 from kinespace.tools.programs.live.unread import Unread
 from kinespace.tools.teaching.requests import RequestSource
 from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from contextlib import AbstractContextManager
 
     from kinespace.stream.feeds import Preset
@@ -37,11 +37,13 @@ if TYPE_CHECKING:
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq import Keyring
     from kinespace.tools.announcing.announcer import Announcer
+    from kinespace.tools.page.process import Plan
 
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 #: Where the page's process finds its recogniser.
 _HERE = zeromq.Endpoint("tcp://127.0.0.1:*", bind=True)
+_NO_LESSONS = "teaching is off: start kinespace live with --teach FILE"
 _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
@@ -224,29 +226,32 @@ def _endpoint(options: argparse.Namespace, address: str) -> zeromq.Endpoint:
     return zeromq.Endpoint.parse(address, bind=True, to_anybody=options.open)
 
 
-def open_websocket(
-    options: argparse.Namespace, keyring: Keyring | None
-) -> tuple[zeromq.ZmqReceiver | None, list[Sink], PageProcess | None]:
-    """Start the server of WebSocket clients that is asked for; open a receiver of its frames, and a publisher for it.
+class Served(NamedTuple):
+    """A server of browsers, for a process of its own: how answers reach it, and how frames and commands leave it."""
 
-    Raises
-    ------
-    OSError, ValueError
-        As `tools.page.process.PageProcess`.
-    """
-    if not options.ws:
-        return None, [], None
-    from kinespace.tools.websocket.server import SocketPlan  # noqa: PLC0415 - slow to load
+    plan: Plan
+    sinks: list[Sink]
+    frames: zeromq.ZmqReceiver
+    requests: list[RequestSource]
 
-    receiver, sender = zeromq.ZmqReceiver(_HERE, keyring=keyring), zeromq.ZmqSender(_HERE, keyring)
-    with ExitStack() as opened:
-        opened.callback(receiver.close)
-        opened.callback(sender.close)
+
+def open_servers(
+    options: argparse.Namespace, keyring: Keyring | None, performers: Recognising, *, commands: bool
+) -> Iterator[Served]:
+    """Prepare the page, which may give commands, and the server of WebSocket clients where they are asked for."""
+    if options.page:
+        sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
+        requests = [RequestSource(_HERE, (), keyring)] if commands else []
+        control = requests[0].address if requests else None
+        page = PagePlan(options.page, sender.address, control, frames.address, options.keys)
+        yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], frames, requests)
+    if options.ws:
+        from kinespace.tools.websocket.server import SocketPlan  # noqa: PLC0415 - slow to load
+
+        sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
         networks = tuple(map(str, _and_here(_networks(options))))
-        plan = SocketPlan(options.ws, sender.address, receiver.address, options.keys, options.ws_origin, networks)
-        process = PageProcess(plan, say)
-        opened.pop_all()
-    return receiver, [ZmqSink(sender)], process
+        clients = SocketPlan(options.ws, sender.address, frames.address, options.keys, options.ws_origin, networks)
+        yield Served(clients, [ZmqSink(sender)], frames, [])
 
 
 def open_announcer(options: argparse.Namespace, sources: Sequence[Source], classes: Sequence[str]) -> list[Announcer]:
@@ -264,10 +269,11 @@ def open_announcer(options: argparse.Namespace, sources: Sequence[Source], class
 def open_controls(
     options: argparse.Namespace, sources: Sequence[Source], keyring: Keyring | None
 ) -> list[RequestSource]:
-    """Let the frames' own ports take commands, and open the further ways in for them."""
+    """Let the frames' own ports take commands, and open the further ways in for them; without lessons say so once."""
     networks = _networks(options)
     for source in sources:
-        source.commands = CommandReader(networks)
+        source.commands = CommandReader(networks) if options.teach else None
+        source.no_commands = "" if options.teach else _NO_LESSONS
     controls: list[RequestSource] = []
     for control in options.control:
         with opening("--control"):
@@ -275,25 +281,3 @@ def open_controls(
             near = () if keyring else _and_here(networks)
             controls.append(RequestSource(_endpoint(options, control), networks, keyring, networks=near))
     return controls
-
-
-def open_page(
-    options: argparse.Namespace, keyring: Keyring | None, performers: Recognising, *, commands: bool
-) -> tuple[list[Sink], list[RequestSource], zeromq.ZmqReceiver | None, PageProcess | None]:
-    """Start the page that is asked for, with a publisher and a receiver of its cameras' frames.
-
-    If it may give commands, there is a socket for them. All are to be closed with the recogniser's others.
-
-    Raises
-    ------
-    OSError, ValueError
-        As `tools.page.process.PageProcess`.
-    """
-    if not options.page:
-        return [], [], None, None
-    sender = zeromq.ZmqSender(_HERE, keyring)
-    requests = [RequestSource(_HERE, (), keyring)] if commands else []
-    frames = zeromq.ZmqReceiver(_HERE, keyring=keyring)
-    control = requests[0].address if requests else None
-    plan = PagePlan(options.page, sender.address, control, frames.address, options.keys)
-    return [ZmqSink(sender), BodySink(sender, performers)], requests, frames, PageProcess(plan, say)

@@ -34,104 +34,61 @@ WS = "127.0.0.1:9313"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     add_shared_arguments(parser)
-    parser.add_argument(
-        "--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes (default: none)"
-    )
-    parser.add_argument(
-        "--camera", metavar="0|FILE|URL", help="watch a camera, a film or a stream, as kinespace camera does"
-    )
+    text = "spread performers over processes (default: none)"
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
+    text = "watch a camera, a film or a stream, as kinespace camera does"
+    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
     add_shared(parser, "--people", "--show")
     parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
-    parser.add_argument(
-        "--teach", type=Path, metavar="FILE", help="let people teach motions by showing them, and keep them there"
-    )
-    parser.add_argument(
-        "--stillness",
-        type=positive,
-        default=STILLNESS,
-        help="movement, relative to the body, that counts as rest between taught motions; twice as much begins one "
-        "(default %(default)s)",
-    )
-    parser.add_argument(
-        "--either-side",
-        action=argparse.BooleanOptionalAction,
-        help="taught motions may be done by either side (default: with --camera)",
-    )
-    parser.add_argument(
-        "--quiet-lessons", action="store_true", help='answer a performer who is being taught "unknown", without events'
-    )
-    parser.add_argument(
-        "--recordings", type=Path, metavar="DIR", help="let people take examples out of the recordings in this folder"
-    )
-    parser.add_argument(
-        "--control",
-        action="append",
-        default=[],
-        metavar="ENDPOINT",
-        help="also obey ZeroMQ requests, like tcp://127.0.0.1:9330",
-    )
+    text = "let people teach motions by showing them, and keep them there"
+    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
+    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
+    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
+    text = "taught motions may be done by either side (default: with --camera)"
+    parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
+    text = 'answer a performer who is being taught "unknown", without events'
+    parser.add_argument("--quiet-lessons", action="store_true", help=text)
+    text = "let people take examples out of the recordings in this folder"
+    parser.add_argument("--recordings", type=Path, metavar="DIR", help=text)
+    text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
+    parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
 
 
 def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that `kinespace gateway` has, too."""
     add_shared(parser, "--osc-in", "--zmq-in")
-    parser.add_argument(
-        "--osc-out",
-        metavar="[HOST:]PORT",
-        help=f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)",
-    )
+    text = f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)"
+    parser.add_argument("--osc-out", metavar="[HOST:]PORT", help=text)
     parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
-    parser.add_argument(
-        "--feed",
-        metavar="NAME",
-        help="read the feed of this product, by default on its own port; or FILE.toml: see kinespace feeds",
-    )
+    text = "read the feed of this product, by default on its own port; or FILE.toml: see kinespace feeds"
+    parser.add_argument("--feed", metavar="NAME", help=text)
     add_shared(parser, "--sender")
-    parser.add_argument(
-        "--out",
-        type=names,
-        action="extend",
-        default=[],
-        metavar="NAME[=HOST:PORT],...",
-        help=f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
-        + ", ".join((*LAYOUTS, LSL, MIDI))
-        + "; FILE.toml: messages of your own; sender:PORT replies; in place of NAME or HOST:PORT the name that a "
-        "program announces by mDNS",
+    text = (
+        f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
+        f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies; in place of NAME "
+        "or HOST:PORT the name that a program announces by mDNS"
     )
-    parser.add_argument(
-        "--joints",
-        metavar="A,B,...",
-        help="the joints of frames whose sender never names them, in order: the library's names, or a preset that "
-        "lists them, like kinectv2, or FILE.toml (default: the library's joints)",
+    parser.add_argument("--out", type=names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text)
+    text = (
+        "the joints of frames whose sender never names them, in order: the library's names, or a preset that lists "
+        "them, like kinectv2, or FILE.toml (default: the library's joints)"
     )
+    parser.add_argument("--joints", metavar="A,B,...", help=text)
     add_names(parser, "senders")
     add_shared(parser, "--library")
     add_settings(parser)
     parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
-    parser.add_argument(
-        "--allow-from",
-        type=names,
-        default=(),
-        metavar="NETWORK,...",
-        help="read packets from these networks alone; let them teach; let them and this machine get the answers by "
-        "ZeroMQ",
-    )
+    text = "read packets from these networks alone; let them teach; let them and this machine get the answers by ZeroMQ"
+    parser.add_argument("--allow-from", type=names, default=(), metavar="NETWORK,...", help=text)
     add_shared(parser, "--keys", "--open")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_shared(parser, "--overwrite")
-    parser.add_argument(
-        "--bodies", action="store_true", help="publish bodies on --zmq-out, for kinespace page elsewhere"
-    )
-    add_shared(parser, "--page")
-    add_shared(parser, "--no-announce")
-    parser.add_argument(
-        "--ws",
-        nargs="?",
-        const=WS,
-        metavar="[HOST:]PORT",
-        help=f"also take frames and give answers by WebSocket, in JSON (default {WS})",
-    )
+    text = "publish bodies on --zmq-out, for kinespace page elsewhere"
+    parser.add_argument("--bodies", action="store_true", help=text)
+    add_shared(parser, "--page", "--no-announce")
+    text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
+    parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
     text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"
     parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from contextlib import ExitStack, closing, nullcontext
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,13 +23,14 @@ from kinespace.stream.service.loop import Service
 from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
+from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.live.endpoints import (
+    Served,
     open_announcer,
     open_controls,
     open_ends,
-    open_page,
     open_senders,
-    open_websocket,
+    open_servers,
 )
 from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.programs.live.supervisor import supervisors
@@ -67,36 +69,34 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     with ExitStack() as opened:
         _close_in(opened, from_workers)
         # Before the sockets are open: no packet is to wait until the page runs.
-        page_sinks, page_sources, page_frames, page_process = open_page(
-            options, keyring, performers, commands=lessons is not None
-        )
-        _close_in(opened, [*page_sinks, *page_sources])
-        websocket, browser_sinks, browser_process = open_websocket(options, keyring)
-        _close_in(opened, browser_sinks)
-        browsers = [each for each in (page_frames, websocket) if each]
-        sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
+        served, servers = list[Served](), list[Any]()
+        for each in open_servers(options, keyring, performers, commands=lessons is not None):
+            _close_in(opened, [*each.sinks, each.frames, *each.requests])
+            served.append(each)
+            servers.append(PageProcess(each.plan, say))
+        sources, sinks, kept = open_ends(options, preset, keyring, admission, [each.frames for each in served])
         _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
-        controls = open_controls(options, sources, keyring) if lessons else []
+        controls = open_controls(options, sources, keyring)
         senders = open_senders(options, sources)
         # Last: threads that nothing else ends.
         announcers = open_announcer(options, sources, (lessons or performers).classes)
         opened.pop_all()
+    listeners = [lessons] if lessons else []
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
     with (
         closing(kept) if kept else nullcontext(),
         Service(
             performers,
-            [*sources, *controls, *page_sources, *from_workers],
-            [*sinks, shown, *page_sinks, *browser_sinks, *announcers, *([lessons] if lessons else []), *supervisors()],
+            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
+            [*sinks, shown, *chain(*(each.sinks for each in served)), *announcers, *listeners, *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,
         ExitStack() as running,
     ):
-        servers: list[Any] = [each for each in (page_process, browser_process) if each]
-        for each in (*servers, *senders):
-            running.enter_context(each)
+        for begun in (*servers, *senders):
+            running.enter_context(begun)
         if lessons:
             lessons.sinks = service.sinks
         # Before the program says that it runs.

@@ -60,30 +60,20 @@ _MIN_WINDOW = 0.25
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument(
-        "sources", nargs="+", type=Path, metavar="SOURCE", help=f"folders, recordings, libraries, or {BUILT_IN}"
-    )
+    text = f"folders, recordings, libraries, or {BUILT_IN}"
+    parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help=text)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
-    parser.add_argument(
-        "--without",
-        action="extend",
-        type=names,
-        default=[],
-        metavar="CLASS|PERSON,...",
-        help="leave these classes or persons out",
-    )
+    text = "leave these classes or persons out"
+    parser.add_argument("--without", action="extend", type=names, default=[], metavar="CLASS|PERSON,...", help=text)
     text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
     parser.add_argument("--rename", **several(mapping, "OLD=NEW"), help=text)
     text = "add their motions, for bodies of few joints alone; the joints that they lack are computed"
     parser.add_argument("--guests", **several(Path, "TAKE"), help=text)
-    parser.add_argument(
-        "--every", type=count, default=1, metavar="N", help="add every Nth of the guests' motions alone"
-    )
+    text = "add every Nth of the guests' motions alone"
+    parser.add_argument("--every", type=count, default=1, metavar="N", help=text)
     add_shared(parser, "--either-side")
-    add_labels(
-        parser,
-        "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)",
-    )
+    text = "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)"
+    add_labels(parser, text)
     add_shared(parser, "--overwrite", "--feed", "--actor-in")
     add_reading(parser)
     parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")

@@ -15,6 +15,7 @@ from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
 from kinespace.tools.terminal.console import printable, progress, say
+from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
 
@@ -29,19 +30,10 @@ _MAX_SECONDS = 8.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="CSV",
-        help="the labels to write (default: next to the recording, with its name)",
-    )
-    parser.add_argument(
-        "--stillness",
-        type=positive,
-        default=STILLNESS,
-        help="movement, relative to the body, that counts as rest (default %(default)s)",
-    )
+    text = "the labels to write (default: next to the recording, with its name)"
+    parser.add_argument("-o", "--output", type=Path, metavar="CSV", help=text)
+    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
+    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
     add_shared(parser, "--overwrite", "--feed")
     add_reading(parser)
 
@@ -53,7 +45,8 @@ def run(options: argparse.Namespace) -> int:
     if labels == source:
         raise ValueError(f"{source}: expected --output, because the labels would replace the recording")
     require_place_for(labels, overwrite=options.overwrite)
-    takes = RecordingReader(reading_of(options)).clips(find_recordings([source])[0])
+    named = NameNotes()
+    takes = [named(each) for each in RecordingReader(reading_of(options)).clips(find_recordings([source])[0])]
     found = [
         (stretch, take.actor)
         for take in progress(takes, "Looking", len(takes))

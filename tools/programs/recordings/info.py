@@ -57,13 +57,8 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument(
-        "file",
-        nargs="?",
-        type=Path,
-        metavar="FILE|CLASS",
-        help=f"a library, a recording, a folder of them, or a class of the built-in library (default: {BUILT_IN})",
-    )
+    text = f"a library, a recording, a folder of them, or a class of the built-in library (default: {BUILT_IN})"
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE|CLASS", help=text)
     parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
     add_shared(parser, "--json", "--feed", "--actor-in")
     add_reading(parser)
@@ -228,17 +223,18 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     chosen = class_at(file) if file and file != BUILT_IN and not file.suffix else ""
     library = library_at(None if chosen else file)
     kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
+    guests = [clip for clip in library.guests if chosen in ("", clip.class_name)]
     motions = [_row(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
     indices = {name: index for index, name in enumerate(library.classes)}
     described = {"library": str(file or BUILT_IN), **_summed_up(motions)}
     described["classes"] = [{**row, "index": indices.get(row["class"])} for row in described["classes"]]
     described |= {
         "joints": list(library.skeleton.joints),
-        "sources": list(dict.fromkeys(each.source for each in kept if each.source)),
+        "sources": list(dict.fromkeys(each.source for each in (*kept, *guests) if each.source)),
         "arithmetic": kernels.kind(),
         "licence": library.licence,
         "attribution": library.attribution,
-        "guests": len(library.guests),
+        "guests": len(guests),
         "feeds": sorted(kinds_of(library)),
         "without_course": without_course(kept),
         "missed": {} if chosen else _missed(library),

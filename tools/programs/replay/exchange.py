@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from kinespace.stream import osc
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, lost_at
-from kinespace.tools.loopback.answers import answer_in
+from kinespace.tools.loopback.answers import answer_in, classes_in
 from kinespace.tools.terminal.console import console, say
 from kinespace.tools.terminal.tables import table_of
 
@@ -86,6 +86,8 @@ class Exchange:
         self._sent = self._received = 0
         self._stood_still = 0.0
         self._performed = ""
+        #: The recogniser's classes, once it has listed them.
+        self._classes: list[str] = []
 
     def play(self, cues: Iterable[Cue]) -> None:
         """Send every frame when it is due, the skeleton before the first and every second.
@@ -119,6 +121,7 @@ class Exchange:
         self._received += len(received)
         before = self._score.count
         for each in received:
+            self._classes = classes_in(each.packet) or self._classes
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
                 self._score.add(self._performed, answer.label)
@@ -133,6 +136,10 @@ class Exchange:
     def reached_nobody(self) -> bool:
         """Whether it is known that no frame reached a program."""
         return bool(self._sent) and self._sender.unheard >= self._sent
+
+    def _lacking(self) -> list[str]:
+        """List the classes performed that the library lacks; none before the recogniser has listed its own."""
+        return sorted({*self._score.answers} - {*self._classes}) if self._classes else []
 
     def _silence(self) -> str:
         """Say that no answer came, and list checks."""
@@ -156,6 +163,7 @@ class Exchange:
                 "unheard": self._sender.unheard,
                 "answers": score.answers.total(),
                 "unlabelled": score.unlabelled,
+                "lacking": self._lacking(),
             }
             print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
             return
@@ -168,3 +176,6 @@ class Exchange:
             say(self._silence())
         elif self._listener:
             console.print(score.table())
+            if lacking := self._lacking():
+                share = sum(score.answers[name] for name in lacking) / score.answers.total()
+                say(f"the library lacks {', '.join(lacking)}: {share:.0%} of the labelled time, and no answer is right")

@@ -140,7 +140,7 @@ def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> List
     with opening("--listen"):
         if "://" in listen:
             endpoint = Endpoint.parse(listen, bind=False, to_anybody=to_anybody)
-            return Listener(zeromq.ZmqReceiver(endpoint, b"class/", keyring=keyring))
+            return Listener(zeromq.ZmqReceiver(endpoint, b"class", keyring=keyring))
         return Listener(osc.OscReceiver(*host_and_port(listen)))
 
 

@@ -38,7 +38,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 #: Fast enough for a short test, slow enough for a busy machine.
 SPEED = 8.0
-KEYS = {"sent", "failed", "unheard", "answers", "unlabelled", "right"}
+KEYS = {"sent", "failed", "unheard", "answers", "unlabelled", "lacking", "right"}
 
 
 def course(**wanted: object) -> Namespace:
@@ -259,6 +259,27 @@ def test_osc_answers_to_any_performer_are_counted(
     answers, share = _expected_answers(library, clips[:1])
     assert described["answers"] == answers > 20
     assert described["right"] == round(share, 4)
+
+
+def test_a_class_that_the_library_lacks_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With its share of the labelled time, so that a low share of right answers is understood."""
+    monkeypatch.setattr("kinespace.stream.service.loop.CLASSES_EVERY", 0.1)
+    takes = write_takes(tmp_path, takes=1)
+    clips = list(read_recordings(takes))
+    library = MotionLibrary.of_clips([each for each in clips if each.class_name != clips[0].class_name])
+    source, port = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder()), free_udp_port()
+    sink = LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, port))
+    told = []
+    with recognising(library, source, sink):
+        for more in ((), ("--json",)):
+            played = (takes[0], "--osc", target(source.receiver), "--listen", f"{LOOPBACK}:{port}", "--speed", "2")
+            assert replay(*played, *more) == 0
+            told.append(capsys.readouterr().out)
+    line = f"the library lacks {clips[0].class_name}: 100% of the labelled time, and no answer is right"
+    assert line in told[0].splitlines()
+    assert json.loads(told[1])["lacking"] == [clips[0].class_name]
 
 
 def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:

@@ -105,8 +105,9 @@ class Guess(NamedTuple):
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Joints of the preset that did not come."""
-        return tuple(joint for joint in self.preset.sent if joint not in self.joints)
+        """Joints of the preset that did not come; none where a sender may send some."""
+        absent = (joint for joint in self.preset.sent if joint not in self.joints)
+        return () if self.preset.closings.some else tuple(absent)
 
     @property
     def performers(self) -> tuple[str, ...]:
@@ -231,7 +232,7 @@ class Survey:
             preset,
             understood / total if total else 0.0,
             tuple(joint for joint in preset.sent if joint in came),
-            assembler.counts.frames,
+            assembler.counts.frames if len(came) >= MIN_JOINTS else 0,
             assembler.counts.incomplete,
             times,
             tuple(sorted(mapper.unknown)),
@@ -293,8 +294,13 @@ class Survey:
         It is chosen by the frames made, then the joints found, then the messages read.
         """
         guesses = [self.looked_at_as(preset) for preset in presets]
-        likely = [each for each in guesses if len(each.joints) >= _LIKELY * len(each.preset.sent)]
+        likely = [each for each in guesses if len(each.joints) >= _fewest(each.preset)]
         return max(likely, key=_likelihood, default=None)
+
+
+def _fewest(preset: Preset) -> float:
+    """Give the number of joints that must come for a preset to fit."""
+    return MIN_JOINTS if preset.closings.some else _LIKELY * len(preset.sent)
 
 
 def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import Naming, hdm05, unknown_names
+from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.oddities import FLAT
 from kinespace.stream.frame import Announcement, Frame, NewSender
@@ -148,6 +148,8 @@ class Performers(Following[_Performer]):
         #: Holds for every performer that names no joints.
         skeleton, joints = self.library.skeleton, joints or SentJoints()
         self._assumed = joints.assumed or skeleton.joints
+        # Read now: no announcement is to wait for the files of names.
+        conventions()
         self._assumed_order = skeleton.order_from(joints.assumed) if joints.assumed else None
         self._naming = joints.naming
         #: The sets of joints whose windows were asked for.

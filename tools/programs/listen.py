@@ -142,7 +142,9 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
         lines.append(f"bones that never came, and stay at rest: {', '.join(guess.at_rest)}")
     if guess.unknown:
         lines.append(f"joints sent that the preset does not name: {', '.join(guess.unknown[:12])}")
-    if not guess.frames and not guess.missing:
+    if guess.preset.closings.some and len(guess.joints) < MIN_JOINTS:
+        lines.append(f"joints whose names are known: {len(guess.joints)}, and {MIN_JOINTS} are needed at least")
+    elif not guess.frames and not guess.missing:
         lines.append("no whole frame: the time was too short, or the joints come too far apart")
     elif guess.refused:
         lines.append(f"{guess.refused} frames refused, because too many joints were absent from them")

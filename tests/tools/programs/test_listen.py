@@ -221,6 +221,21 @@ def _heard(joints: tuple[str, ...], frames: int = 20) -> Survey:
     return survey
 
 
+@pytest.mark.parametrize("known", [5, 4])
+def test_a_sender_of_some_joints_lacks_none(known: int) -> None:
+    """One message a joint: what nobody knows is said, and how many are needed, not what might be sent, too."""
+    survey, names = Survey(), ["Hips", "Spine", "LeftArm", "RightArm", "LeftUpLeg"][:known]
+    for number in range(30):
+        for place, name in enumerate((*names, "Sword")):
+            survey.keep(message(f"/{name}", "fff", 0.1 * place, 1.0, number / 90), number / 30 + place / 1e4, None)
+    guess = survey.looked_at_as(builtin_preset("joints"))
+    assert (guess.missing, guess.unknown, guess.frames > 20) == ((), ("Sword",), known == 5)
+    lines = [] if known == 5 else ["joints whose names are known: 4, and 5 are needed at least"]
+    assert advice(survey, guess, None) == ["joints sent that the preset does not name: Sword", *lines]
+    best = survey.guess([builtin_preset(name) for name in builtin_names()])
+    assert (best.preset.name if best else "") == ("joints" if known == 5 else "")
+
+
 @pytest.mark.parametrize(
     ("joints", "title", "ours"),
     [(skeletons.MIXAMO, "Mixamo", 29), (skeletons.SMPL, "SMPL", 22), (builtin_preset("native").joints[:12], "", 12)],

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinespace.stream.outputs.extra import extra
@@ -9,6 +12,7 @@ from kinespace.stream.outputs.sink import Sink
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from types import ModuleType
 
     from kinespace.stream.recognition import Done, Event, Recognition
 
@@ -18,8 +22,26 @@ LSL = "lsl"
 EVENTS, SCORES = "kinespace-events", "kinespace-{}"
 #: The channels behind the classes' scores; phase, speed and amplitude are 0 where no motion is followed.
 FURTHER = ("class", "margin", "phase", "speed", "amplitude")
+#: Where LSL looks for its settings.
+_SETTINGS = Path("lsl_api.cfg"), Path("~/lsl_api/lsl_api.cfg"), Path("/etc/lsl_api/lsl_api.cfg")
 #: Performers whose scores have a stream, at most.
 _MAX_STREAMS = 256
+
+
+def lsl() -> ModuleType:
+    """Load pylsl. Its library's greeting stays away, unless a file of LSL's settings would be passed over by that.
+
+    Raises
+    ------
+    ImportError
+        pylsl is not there.
+    """
+    loaded = extra("pylsl", LSL)
+    if "LSLAPICFG" not in os.environ and not any(place.expanduser().exists() for place in _SETTINGS):
+        # Older ones cannot be told.
+        with suppress(AttributeError, RuntimeError):
+            loaded.set_config_content("[log]\nlevel = -1\n")
+    return loaded
 
 
 class LslSink(Sink):
@@ -32,7 +54,7 @@ class LslSink(Sink):
     """
 
     def __init__(self) -> None:
-        self._lsl = extra("pylsl", LSL)
+        self._lsl = lsl()
         info = self._lsl.StreamInfo(EVENTS, "Markers", 1, self._lsl.IRREGULAR_RATE, "string", EVENTS)
         self._events = self._lsl.StreamOutlet(info)
         #: The classes and the stream of each performer, and the time of the newest answer by the sender's clock.

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.outputs.extra import extra
-from kinespace.stream.outputs.lsl_sink import LSL
+from kinespace.stream.outputs.lsl_sink import lsl
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 
 if TYPE_CHECKING:
@@ -87,7 +86,7 @@ class LslFeed:
     """
 
     def __init__(self, name: str, host: str, port: int) -> None:
-        self._lsl = extra("pylsl", LSL)
+        self._lsl = lsl()
         streams = self._lsl.resolve_byprop("name", name, timeout=_FOUND_WITHIN)
         if not streams:
             others = sorted({each.name() for each in self._lsl.resolve_streams(0.5)})

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
@@ -16,7 +18,8 @@ from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progre
 from kinespace.tools.feeding.lsl_feed import Layout, LslFeed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
 
 pylsl = pytest.importorskip("pylsl", reason="pylsl finds no library of LSL", exc_type=(ImportError, RuntimeError))
 #: No packet leaves this machine, and no stream is another program's, or another run's of these tests.
@@ -29,9 +32,27 @@ JOINTS = tuple("abcdef")
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _this_machine() -> None:
-    """Configure LSL before its first stream."""
-    pylsl.set_config_content(CONFIG)
+def _this_machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Configure LSL before its first stream, by a file: ours would take the place of other settings."""
+    file = tmp_path_factory.mktemp("lsl") / "lsl_api.cfg"
+    file.write_text(CONFIG, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("LSLAPICFG", str(file))
+        yield
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [False, True])
+def test_lsl_says_nothing_at_its_start(settings: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: FBT001 - a parametrised test's argument
+    """Its library greets on standard error; where a person has settings of LSL's, these hold."""
+    monkeypatch.delenv("LSLAPICFG")
+    if settings:
+        (tmp_path / "lsl_api.cfg").write_text("[log]\nlevel = 0\n", encoding="utf-8")
+    code = "from kinespace.stream.outputs.lsl_sink import LslSink; LslSink().close()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60.0
+    )
+    assert (done.returncode, bool(done.stderr)) == (0, settings)
 
 
 def _inlet(name: str) -> Any:  # noqa: ANN401 - pylsl has no types

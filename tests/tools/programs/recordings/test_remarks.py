@@ -1,0 +1,34 @@
+"""What `live` says of an odd body, the programs that read a recording of it say, too."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from kinespace.library import MotionLibrary
+from kinespace.tools.cli.main import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "program", ["info", "build -o out.npz", "convert -o out.npz", "cut -o out.csv", "discover -o out"]
+)
+def test_a_flat_body_is_remarked_on(
+    program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Once, where progress is shown."""
+    monkeypatch.chdir(tmp_path)
+    squat = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")
+    np.savez(
+        "take.npz",
+        time=squat.times,
+        positions=squat.positions * [1.0, 1.0, 0.0],
+        joints=np.array(squat.skeleton.joints),
+    )
+    assert main([program.split()[0], "take.npz", *program.split()[1:]]) == 0
+    assert capsys.readouterr().err.count(": flat: all joints lie in one plane") == 1

@@ -24,11 +24,9 @@ def test_a_flat_body_is_remarked_on(
     """Once, where progress is shown."""
     monkeypatch.chdir(tmp_path)
     squat = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")
-    np.savez(
-        "take.npz",
-        time=squat.times,
-        positions=squat.positions * [1.0, 1.0, 0.0],
-        joints=np.array(squat.skeleton.joints),
-    )
-    assert main([program.split()[0], "take.npz", *program.split()[1:]]) == 0
+    flat, joints = squat.positions * [1.0, 1.0, 0.0], squat.skeleton
+    described = {"joints": np.array(joints.joints), "parents": np.array(joints.parents), "performer": np.array("ann")}
+    np.savez("take.npz", time=squat.times, positions=flat, **described)
+    name, *options = program.split()
+    assert main([name, "take.npz", *options]) == 0
     assert capsys.readouterr().err.count(": flat: all joints lie in one plane") == 1

@@ -91,15 +91,11 @@ def open_ends(
         read = [*((each, preset) for each in receivers), *((each, None) for each in browsers)]
         # Last, because it may take another file's place.
         writer = _writer(options.record, read) if options.record else None
-        recorders = [Recorder(writer, index) if writer else None for index in range(len(read))]
-        sources = [
-            _source(receiver, recorder, fed, options.sender, admission)
-            for (receiver, fed), recorder in zip(read, recorders, strict=True)
-        ]
-        for source in sources:
-            source.is_of_browsers = source.receiver in browsers
-            if isinstance(source.receiver, osc.OscReceiver):
-                source.unread = Unread(source.receiver.address, preset)
+        sources = []
+        for index, (receiver, fed) in enumerate(read):
+            recorder = Recorder(writer, index) if writer else None
+            sources.append(_source(receiver, recorder, fed, options.sender, admission))
+            sources[-1].is_of_browsers = receiver in browsers
         opened.pop_all()
     return sources, sinks, writer
 
@@ -141,9 +137,13 @@ def _source(
     receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str, admission: Admission
 ) -> Source:
     if preset:
-        return FeedSource(receiver, preset, sender=sender, recorder=recorder, admission=admission)
-    decoder = OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder()
-    return Source(receiver, decoder, recorder, admission)
+        source: Source = FeedSource(receiver, preset, sender=sender, recorder=recorder, admission=admission)
+    else:
+        decoder = OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder()
+        source = Source(receiver, decoder, recorder, admission)
+    if isinstance(receiver, osc.OscReceiver):
+        source.unread = Unread(receiver.address, preset)
+    return source
 
 
 def _layout_sink(

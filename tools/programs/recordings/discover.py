@@ -1,4 +1,9 @@
-"""`kinespace discover`: finds the motions that repeat in recordings without labels, and makes named ones classes."""
+"""`kinespace discover`: finds the motions that repeat in recordings without labels, and makes named ones classes.
+
+Cuts recordings of one or several performers where the movement changes, groups what is alike, and writes the groups
+into a folder: a page that shows them, a table of all pieces, and a library. Look at the page, then name groups:
+kinespace discover -o FOLDER --name 3=bow 5=wave.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +39,6 @@ _COLUMNS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Cuts recordings of one or several performers where the movement changes, groups what is alike, and writes the "
-        "groups into a folder: a page that shows them, a table of all pieces, and a library. Look at the page, then "
-        "name groups: kinespace discover -o FOLDER --name 3=bow 5=wave."
-    )
     parser.add_argument("sources", nargs="*", type=Path, metavar="SOURCE", help="recordings, or folders of them")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="the folder to write")
     text = "make these groups classes, in FOLDER/named.npz"

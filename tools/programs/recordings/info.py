@@ -30,21 +30,10 @@ from kinespace.tools.terminal.named_joints import read_with_notes
 from kinespace.tools.terminal.tables import print_scores
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
-_OF_RECORDINGS = (
-    ("recording", "{name}"),
-    ("seconds", "{seconds:.1f}"),
-    ("Hz", "{frame_rate:g}"),
-    ("joints", "{joints}"),
-    ("metres across", "{metres_across:.2f}"),
-    ("filled in", "{filled:.1%}"),
-)
-_OF_LIBRARY = (
-    ("class", "{class}"),
-    ("person", "{person}"),
-    ("take", "{take}"),
-    ("seconds", "{seconds:.1f}"),
-    ("Hz", "{frame_rate:g}"),
-)
+_LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
+_MEASURED = ("joints", "{joints}"), ("metres across", "{metres_across:.2f}"), ("filled in", "{filled:.1%}")
+_OF_RECORDINGS = ("recording", "{name}"), *_LASTING, *_MEASURED
+_OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), *_LASTING
 
 if TYPE_CHECKING:
     import argparse

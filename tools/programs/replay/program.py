@@ -20,20 +20,9 @@ from kinespace.stream.inputs.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.announcing.finding import recogniser
 from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.cli.arguments import (
-    OSC_IN,
-    add_reading,
-    add_shared,
-    not_negative,
-    positive,
-    reading_of,
-)
+from kinespace.tools.cli.arguments import OSC_IN, add_reading, add_shared, not_negative, positive, reading_of
 from kinespace.tools.feeding import packets
-from kinespace.tools.feeding.feed import (
-    OscFrameSender,
-    ZmqFrameSender,
-    piece_cues,
-)
+from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender, piece_cues
 from kinespace.tools.loopback.answers import Listener
 from kinespace.tools.programs.replay.exchange import Exchange
 from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
@@ -50,30 +39,24 @@ _MEETING = 0.5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument(
-        "clips",
-        nargs="*",
-        type=Path,
-        metavar="CLIP|CLASS",
-        help="recordings, folders of them, or classes of the built-in library, whose motions are played; or one "
-        ".kinerec (default: built-in, all its motions)",
+    text = (
+        "recordings, folders of them, or classes of the built-in library, whose motions are played; or one .kinerec "
+        "(default: built-in, all its motions)"
     )
+    parser.add_argument("clips", nargs="*", type=Path, metavar="CLIP|CLASS", help=text)
     add_reading(parser)
     text = f"send OSC there (default: {OSC_IN}; where nobody has this port, the kinespace live that announces itself)"
     parser.add_argument("--osc", metavar="HOST:PORT", help=text)
-    parser.add_argument(
-        "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
-    )
+    text = "publish on ZeroMQ instead; connects, put @ before it to bind"
+    parser.add_argument("--zmq", metavar="ENDPOINT", help=text)
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
     add_shared(parser, "--keys", "--open")
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
-    parser.add_argument(
-        "--speed", type=positive, default=1.0, help="factor on the recorded speed (default %(default)s)"
-    )
+    text = "factor on the recorded speed (default %(default)s)"
+    parser.add_argument("--speed", type=positive, default=1.0, help=text)
     parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
-    parser.add_argument(
-        "--from", type=not_negative, default=0.0, dest="begin", metavar="S", help="begin each recording at this second"
-    )
+    text = "begin each recording at this second"
+    parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help=text)
     parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
     add_shared(parser, "--no-announce", "--json")

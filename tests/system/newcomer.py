@@ -1,4 +1,4 @@
-"""What a newcomer types, from a clean clone, and how long it takes: `python tests/newcomer.py` prints a table.
+"""What a newcomer types, from a clean clone, and how long it takes: `python tests/system/newcomer.py` prints a table.
 
 The clone, its environment and kinespace's cache lie in a temporary folder; packages come from pip's usual place. The
 load of the machine stands below the table: on a busy one every figure is larger.
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 #: Seconds from the clone to the first answer, and from the installed program to the paper's table; seconds for which
 #: the loop of an asyncio app may stand still.
 ANSWER, TABLE, STILL = 90.0, 60.0, 0.005

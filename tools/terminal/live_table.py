@@ -166,14 +166,13 @@ def _facts(what: str, performer: str, class_name: str, **numbers: float) -> dict
 
 @dataclass(slots=True)
 class _Shown:
-    """A performer's last answer, the motion that goes on, the last ended motions with their lengths.
-
-    And the motions that were done, counted by class, the last ones last.
-    """
+    """What is shown of a performer."""
 
     latest: Recognition | None = None
     going_on: Event | None = None
+    #: The last ended motions, with their lengths.
     over: tuple[str, ...] = ()
+    #: The motions that were done, by class, the last ones last.
     done: dict[str, int] = field(default_factory=dict)
 
 

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 #: Where the page's process finds its recogniser.
 _HERE = zeromq.Endpoint("tcp://127.0.0.1:*", bind=True)
+#: What the first who would teach hears where nobody may.
 _NO_LESSONS = "teaching is off: start kinespace live with --teach FILE"
 _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 

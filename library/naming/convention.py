@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 from pathlib import Path
 from string import digits
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 _ENDING = ".toml"
+#: Names whose spelling is remembered, at most: every convention is tried with each.
+_MAX_REMEMBERED = 1024
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 #: The end of a namespace or a path.
 _NAMESPACE = re.compile(r"\A.*[:|]")
@@ -80,6 +82,7 @@ class Convention:
         return bare.removeprefix(front).lstrip(digits) if front else bare
 
 
+@lru_cache(maxsize=_MAX_REMEMBERED)
 def spelling(name: str) -> str:
     """Spell a joint's name without capitals and without marks between words."""
     return _BETWEEN_WORDS.sub("", name).casefold()

@@ -47,7 +47,7 @@ def test_live_keeps_a_log_and_speaks_to_systemd(tmp_path: Path, monkeypatch: pyt
                 sender.send(osc.encode_frame(Frame("ann", 1.0 + moment, positions)))
                 time.sleep(1 / 120)
             sender.close()
-            later = _said(notified, "STATUS=ok: 1 performers")
+            later = _said(notified, ": 1 performers")
             assert "READY=1" not in later
             program.process.send_signal(signal.SIGTERM)
             _said(notified, "STOPPING=1")

@@ -27,7 +27,7 @@ def as_numbers(positions: object) -> NDArray[np.float64]:
     return found.astype(np.float64)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Clip:
     """One recording of one performer.
 

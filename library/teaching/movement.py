@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.distances import distance_rows
+from kinespace.library.distances import measure_into
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -68,6 +68,17 @@ class Movement(NamedTuple):
     slow: float = 0.0
 
 
+class _Frame(NamedTuple):
+    """A frame: its distance row, each joint relative to the centre of the body, and the sum of their squares."""
+
+    time: float
+    positions: NDArray[np.float64]
+    row: NDArray[np.float64]
+    own: NDArray[np.float64]
+    #: NaN where a joint is not seen.
+    square: float
+
+
 class MovementMeter:
     """Measures how much a body moves in the last fifth of a second, frame by frame; joints not seen are left out.
 
@@ -78,11 +89,12 @@ class MovementMeter:
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
-        self._skeleton = skeleton
-        #: The times of the window, the positions, and their distance rows.
-        self._rows: deque[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = deque()
+        self._positions, self._row = np.empty((1, len(skeleton.joints), 3)), np.empty((1, len(skeleton.pairs)))
+        self._measure = measure_into(self._positions, skeleton, self._row)
+        #: The frames of the window, and of the longer one for slow limbs.
+        self._frames: deque[_Frame] = deque()
+        self._longer: deque[_Frame] = deque()
         self._limbs: deque[tuple[float, float]] = deque()
-        self._bodies: deque[tuple[float, NDArray[np.float64]]] = deque()
         self._due = -math.inf
 
     def push(self, time: float, positions: NDArray[np.floating]) -> Movement | None:
@@ -101,29 +113,48 @@ class MovementMeter:
         """
         if time < self._due - _TIE:
             return None
-        if self._rows and time - self._rows[-1][0] > _MAX_PAUSE:
-            self._rows.clear()
-            self._limbs.clear()
-            self._bodies.clear()
+        if self._frames and time - self._frames[-1].time > _MAX_PAUSE:
+            for each in (self._frames, self._longer, self._limbs):
+                each.clear()
         self._due = time + 1 / _MEASURED_AT if time - self._due > 1 / _MEASURED_AT else self._due + 1 / _MEASURED_AT
-        self._rows.append((time, np.array(positions, np.float64), distance_rows(positions, self._skeleton)))
-        self._bodies.append(self._rows[-1][:2])
-        for kept, window in ((self._rows, WINDOW), (self._bodies, _SLOW_WINDOW)):
-            while len(kept) > 1 and time - kept[1][0] >= window - _TIE:
+        frame = self._measured(time, positions)
+        for kept, window in ((self._frames, WINDOW), (self._longer, _SLOW_WINDOW)):
+            kept.append(frame)
+            while len(kept) > 1 and time - kept[1].time >= window - _TIE:
                 kept.popleft()
-        if len(self._rows) < 3 or time - self._rows[0][0] < WINDOW / 2:
+        if len(self._frames) < 3 or time - self._frames[0].time < WINDOW / 2:
             return None
-        times, bodies, rows = map(np.array, zip(*self._rows, strict=True))
+        rows = np.array([each.row for each in self._frames])
         seen = ~np.isnan(rows).any(axis=0)
         whole = relative_movement(rows if seen.all() else rows[:, seen])
-        self._limbs.append((time, limb_speed(times, bodies)))
+        self._limbs.append((time, _limb_speed(self._frames)))
         while len(self._limbs) > 1 and time - self._limbs[1][0] >= _LASTS - _TIE:
             self._limbs.popleft()
         lasts = time - self._limbs[0][0] >= _LASTS - _TIE
         slow = 0.0
-        if time - self._bodies[0][0] >= _SLOW_WINDOW - _TIE:
-            slow = _SLOW_LIMB * limb_speed(*map(np.array, zip(*self._bodies, strict=True)))
+        if time - self._longer[0].time >= _SLOW_WINDOW - _TIE:
+            slow = _SLOW_LIMB * _limb_speed(self._longer)
         return Movement(whole, _LIMB * min(speed for _, speed in self._limbs) if lasts else 0.0, slow)
+
+    def _measured(self, time: float, positions: NDArray[np.floating]) -> _Frame:
+        self._positions[0] = positions
+        self._measure(1)
+        own = self._positions[0] - self._positions[0].mean(axis=0)
+        return _Frame(time, self._positions[0].copy(), self._row[0].copy(), own, float(np.vdot(own, own)))
+
+
+def _limb_speed(frames: Sequence[_Frame]) -> float:
+    """Give `limb_speed` of frames, of which nothing is summed twice where all joints are seen."""
+    square, count = sum(each.square for each in frames), len(frames[0].own)
+    if math.isnan(square):
+        return limb_speed(np.array([each.time for each in frames]), np.array([each.positions for each in frames]))
+    if count < 2 or square <= 0:
+        return 0.0
+    first, second, before, last = frames[0], frames[1], frames[-2], frames[-1]
+    went = before.own + last.own - first.own - second.own
+    farthest = math.sqrt(float(np.einsum("jc,jc->j", went, went).max()))
+    size = math.sqrt(2 * square / (len(frames) * (count - 1)))
+    return farthest / (size * (before.time + last.time - first.time - second.time))
 
 
 def limb_speed(times: NDArray[np.float64], positions: NDArray[np.float64]) -> float:

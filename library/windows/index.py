@@ -233,8 +233,8 @@ class WindowIndex:
     def with_motions(self, clips: Iterable[Clip], every: float | None = None) -> WindowIndex:
         """Add clips to the library, each as one motion, and cut their windows.
 
-        Basis, metrics and rejection stay the same; `of` learns them again. So adding clips is quick, and a feed goes on
-        without a pause (`stream.recognizer.Recognizer.exchange`).
+        Basis, metrics and rejection stay the same; `of` learns them again. So adding clips is quick, and, after
+        `prepared`, a feed goes on without a pause (`stream.recognizer.Recognizer.exchange`).
 
         Parameters
         ----------
@@ -270,7 +270,7 @@ class WindowIndex:
             judged_by=self.rejection if self.comparison.weighing.judges else None,
             origin=Origin(origin.source, (*origin.added, *clips), every) if origin else Origin(self, clips, every),
         )
-        return index.joined_by(placed, added[measured.motions]).prepared()
+        return index.joined_by(placed, added[measured.motions])
 
     def with_guests(self) -> Self:
         """Add the windows of the guests, where a body has few joints; basis, metrics and rejection stay the same."""

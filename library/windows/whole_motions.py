@@ -16,7 +16,9 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -191,20 +193,8 @@ class WholeMotions:
         body, basis
             The body and the basis of the skeleton.
         """
-        taught = _cut(teachers, body, basis)
-        cut = taught if teachers is motions else _cut(motions, body, basis)
-        cut = sorted(cut, key=lambda each: (each.class_name, len(each.points)))
-        width = basis.directions.shape[1]
-        numbers = np.array([_course(each.points) for each in taught]).reshape(-1, len(_ORDERS) * width)
-        if len(taught) > 1 and numbers.var(axis=0).sum() > _ALIKE:
-            whose = zip(*((each.class_name, each.actor) for each in taught), strict=True)
-            lessons = Lessons(*(np.unique(each, return_inverse=True)[1] for each in whose))
-            metric = learned_metric(numbers, lessons, shrinkage=_SHRINKAGE, kept=_AXES)
-        else:
-            origin = np.zeros(numbers.shape[1], dtype=np.float32)
-            metric = Metric(origin, np.eye(len(origin), dtype=np.float32) / np.float32(math.sqrt(_USUAL)))
-        # The compiled loops take whole lanes of axes.
-        metric = replace(metric, axes=np.pad(metric.axes, ((0, 0), (0, -metric.axes.shape[1] % LANE))))
+        cut = sorted(_cut(motions, body, basis), key=lambda each: (each.class_name, len(each.points)))
+        metric, width = _metric(tuple(teachers), body, basis), basis.directions.shape[1]
         names = [each.class_name for each in cut]
         classes = tuple(sorted(set(names)))
         starts = np.searchsorted(names, [*classes, "\U0010ffff"])
@@ -212,7 +202,7 @@ class WholeMotions:
         lengths = _between(0.75 * math.exp(seconds.min()), 1.3 * math.exp(seconds.max())) if cut else ()
         behind = [np.pad(_cosines(count), ((0, 0), (lengths[-1] - count, 0))) for count in lengths]
         curves = np.array(behind, dtype=np.float32).reshape(len(lengths), len(_ORDERS), max(lengths, default=0))
-        courses = metric.place(np.array([_course(each.points) for each in cut]).reshape(-1, numbers.shape[1]))
+        courses = metric.place(_courses(cut, width))
         variances = np.array([each.points.var(axis=0) for each in cut]).reshape(-1, width)
         logs = np.log(np.sqrt(variances) + NOISE_FLOOR)
         spreads = (logs - LEVEL_REMOVED * logs.mean(axis=1, keepdims=True)).astype(np.float32)
@@ -275,6 +265,10 @@ class WholeMotions:
         return Judged(evidence, math.exp(self.facts[0, int(nearest)]) / seconds, math.exp(larger))
 
 
+#: What clips show in a basis, while they live: an example that is taught comes to hundreds of motions.
+_SHOWN_BY = WeakKeyDictionary["Clip", "tuple[Basis, tuple[Numbers, int] | None]"]()
+
+
 class _Cut(NamedTuple):
     class_name: str
     actor: str
@@ -283,17 +277,37 @@ class _Cut(NamedTuple):
     points: Numbers
 
 
+@lru_cache(maxsize=2)
+def _metric(teachers: tuple[Clip, ...], body: Body, basis: Basis) -> Metric:
+    """Learn the metric of courses; the same teachers are asked at each example that is taught."""
+    taught = _cut(teachers, body, basis)
+    numbers = _courses(taught, basis.directions.shape[1])
+    if len(taught) > 1 and numbers.var(axis=0).sum() > _ALIKE:
+        whose = zip(*((each.class_name, each.actor) for each in taught), strict=True)
+        lessons = Lessons(*(np.unique(each, return_inverse=True)[1] for each in whose))
+        metric = learned_metric(numbers, lessons, shrinkage=_SHRINKAGE, kept=_AXES)
+    else:
+        origin = np.zeros(numbers.shape[1], dtype=np.float32)
+        metric = Metric(origin, np.eye(len(origin), dtype=np.float32) / np.float32(math.sqrt(_USUAL)))
+    # The compiled loops take whole lanes of axes.
+    return replace(metric, axes=np.pad(metric.axes, ((0, 0), (0, -metric.axes.shape[1] % LANE))))
+
+
+def _courses(cut: Sequence[_Cut], width: int) -> Numbers:
+    """Give the courses of pieces in so many directions, shape (pieces, orders × directions)."""
+    return np.array([_course(each.points) for each in cut]).reshape(-1, len(_ORDERS) * width)
+
+
 def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
     """Cut motions into courses: trimmed, or in rounds; without those too short or of one posture."""
     pieces, of_class = list[_Cut](), defaultdict[str, list[int]](list)
-    shown = [(clip, points_of(clip, body, basis)) for clip in motions if has_course(clip)]
-    rounds = [_round_of(points) if clip.class_name != NOTHING else 0 for clip, points in shown]
-    for (clip, _), count in zip(shown, rounds, strict=True):
+    shown = [(clip, *each) for clip in motions if (each := _shown(clip, body, basis))]
+    for clip, _, count in shown:
         of_class[clip.class_name].append(count)
     # Classes of which most motions repeat themselves.
     repeating = {name: own for name, own in of_class.items() if 2 * np.count_nonzero(own) >= len(own)}
     usual = {name: int(np.median([count for count in own if count])) for name, own in repeating.items()}
-    for place, ((clip, points), count) in enumerate(zip(shown, rounds, strict=True)):
+    for place, (clip, points, count) in enumerate(shown):
         often = count or usual.get(clip.class_name, 0)
         if clip.class_name == NOTHING:
             some = _everywhere(points)
@@ -304,6 +318,18 @@ def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
             some = [_trimmed(points)]
         pieces += [_Cut(clip.class_name, clip.actor, place, each) for each in some]
     return pieces
+
+
+def _shown(clip: Clip, body: Body, basis: Basis) -> tuple[Numbers, int] | None:
+    """Give a motion's points, and after how many it repeats itself; None without a course."""
+    known = _SHOWN_BY.get(clip)
+    if known is None or known[0] is not basis:
+        found = None
+        if has_course(clip):
+            points = points_of(clip, body, basis)
+            found = points, _round_of(points) if clip.class_name != NOTHING else 0
+        known = _SHOWN_BY[clip] = basis, found
+    return known[1]
 
 
 def _round_of(points: Numbers) -> int:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
+from scipy.spatial.transform import Rotation
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -16,11 +17,5 @@ BLOCK = 4096
 
 def turn_about(axis: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Give the rotation matrices about one axis, right-handed, for angles (frames,) in radians: (frames, 3, 3)."""
-    fixed = "xyz".index(axis)
-    first, second = (fixed + 1) % 3, (fixed + 2) % 3
-    matrices = np.zeros((len(angles), 3, 3))
-    matrices[:, fixed, fixed] = 1.0
-    matrices[:, first, first] = matrices[:, second, second] = np.cos(angles)
-    matrices[:, second, first] = np.sin(angles)
-    matrices[:, first, second] = -matrices[:, second, first]
+    matrices: NDArray[np.float64] = Rotation.from_euler(axis, angles[:, None]).as_matrix()
     return matrices

@@ -37,11 +37,10 @@ def counted(take: Take, known: Collection[str], answers: Iterable[Recognition], 
     Returns
     -------
     The number of `answers` to known motions, and how many of them name the class performed (`right`), have it as best
-    guess (`guessed`), name another (`wrong`) or find the body `implausible`; whether the last of them is right
-    (`last_right`, `last_guessed`). Of answers to unknown motions (`unknown`) how many name a class (`unknown_named`).
-    One for the take (`takes`).
+    guess (`guessed`), name another (`wrong`) or find the body `implausible`. Of answers to unknown motions (`unknown`)
+    how many name a class (`unknown_named`).
     """
-    counts = Counter(takes=1)
+    counts = Counter[str]()
     for answer in answers:
         performed = [each.label for each in take.segments if each.start + inside <= answer.time < each.end]
         if performed and performed[-1] not in known:
@@ -50,7 +49,6 @@ def counted(take: Take, known: Collection[str], answers: Iterable[Recognition], 
             right, guessed = (each == performed[-1] for each in (answer.class_name, guess_of(answer)))
             counts.update(answers=1, right=right, guessed=guessed, wrong=answer.class_name is not None and not right)
             counts.update(implausible=answer.outcome is Outcome.IMPLAUSIBLE)
-            counts["last_right"], counts["last_guessed"] = int(right), int(guessed)
     return counts
 
 

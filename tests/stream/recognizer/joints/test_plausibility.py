@@ -28,7 +28,8 @@ JUMPING = 6
 @pytest.fixture(scope="module")
 def kick(small_index: WindowIndex) -> Clip:
     """Give a kick at 60 frames a second."""
-    return resampled(next(m for m in small_index.library.motions if m.class_name.startswith("kick")), RATE)
+    kick = resampled(next(m for m in small_index.library.motions if m.class_name.startswith("kick")), RATE)
+    return kick.moved_to(kick.positions.astype(np.float64))
 
 
 def _watch(index: WindowIndex) -> Plausibility:

@@ -13,6 +13,7 @@ from synthetic import stick_clip
 
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import points_of
+from kinespace.library.windows import whole_motions
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.whole_motions import WEIGHTS, WholeMotions, without_course
 
@@ -39,6 +40,23 @@ def nearest_by_definition(whole: WholeMotions, points: np.ndarray, window: int) 
             nearest = min(own, key=away.__getitem__)
             found[name] = away[nearest], apart, nearest
     return found
+
+
+def test_a_motion_that_comes_to_others_is_cut_alone(index: WindowIndex, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was cut from the motions before is kept, in the same basis; the same comes out as of all at once."""
+    assert len(index.whole.classes) == 3
+    cut, points = list[str](), whole_motions.points_of
+    monkeypatch.setattr(whole_motions, "points_of", lambda clip, *of: cut.append(clip.class_name) or points(clip, *of))
+    added = replace(index.library.motions[0], class_name="mine", actor="ann")
+    more = index.with_motions([added])
+    whole = more.whole
+    assert cut == ["mine"]
+    copies = [replace(each) for each in more.library.motions]
+    anew = WholeMotions.of(copies, copies, index.body, index.basis)
+    assert len(cut) == len(copies) + 1
+    assert whole.classes == anew.classes
+    for one, other in ((whole.courses, anew.courses), (whole.spreads, anew.spreads), (whole.raised, anew.raised)):
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6)
 
 
 def test_evidence_by_definition(index: WindowIndex) -> None:

@@ -156,7 +156,7 @@ class Teacher:
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
             return [_refused(performer, "undone before it was checked")]
-        words = check.words if check else "good"
+        words = check.words if check and example.class_name != NOTHING else "good"
         taught = Taught(
             example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, would_have_started
         )

@@ -14,8 +14,8 @@ from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import FAULTS
-from kinespace.tools.evaluation.scoring.answers import counted, shares
-from kinespace.tools.evaluation.scoring.bootstrap import values_of
+from kinespace.tools.evaluation.scoring.answers import counted
+from kinespace.tools.evaluation.scoring.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import rests_on
 from kinespace.tools.terminal.console import progress
@@ -31,13 +31,7 @@ if TYPE_CHECKING:
     from kinespace.tools.evaluation.takes import Take
 
 #: Of each share what is counted, and among what: answers to motions that the library knows, and to others.
-_SHARES = {
-    "right": ("right", "answers"),
-    "guessed": ("guessed", "answers"),
-    "wrong": ("wrong", "answers"),
-    "implausible": ("implausible", "answers"),
-    "unknown_named": ("unknown_named", "unknown"),
-}
+_SHARES = dict.fromkeys(("right", "guessed", "wrong", "implausible"), "answers") | {"unknown_named": "unknown"}
 #: Frames per second.
 _RATE = 60.0
 #: Seed of noise, drops and order.
@@ -109,11 +103,15 @@ def _scored(fault: str, played: Sequence[_Played]) -> dict[str, object]:
     counts = [each.counts for each in played]
     noticed = [each.noticed for each in played if each.noticed is not None]
     basis = basis_of([each.seconds for each in played], [each.take.person for each in played])
+    shares = {
+        name: Ratio([each[name] for each in counts], [each[whole] for each in counts])
+        for name, whole in _SHARES.items()
+    }
     basis["segments"] = sum(len(each.take.segments) for each in played)
     return {
         "fault": fault,
         "answers": sum(each["answers"] for each in counts),
-        **values_of(shares(counts, _SHARES)),
+        **values_of(shares),
         "noticed_s": max(noticed) if len(noticed) == len(played) else None,
         "alarmed": sum(each.alarmed for each in played),
         **basis,

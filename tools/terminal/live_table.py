@@ -81,6 +81,12 @@ class _Silence:
 
     def __init__(self) -> None:
         self._answered: dict[str, float] = {}
+        self._opening = 0
+
+    def waits(self, opening: int) -> None:
+        """Begin anew where more frames, so many in all, have come while the library opened."""
+        if opening != self._opening:
+            self._opening, self._answered = opening, {}
 
     def note(self, performer: str) -> None:
         """Note that a performer was answered now."""
@@ -142,6 +148,7 @@ class PlainLines(Sink):
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed."""
         self._last = {name: last for name, last in self._last.items() if name in status.performers}
+        self._silence.waits(status.outcomes.opening)
         said = said_of(status) + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
         for line in said:
             if line not in self._said:
@@ -226,6 +233,7 @@ class LiveTable(Sink):
     def publish_status(self, status: Status) -> None:
         """Keep the status, and forget performers that have left; the others keep their rows."""
         self._status = status
+        self._silence.waits(status.outcomes.opening)
         here = status.performers
         rows = [name if name in here else "" for name in self._rows]
         while rows and not rows[-1]:

@@ -6,10 +6,9 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from kinespace.stream.recognition import Outcome
-from kinespace.tools.evaluation.scoring.bootstrap import Ratio
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable
 
     from kinespace.stream.recognition import Recognition
     from kinespace.tools.evaluation.takes import Take
@@ -50,11 +49,3 @@ def counted(take: Take, known: Collection[str], answers: Iterable[Recognition], 
             counts.update(answers=1, right=right, guessed=guessed, wrong=answer.class_name is not None and not right)
             counts.update(implausible=answer.outcome is Outcome.IMPLAUSIBLE)
     return counts
-
-
-def shares(counts: Sequence[Counter[str]], of: Mapping[str, tuple[str, str]]) -> dict[str, Ratio]:
-    """Divide counts of takes: for each figure the name of what is counted, and among what."""
-    return {
-        name: Ratio([each[part] for each in counts], [each[whole] for each in counts])
-        for name, (part, whole) in of.items()
-    }

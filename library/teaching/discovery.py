@@ -264,5 +264,7 @@ def _averaged(vectors: NDArray[np.floating], over: int) -> NDArray[np.float64]:
     """Average each row with those around it."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - as in `grouped`
 
-    averaged: NDArray[np.float64] = uniform_filter1d(vectors, min(over, len(vectors)), axis=0, mode="nearest")
+    averaged: NDArray[np.float64] = uniform_filter1d(
+        vectors, min(over, len(vectors)), axis=0, output=np.float64, mode="nearest"
+    )
     return averaged

@@ -83,10 +83,11 @@ class _Silence:
         self._answered: dict[str, float] = {}
         self._opening = 0
 
-    def waits(self, opening: int) -> None:
-        """Begin anew where more frames, so many in all, have come while the library opened."""
-        if opening != self._opening:
-            self._opening, self._answered = opening, {}
+    def waits(self, status: Status) -> None:
+        """Count performers who send as answered where frames have come while the library opened."""
+        if status.outcomes.opening != self._opening:
+            self._opening = status.outcomes.opening
+            self._answered |= {name: time.monotonic() for name, rate in status.performers.items() if rate > 0}
 
     def note(self, performer: str) -> None:
         """Note that a performer was answered now."""
@@ -148,7 +149,7 @@ class PlainLines(Sink):
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed."""
         self._last = {name: last for name, last in self._last.items() if name in status.performers}
-        self._silence.waits(status.outcomes.opening)
+        self._silence.waits(status)
         said = said_of(status) + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
         for line in said:
             if line not in self._said:
@@ -233,7 +234,7 @@ class LiveTable(Sink):
     def publish_status(self, status: Status) -> None:
         """Keep the status, and forget performers that have left; the others keep their rows."""
         self._status = status
-        self._silence.waits(status.outcomes.opening)
+        self._silence.waits(status)
         here = status.performers
         rows = [name if name in here else "" for name in self._rows]
         while rows and not rows[-1]:

@@ -230,6 +230,9 @@ def test_a_performer_whose_frames_stop_is_not_shown_as_living(
             sink.publish_status(status("me"))
         assert "no frames for 3 s" in shown(table)
     for sink in (table, lines):
+        sink.publish_status(replace(status(), performers={"me": 0.0}, outcomes=PerformerCounts(opening=2)))
+    assert "no frames for 3 s" in shown(table), "others' frames wait"
+    for sink in (table, lines):
         sink.publish_status(replace(status("me"), outcomes=PerformerCounts(opening=3)))
     assert "no frames" not in shown(table), "frames wait while the library opens"
     lines.publish_gone("me")

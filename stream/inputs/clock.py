@@ -82,8 +82,10 @@ class SenderClock:
         self.verdict = verdict or SECONDS
         self._time: float | None = None
         self._arrival = 0.0
-        #: The steps of the sender's clock since the last verdict, each with the time between the arrivals.
+        #: The steps of the sender's clock since the last verdict, each with the time between the arrivals, and the
+        #: arrival before them.
         self._steps: list[tuple[float, float]] = []
+        self._since = 0.0
         #: A new verdict, until it is believed.
         self._perhaps: Verdict | None = None
         self._has_judged = verdict is not None
@@ -127,8 +129,10 @@ class SenderClock:
         if gap > _PAUSE or len(self._steps) > _MAX_RATE:
             self._steps.clear()
             return
+        if not self._steps:
+            self._since = self._arrival - gap
         self._steps.append((step, gap))
-        if len(self._steps) >= _MIN_FRAMES and (span := sum(gap for _, gap in self._steps)) >= _SPAN:
+        if len(self._steps) >= _MIN_FRAMES and (span := self._arrival - self._since) >= _SPAN:
             verdict = _judged(self._steps, span)
             self._steps.clear()
             if verdict is not None:

@@ -69,21 +69,23 @@ class NaiveSmoother:
     variance: Matrix | float = 0.0
     known: float = 0.0
     noise: float = 0.0
+    calm: int = 0
 
     def smoothed(self, batch: Sequence[tuple[float, Matrix]]) -> list[tuple[float, Matrix]]:
         """Take in rows measured together; give them averaged with the rows before, or unchanged."""
         self.rows += batch
         self.waiting += len(batch)
         enough = self.waiting >= 30 or reaches(self.rows[-1][0] - self.rows[-self.waiting][0], 0.1)
-        if enough or self.known < 1.0:
+        if enough:
             self._estimate(self.waiting)
             self.waiting = 0
         if self.noise < NOISY:
+            self.calm = len(self.rows)
             return list(batch)
         return [(now, np.mean(self._before(now), axis=0)) for now, _ in batch]
 
     def _before(self, now: float) -> list[Matrix]:
-        return [row for time, row in self.rows if time <= now and not reaches(now - time, AVERAGED_OVER)]
+        return [row for time, row in self.rows[self.calm :] if time <= now and not reaches(now - time, AVERAGED_OVER)]
 
     def _estimate(self, new: int) -> None:
         recent = self.rows[-(new + 2) :]

@@ -24,7 +24,7 @@ NOISY = 0.0113
 _AVERAGED = 0.1
 #: Seconds over which the noise is estimated.
 _ESTIMATED = 1.0
-#: Seconds of rows after which the noise is estimated again, once it is known.
+#: Seconds of rows after which the noise is estimated again.
 _EVERY = 0.1
 #: Rows after which it is, at the latest.
 _MAX_WAITING = 30
@@ -52,33 +52,37 @@ class RowSmoother:
 
     def __init__(self, segments: NDArray[np.intp], width: int) -> None:
         self._segments = segments if len(segments) else np.arange(width)
-        # Twice the rows that are kept: they move back when there is no room left, not at every hop.
+        # Twice the rows that are kept: they move back when there is no room left, not at every hop. Of a quiet feed
+        # only the segments' lengths are kept: whole rows, at every hop, would cost more than the estimate.
+        self._lengths = np.empty((2 * _MAX_ROWS, len(self._segments)))
         self._rows = np.empty((2 * _MAX_ROWS, width))
         self._times = np.empty(2 * _MAX_ROWS)
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows, and the noise."""
-        self._end = self._waiting = 0
+        self._end = self._waiting = self._trembles_from = 0
         self._variance = np.zeros(len(self._segments))
         self._known = 0.0
         self.noise = 0.0
 
     def smooth(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
-        """Average rows (frames, pairs), metres, in place, each with the rows of the tenth of a second before it."""
+        """Average rows (frames, pairs), metres, in place, each with a noisy feed's rows of the tenth second before."""
         begin = self._begin(len(times))
         self._end = begin + len(times)
-        self._rows[begin : self._end] = rows
+        rows.take(self._segments, axis=1, out=self._lengths[begin : self._end], mode="clip")
         self._times[begin : self._end] = times
         self._waiting += len(times)
         first = max(self._end - self._waiting, 0)
         enough = self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - TIE
-        if enough or self._known < _ESTIMATED:
+        if enough:
             self._estimate(max(first - 2, 0))
             self._waiting = 0
         if self.noise < NOISY:
+            self._trembles_from = self._end
             return
-        first = max(self._end - _MAX_ROWS, 0)
+        self._rows[begin : self._end] = rows
+        first = max(self._end - _MAX_ROWS, self._trembles_from)
         too_old = np.asarray(times) - (_AVERAGED - TIE)
         starts = np.searchsorted(self._times[first : self._end], too_old, side="right") + first
         for index, start in enumerate(starts.tolist()):
@@ -89,15 +93,17 @@ class RowSmoother:
         if self._end + new <= len(self._rows):
             return self._end
         kept = _MAX_ROWS - new
-        self._rows[:kept] = self._rows[self._end - kept : self._end]
-        self._times[:kept] = self._times[self._end - kept : self._end]
+        shift = self._end - kept
+        for each in (self._rows, self._lengths, self._times):
+            each[:kept] = each[shift : self._end]
+        self._trembles_from = max(self._trembles_from - shift, 0)
         return kept
 
     def _estimate(self, first: int) -> None:
         """Update the estimate by the second differences from one kept row on."""
         if self._end - first < 3:
             return
-        raw = self._rows[first : self._end].take(self._segments, axis=1)
+        raw = self._lengths[first : self._end]
         bends = raw[2:] - raw[1:-1]
         bends -= raw[1:-1]
         bends += raw[:-2]

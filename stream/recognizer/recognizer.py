@@ -461,11 +461,8 @@ class Recognizer:
         best = int(comparer.scores.argmax())
         scores = np.exp(distances)
         scores += 1.0
-        if (
-            frame.time >= self._fitting.due
-            and outcome is not Outcome.STILL
-            and (newest := self._joints.newest) is not None
-        ):
+        looks = frame.time >= self._fitting.due and outcome is not Outcome.STILL
+        if looks and (newest := self._joints.newest) is not None:
             self._fitting.look(frame.time, newest)
         recognition = Recognition(
             performer=frame.performer,

@@ -74,8 +74,7 @@ class RowSmoother:
         self._times[begin : self._end] = times
         self._waiting += len(times)
         first = max(self._end - self._waiting, 0)
-        enough = self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - TIE
-        if enough:
+        if self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - TIE:
             self._estimate(max(first - 2, 0))
             self._waiting = 0
         if self.noise < NOISY:

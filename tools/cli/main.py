@@ -145,6 +145,15 @@ class _Parser(argparse.ArgumentParser):
             self.set_defaults(run=program.run)
 
 
+class _Version(argparse.Action):
+    """Prints the version only when it is asked for: finding it takes a tenth of a program's start."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print it and end."""
+        print(f"kinespace {import_module('kinespace').__version__}")
+        parser.exit()
+
+
 def whole_parser() -> argparse.ArgumentParser:
     """Make the parser with the arguments of all programs: shtab makes the completion for a shell of it."""
     return _parser(filled=True)
@@ -155,7 +164,7 @@ def _parser(*, filled: bool = False) -> _Parser:
         prog="kinespace",
         description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
     )
-    parser.add_argument("--version", action="version", version=f"kinespace {import_module('kinespace').__version__}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the program's version number and exit")
     parser.add_argument(
         "--max-memory",
         type=_size,

@@ -24,6 +24,8 @@ _Number = TypeVar("_Number", np.float32, np.float64)
 _LEARNED_IN = 160
 #: How often the nearest windows are searched for again, in the metric learned so far.
 _ROUNDS = 2
+#: Windows that ask at once for the nearest of their class: some ten thousand of `nothing` would take gigabytes.
+_AT_ONCE = 2048
 #: Length of an axis, relative to the longest, below which it is rounding.
 _FLAT = 1e-3
 
@@ -144,10 +146,11 @@ def _differences(
     count = sum(map(len, shared)) / len(shared)
     differences: list[NDArray[np.float64]] = []
     for own in shared:
-        squared = squared_distances(vectors[own], vectors[own])
-        squared[lessons.people[own][:, None] == lessons.people[own]] = np.inf
-        nearest = own[squared.argmin(axis=1)]
-        differences.append((numbers[own] - numbers[nearest]) * np.sqrt(count / len(own)))
+        for some in np.split(own, range(_AT_ONCE, len(own), _AT_ONCE)):
+            squared = squared_distances(vectors[some], vectors[own])
+            squared[lessons.people[some][:, None] == lessons.people[own]] = np.inf
+            nearest = own[squared.argmin(axis=1)]
+            differences.append((numbers[some] - numbers[nearest]) * np.sqrt(count / len(own)))
     return np.concatenate(differences)
 
 

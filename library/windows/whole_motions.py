@@ -199,7 +199,7 @@ class WholeMotions:
         classes = tuple(sorted(set(names)))
         starts = np.searchsorted(names, [*classes, "\U0010ffff"])
         seconds = np.log([(len(each.points) - 1) * STEP for each in cut])
-        lengths = _between(0.75 * math.exp(seconds.min()), 1.3 * math.exp(seconds.max())) if cut else ()
+        lengths = _between(*_compared_seconds(cut)) if cut else ()
         behind = [np.pad(_cosines(count), ((0, 0), (lengths[-1] - count, 0))) for count in lengths]
         curves = np.array(behind, dtype=np.float32).reshape(len(lengths), len(_ORDERS), max(lengths, default=0))
         courses = metric.place(_courses(cut, width))
@@ -307,10 +307,11 @@ def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
     # Classes of which most motions repeat themselves.
     repeating = {name: own for name, own in of_class.items() if 2 * np.count_nonzero(own) >= len(own)}
     usual = {name: int(np.median([count for count in own if count])) for name, own in repeating.items()}
-    for place, (clip, points, count) in enumerate(shown):
+    # Last come the parts of `nothing`: as long as windows that may be a motion, or an hour would give 150,000 parts.
+    for place, (clip, points, count) in sorted(enumerate(shown), key=lambda each: each[1][0].class_name == NOTHING):
         often = count or usual.get(clip.class_name, 0)
         if clip.class_name == NOTHING:
-            some = _everywhere(points)
+            some = _everywhere(points, *_compared_seconds(pieces)) if pieces else []
         elif often and len(points) >= (_ROUNDS if count else _ROUNDS_OF_CLASS) * often:
             begins = range(0, len(points) - often, max(1, round(often / _BEGINNINGS)))
             some = [points[begin : begin + often + 1] for begin in begins]
@@ -353,9 +354,16 @@ def _trimmed(points: Numbers) -> Numbers:
     return some if (len(some) - 1) * STEP > SHORTEST else points
 
 
-def _everywhere(points: Numbers) -> list[Numbers]:
-    """Cut a motion that must not be named into windows of several lengths."""
-    steps = {each: max(1, each // _BEGINNINGS) for each in _between(SHORTEST, (len(points) - 1) * STEP)}
+def _compared_seconds(cut: Sequence[_Cut]) -> tuple[float, float]:
+    """Give the lengths of the shortest and the longest window that may be a motion with a name, seconds."""
+    seconds = [(len(each.points) - 1) * STEP for each in cut if each.class_name != NOTHING]
+    return 0.75 * min(seconds), 1.3 * max(seconds)
+
+
+def _everywhere(points: Numbers, least: float, most: float) -> list[Numbers]:
+    """Cut a motion that must not be named into windows of several lengths, seconds."""
+    longest = min(most, (len(points) - 1) * STEP)
+    steps = {each: max(1, each // _BEGINNINGS) for each in _between(min(least, longest), longest)}
     return [
         points[begin : begin + each] for each, step in steps.items() for begin in range(0, len(points) - each + 1, step)
     ]
@@ -383,18 +391,20 @@ def _compared(
     people = {name: {each.actor for each in cut if each.class_name == name} for name in classes}
     whose = [f"{each.class_name}/{each.actor if len(people[each.class_name]) > 1 else each.clip}" for each in cut]
     _, whose_of = np.unique(whose, return_inverse=True)
-    others = (np.abs(seconds[:, None] - seconds) < math.log(_MAX_SPEED)) & (whose_of[:, None] != whose_of)
+    # The parts of `nothing` are too many to ask, too.
+    known = np.flatnonzero(classes[of_class] != NOTHING)
+    others = (np.abs(seconds[known, None] - seconds) < math.log(_MAX_SPEED)) & (whose_of[known, None] != whose_of)
     away, apart = (
-        np.log(plain.least_of(each, each.T, np.where(others, np.square(each).sum(axis=1), np.inf), starts) + least)
+        np.log(
+            plain.least_of(each[known], each.T, np.where(others, np.square(each).sum(axis=1), np.inf), starts) + least
+        )
         for each, least in ((courses, _NEAREST_COURSE), (spreads, _NEAREST_SPREAD))
     )
-    own = np.arange(len(cut)), of_class
-    crossed = _evidence(away, apart)[own]
-    known = classes[of_class] != NOTHING
-    crossed[~known] = np.nan
+    own, crossed = (np.arange(len(known)), of_class[known]), np.full(len(cut), np.nan)
+    crossed[known] = _evidence(away, apart)[own]
     away[own] = apart[own] = np.inf
     evidence = np.maximum(_evidence(away, apart), _LEAST)
-    resembling = [evidence[known & (of_class != place), place] for place in range(len(classes))]
+    resembling = [evidence[of_class[known] != place, place] for place in range(len(classes))]
     shares = [np.quantile(each, _SHARE) if len(each) else _USUAL_EVIDENCE for each in resembling]
     raised = np.clip(np.array(shares) - _USUAL_EVIDENCE, *_MAX_RAISED)
     # An example of nothing takes the place of any class.

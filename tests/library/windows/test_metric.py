@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from kinespace.library.windows import metric
 from kinespace.library.windows.metric import Lessons, learned_metric, squared_distances
 
 
@@ -26,6 +27,17 @@ def test_the_same_motion_by_two_people_has_mean_squared_distance_1(shrinkage: fl
     others = (lessons.classes[:, None] == lessons.classes) & (lessons.people[:, None] != lessons.people)
     nearest = np.where(others, squared, np.inf).min(axis=1)
     assert np.mean([nearest[lessons.classes == each].mean() for each in range(4)]) == pytest.approx(1.0, rel=0.01)
+
+
+def test_the_nearest_are_looked_for_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some windows after the others find the same nearest as all at once."""
+    numbers, lessons = _windows()
+    at_once = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
+    monkeypatch.setattr(metric, "_AT_ONCE", 7)
+    parts = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
+    np.testing.assert_allclose(
+        squared_distances(parts, parts), squared_distances(at_once, at_once), rtol=1e-3, atol=1e-2
+    )
 
 
 @pytest.mark.parametrize("few", [False, True])

@@ -127,11 +127,21 @@ def test_classes_without_a_course_are_named() -> None:
 
 
 def test_nothing_is_cut_everywhere(index: WindowIndex) -> None:
-    """An example of nothing may be resembled by any of its parts."""
+    """An example of nothing may be resembled by any of its parts that is as long as a window; alone it has no part."""
     squat = next(each for each in index.library.motions if each.class_name == SQUAT)
-    whole = WholeMotions.of([squat, replace(squat, class_name=NOTHING)], [squat], index.body, index.basis)
+    long = replace(squat, positions=np.concatenate([squat.positions] * 5), class_name=NOTHING)
+    short = replace(squat, positions=squat.positions[: squat.frames // 2], class_name=NOTHING)
+    whole, alone = (
+        WholeMotions.of(motions, motions, index.body, index.basis) for motions in ([long, squat, short], [long])
+    )
     assert whole.classes == (NOTHING, SQUAT)
-    assert whole.starts[1] > 5
+    parts, one = np.exp(whole.facts[0, : whole.starts[1]]), math.exp(whole.facts[0, whole.starts[1]])
+    assert len(parts) > 20
+    assert min(parts) == pytest.approx(short.duration, abs=0.1)
+    assert max(parts) <= 1.3 * one + 0.1
+    assert sum(parts < 0.75 * one - 0.1) == 1
+    assert np.isnan(whole.crossed[: len(parts)]).all()
+    assert (alone.classes, alone.lengths) == ((), ())
 
 
 def test_a_lower_promise_needs_more_evidence(index: WindowIndex) -> None:

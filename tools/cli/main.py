@@ -146,7 +146,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """Prints the version only when it is asked for: finding it takes a tenth of a program's start."""
+    """Prints the version, which takes 30 ms to find, only when it is asked for."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         """Print it and end."""

@@ -199,7 +199,8 @@ class WholeMotions:
         classes = tuple(sorted(set(names)))
         starts = np.searchsorted(names, [*classes, "\U0010ffff"])
         seconds = np.log([(len(each.points) - 1) * STEP for each in cut])
-        lengths = _between(*_compared_seconds(cut)) if cut else ()
+        within = _compared_seconds(cut)
+        lengths = _between(*within) if within else ()
         behind = [np.pad(_cosines(count), ((0, 0), (lengths[-1] - count, 0))) for count in lengths]
         curves = np.array(behind, dtype=np.float32).reshape(len(lengths), len(_ORDERS), max(lengths, default=0))
         courses = metric.place(_courses(cut, width))
@@ -308,10 +309,13 @@ def _cut(motions: Sequence[Clip], body: Body, basis: Basis) -> list[_Cut]:
     repeating = {name: own for name, own in of_class.items() if 2 * np.count_nonzero(own) >= len(own)}
     usual = {name: int(np.median([count for count in own if count])) for name, own in repeating.items()}
     # Last come the parts of `nothing`: as long as windows that may be a motion, or an hour would give 150,000 parts.
-    for place, (clip, points, count) in sorted(enumerate(shown), key=lambda each: each[1][0].class_name == NOTHING):
+    shown.sort(key=lambda each: each[0].class_name == NOTHING)
+    within: tuple[float, float] | None = None
+    for place, (clip, points, count) in enumerate(shown):
         often = count or usual.get(clip.class_name, 0)
         if clip.class_name == NOTHING:
-            some = _everywhere(points, *_compared_seconds(pieces)) if pieces else []
+            within = within or _compared_seconds(pieces)
+            some = _everywhere(points, *within) if within else []
         elif often and len(points) >= (_ROUNDS if count else _ROUNDS_OF_CLASS) * often:
             begins = range(0, len(points) - often, max(1, round(often / _BEGINNINGS)))
             some = [points[begin : begin + often + 1] for begin in begins]
@@ -354,10 +358,10 @@ def _trimmed(points: Numbers) -> Numbers:
     return some if (len(some) - 1) * STEP > SHORTEST else points
 
 
-def _compared_seconds(cut: Sequence[_Cut]) -> tuple[float, float]:
-    """Give the lengths of the shortest and the longest window that may be a motion with a name, seconds."""
+def _compared_seconds(cut: Sequence[_Cut]) -> tuple[float, float] | None:
+    """Give the lengths of the shortest and the longest window that may be a motion with a name, seconds; or None."""
     seconds = [(len(each.points) - 1) * STEP for each in cut if each.class_name != NOTHING]
-    return 0.75 * min(seconds), 1.3 * max(seconds)
+    return (0.75 * min(seconds), 1.3 * max(seconds)) if seconds else None
 
 
 def _everywhere(points: Numbers, least: float, most: float) -> list[Numbers]:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from naive_stream import NaiveWindow
+from naive_stream import NaiveSmoother, NaiveWindow
 from twins import Twin
 
 from kinespace.library import MotionLibrary
@@ -90,6 +90,27 @@ def test_a_noisy_feed_comes_nearer_to_the_clean_one(together: int) -> None:
     smoother.clear()
     assert smoother.noise == 0
     assert np.array_equal(_smoothed(smoother, times[:1], shaken[:1]), shaken[:1])
+
+
+@pytest.mark.parametrize("together", [1, 3, 4])
+@pytest.mark.parametrize("begins", [50, 120])
+def test_a_feed_that_begins_to_tremble_is_smoothed_as_by_the_twin(begins: int, together: int) -> None:
+    """At every hop the rows and the noise are the twin's: before, while and after, also as the memory moves back."""
+    times, clean, shaken = _trembling_rows(0.03)
+    rows = np.concatenate([clean[:begins], shaken[begins : begins + 30], clean[begins + 30 :]])
+    smoother, twin = _smoother(), NaiveSmoother(Body.of(MotionLibrary.builtin().skeleton).segments.tolist())
+    was_noisy = list[bool]()
+    for begin in range(0, len(rows), together):
+        some = rows[begin : begin + together].copy()
+        when = times[begin : begin + len(some)]
+        expected = twin.smoothed([*zip(when, some.copy(), strict=True)])
+        smoother.smooth(when, some)
+        np.testing.assert_allclose(some, [row for _, row in expected], rtol=0, atol=1e-12)
+        assert smoother.noise == pytest.approx(twin.noise, rel=1e-9)
+        was_noisy.append(smoother.noise >= NOISY)
+    assert not was_noisy[0]
+    assert any(was_noisy)
+    assert not was_noisy[-1]
 
 
 # --- sliding window ---------------------------------------------------------------------------------------------------

@@ -14,23 +14,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinespace.library.windows.index import opened
-from kinespace.stream.recognition import EventKind
-from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.scoring.done_score import DoneTake, Said, by_class, score_done
+from kinespace.tools.evaluation.scoring.done_score import DoneTake, by_class, score_done
+from kinespace.tools.evaluation.scoring.words import said_in
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import print_scores
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
     from kinespace.stream.recognizer import Settings
     from kinespace.tools.evaluation.harness import Asked
+    from kinespace.tools.evaluation.scoring.done_score import Said
 
     #: Gives the motions that are said of a take.
     Judge = Callable[[Take, WindowIndex, Settings], list[Said]]
@@ -119,14 +119,12 @@ def done_take(asked: Asked, settings: Settings, judge: Judge | None = None) -> D
 
 def _done(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
     """Give the motions that are said to be done."""
-    answers = _answers(take, index, settings)
-    return [Said(done.label, done.start, done.end, time) for time, each in answers if (done := each.done)]
+    return said_in(_answers(take, index, settings))["done"]
 
 
 def starts(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
     """Give the starts of motions as if they were done."""
-    begun = [(time, each) for time, answer in _answers(take, index, settings) for each in answer.events]
-    return [Said(each.label, time, time, time) for time, each in begun if each.kind is EventKind.START]
+    return said_in(_answers(take, index, settings))["start"]
 
 
 def by_distance(take: Take, index: WindowIndex, settings: Settings, *, most: float) -> list[Said]:
@@ -136,10 +134,10 @@ def by_distance(take: Take, index: WindowIndex, settings: Settings, *, most: flo
     return _done(take, changed, settings)
 
 
-def _answers(take: Take, index: WindowIndex, settings: Settings) -> Iterator[tuple[float, Recognition]]:
+def _answers(take: Take, index: WindowIndex, settings: Settings) -> list[Recognition]:
     """Push a take through a recogniser of its own, with some stillness behind it."""
     feed = harness.Feed.of(take.clip, index.library.skeleton, take.delivered)
     stands = np.arange(1, round(_STANDS * take.clip.frame_rate) + 1) / take.clip.frame_rate
     positions = np.pad(feed.positions, ((0, len(stands)), (0, 0), (0, 0)), mode="edge")
     feed = feed._replace(times=np.append(feed.times, feed.times[-1] + stands), positions=positions)
-    return ((time, answer) for time, answer in harness.pushed(Recognizer(index, settings), feed) if answer)
+    return harness.answers_to(feed, index, settings)

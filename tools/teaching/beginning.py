@@ -20,7 +20,7 @@ from kinespace.tools.teaching.roster_file import RosterFile
 from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
     from pathlib import Path
 
     from kinespace.stream.workers.gateway import Recognising
@@ -71,11 +71,7 @@ def open_lessons(
         failing.callback(kept.close)
         taught = kept.library
         base = _base(library, taught, joints)
-        if taught and base:
-            taught = taught.restricted_to(base.library.skeleton.joints)
-            motions = tuple(motion.as_of(base.library.skeleton) for motion in taught.motions)
-            taught = MotionLibrary(base.library.skeleton, motions)
-        roster = Roster.of_library(taught) if taught else Roster()
+        roster = _roster_of(taught, base) if taught else Roster()
         windows = TaughtWindows(base, with_base=library is not None, either_side=either_side)
         index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
         teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
@@ -85,16 +81,51 @@ def open_lessons(
     return lessons
 
 
-def _base(library: MotionLibrary | None, taught: MotionLibrary | None, joints: Sequence[str]) -> WindowIndex | None:
+def open_taught(taught: MotionLibrary, without: Collection[str] = ()) -> WindowIndex:
+    """Open taught motions alone, as a file of them is opened without a library.
+
+    Parameters
+    ----------
+    taught
+        The examples.
+    without
+        Persons of the built-in library whose motions teach no metric: for measuring, with motions of theirs.
+
+    Raises
+    ------
+    ValueError
+        No motion is long enough for a window.
+    """
+    base = _base(None, taught, (), without)
+    index = TaughtWindows(base, with_base=False).index_of(_roster_of(taught, base))
+    if index is None:
+        raise ValueError("taught: expected a motion that is long enough for a window, got none")
+    return index
+
+
+def _roster_of(taught: MotionLibrary, base: WindowIndex | None) -> Roster:
+    """Take a library's motions as examples, by the joints of the windows that they are compared with."""
+    if base:
+        skeleton = base.library.skeleton
+        shared = taught.restricted_to(skeleton.joints)
+        taught = MotionLibrary(skeleton, tuple(motion.as_of(skeleton) for motion in shared.motions))
+    return Roster.of_library(taught)
+
+
+def _base(
+    library: MotionLibrary | None, taught: MotionLibrary | None, joints: Sequence[str], without: Collection[str] = ()
+) -> WindowIndex | None:
     """Open the windows whose metrics compare the examples, by the joints taught or, else, known.
 
-    Without a library the built-in one's metrics compare, by the joints that both have. None where these are few, or
-    where many persons were taught by other joints: then the examples learn their own metrics.
+    Without a library the built-in one's metrics compare, by the joints that both have, without some persons. None where
+    these are few, or where many persons were taught by other joints: then the examples learn their own metrics.
     """
     joints = taught.skeleton.joints if taught else joints
     if library:
         return opened(library.restricted_to(joints) if taught else library)
     builtin = MotionLibrary.builtin()
+    if without:
+        builtin = builtin.without(actors=without)
     # The numbers learned from the built-in motions make opening quick; those of other motions are left out.
     builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
     wanted = builtin.skeleton.joints

@@ -1,0 +1,1 @@
+"""Taught gestures on long takes and shows: when they are said, and when they should not have been."""

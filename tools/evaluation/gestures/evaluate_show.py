@@ -1,0 +1,194 @@
+"""`kinespace evaluate show`: taught gestures among everyday movement, as in a show.
+
+A performer of the built-in library teaches some gestures by few examples each, without a library. Then everyday
+movement is played, put on the performer's own bones, and every 25 seconds, behind a recording's end, another of the
+performer's motions of these gestures. A word is right from a tenth of a second before such a motion to a second (`done`:
+one and a half) behind it, once; every other word is false. Without --movement the motions of the library's other classes
+are the everyday movement.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.stream.recognition import Outcome
+from kinespace.tools.cli import arguments
+from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.gestures.report import add_report, report
+from kinespace.tools.evaluation.gestures.stage import JOINED, joined, lengths_of, on_bones
+from kinespace.tools.evaluation.scoring.bootstrap import Ratio
+from kinespace.tools.evaluation.scoring.words import Heard, Span
+from kinespace.tools.evaluation.takes import Sources, read_takes, takes_of
+from kinespace.tools.feeding.feed import resampled
+from kinespace.tools.teaching.beginning import open_taught
+from kinespace.tools.terminal.console import note, progress
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library import Clip
+
+#: Frames per second of a show.
+_RATE = 60.0
+#: Seconds of everyday movement between two gestures, at least; recordings are cut to as much.
+_EVERY = 25.0
+#: When a word is right.
+_SPANS = {"done": Span(early=0.1, late=1.5), "start": Span(early=0.1, late=1.0)}
+
+
+class Show(NamedTuple):
+    """A performer's examples, and the feed: positions (frames, joints, 3), metres, with the gestures asked in it."""
+
+    performer: str
+    examples: Sequence[Clip]
+    positions: NDArray[np.float64]
+    segments: Sequence[Segment]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    text = "everyday movement: a folder of recordings, or a table of takes, of which those without any class count"
+    parser.add_argument("--movement", type=Path, metavar="FOLDER|TABLE", help=text)
+    for option, usual, text in (
+        ("--shows", 6, "shows, by the library's persons in turn"),
+        ("--gestures", 3, "gestures of a show"),
+        ("--examples", 1, "examples that teach each gesture"),
+    ):
+        text += " (default %(default)s)"
+        parser.add_argument(option, type=arguments.count, default=usual, metavar="N", help=text)
+    text = "minutes of a show (default %(default)s)"
+    parser.add_argument("--minutes", type=arguments.positive, default=10.0, metavar="M", help=text)
+    text = "seed of everything drawn (default %(default)s)"
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help=text)
+    arguments.add_reading(parser)
+    arguments.add_settings(parser)
+    add_report(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw shows, play them, and print how rightly the gestures were said."""
+    library, settings, heard = MotionLibrary.builtin(), arguments.settings_of(options), list[Heard]()
+    everyday = _everyday(options)
+    library = library.restricted_to(harness.shared_joints([library.skeleton, *(each.skeleton for each in everyday)]))
+    everyday = [each.over(library.skeleton) for each in everyday]
+    if not everyday:
+        note("everyday movement: the built-in library's motions of other classes than the gestures; --movement")
+    named, answered = list[float](), list[float]()
+    for number in progress(range(options.shows), "Playing", options.shows):
+        show = drawn(library, everyday, options, number)
+        index = open_taught(MotionLibrary.of_clips(show.examples), {show.performer})
+        feed = harness.Feed(np.arange(len(show.positions)) / _RATE, show.positions, library.skeleton)
+        order = index.library.skeleton.order_from(library.skeleton.joints)
+        answers = harness.answers_to(feed._replace(positions=show.positions[:, order]), index, settings)
+        since = {"done": {each: each.end for each in show.segments}, "start": {each: each.start for each in show.segments}}
+        seconds = len(show.positions) / _RATE
+        heard.append(Heard.of(show.performer, seconds, show.segments, answers, _SPANS, since))
+        named.append(sum(each.outcome is Outcome.NAMED for each in answers))
+        answered.append(len(answers))
+    share = Ratio(named, answered).value()
+    title = f"{options.gestures} gestures of one performer among everyday movement"
+    caption = f"{options.shows} shows, {harness.written(share)} of the time named; delay: of done from the gesture's end, of start from its beginning"
+    return report(heard, options, title, caption, {"named": share, "shows": options.shows})
+
+
+def _everyday(options: argparse.Namespace) -> list[Clip]:
+    """Read the everyday movement; none where none is given."""
+    place: Path | None = options.movement
+    if place is None:
+        return []
+    sources = Sources(tables=[place]) if place.suffix.lower() == ".csv" else Sources(unknown=[place])
+    takes = read_takes(sources, arguments.reading_of(options))
+    clips = [take.clip for take in takes if [each.label for each in take.segments] == [NOTHING]]
+    if not clips:
+        raise ValueError(f"--movement: expected a take without classes, got {len(takes)} with classes")
+    return clips
+
+
+def drawn(library: MotionLibrary, everyday: Sequence[Clip], options: argparse.Namespace, number: int) -> Show:
+    """Draw a show.
+
+    Parameters
+    ----------
+    library
+        The motions of the performers.
+    everyday
+        Takes of everyday movement, over the library's skeleton; the library's other classes when there are none.
+    options
+        The program's options.
+    number
+        The show's number; the library's persons perform in turn.
+
+    Raises
+    ------
+    ValueError
+        The performer has too few classes of more motions than examples.
+    """
+    generator = np.random.default_rng([options.seed, number])
+    performer = library.actors[number % len(library.actors)]
+    own = defaultdict[str, list["Clip"]](list)
+    for motion in library.motions:
+        if motion.actor == performer:
+            own[motion.class_name].append(motion)
+    possible = [name for name, motions in own.items() if len(motions) > options.examples]
+    if len(possible) < options.gestures:
+        raise ValueError(
+            f"--gestures: expected at most {len(possible)}, of which {performer} has more than {options.examples} "
+            f"motions, got {options.gestures}"
+        )
+    examples, asked = list["Clip"](), list["Clip"]()
+    gestures = [possible[place] for place in generator.permutation(len(possible))[: options.gestures]]
+    for name in gestures:
+        order = [own[name][place] for place in generator.permutation(len(own[name])).tolist()]
+        examples += order[: options.examples]
+        asked += order[options.examples :]
+    others = everyday or [motion for motion in library.motions if motion.class_name not in gestures]
+    return _laid(performer, examples, _again(asked, generator), _again(others, generator), options.minutes * 60)
+
+
+def _again(clips: Sequence[Clip], generator: np.random.Generator) -> Iterator[Clip]:
+    """Give clips in a drawn order, and when all were given in another, without end."""
+    while True:
+        yield from (clips[place] for place in generator.permutation(len(clips)).tolist())
+
+
+def _laid(
+    performer: str, examples: Sequence[Clip], asked: Iterator[Clip], others: Iterator[Clip], seconds: float
+) -> Show:
+    """Put everyday movement on the performer's bones, gestures between, and join them for so many seconds."""
+    parents = examples[0].skeleton.parents
+    lengths = np.mean([lengths_of(each.positions, parents) for each in examples], axis=0)
+    movement = _movement(others, parents, lengths)
+    pieces, gestures, frames, due = list["NDArray[np.floating]"](), dict[int, str](), 0, _EVERY
+    while frames < seconds * _RATE:
+        if frames < due * _RATE:
+            pieces.append(next(movement))
+        else:
+            gesture = next(asked)
+            gestures[len(pieces)] = gesture.class_name
+            pieces.append(resampled(gesture, _RATE).positions)
+        frames += len(pieces[-1]) + round(JOINED * _RATE)
+        if gestures.get(len(pieces) - 1):
+            due = frames / _RATE + _EVERY
+    positions, begins = joined(pieces, parents.index(-1), _RATE)
+    segments = [
+        Segment(begins[place] / _RATE, (begins[place] + len(pieces[place])) / _RATE, name)
+        for place, name in gestures.items()
+    ]
+    return Show(performer, examples, positions, segments)
+
+
+def _movement(others: Iterator[Clip], parents: Sequence[int], lengths: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Put recordings on the performer's bones, in pieces that leave room for gestures."""
+    most = round(_EVERY * _RATE)
+    for each in others:
+        laid = on_bones(resampled(each, _RATE).positions, parents, lengths)
+        yield from (laid[first : first + most] for first in range(0, len(laid), most))

@@ -1,0 +1,54 @@
+"""How the words of gestures are reported: a table, JSON, and every word in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinespace.tools.cli.arguments import add_shared
+from kinespace.tools.evaluation.harness import print_json
+from kinespace.tools.evaluation.scoring.answer_tables import write_rows
+from kinespace.tools.evaluation.scoring.stream_tables import rests_on
+from kinespace.tools.evaluation.scoring.words import COLUMNS, score_words, word_rows
+from kinespace.tools.terminal.tables import print_scores
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Mapping, Sequence
+
+    from kinespace.tools.evaluation.scoring.words import Heard
+
+
+def add_report(parser: argparse.ArgumentParser) -> None:
+    """Add the options for what is printed and written."""
+    text = "write every word said: person, time, kind, class, whether it is right, its segment"
+    parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
+    add_shared(parser, "--json")
+
+
+def report(
+    heard: Sequence[Heard],
+    options: argparse.Namespace,
+    title: str,
+    caption: str,
+    further: Mapping[str, object] | None = None,
+) -> int:
+    """Print the scores of all takes together, write the words, and return the exit status; `further` is for JSON."""
+    scores, persons = score_words(heard), {each.person for each in heard}
+    basis = {
+        "seconds": sum(each.seconds for each in heard),
+        "segments": sum(each.asked for each in heard),
+        "persons": len(persons) if all(persons) else None,
+    }
+    if options.answers:
+        write_rows(options.answers, word_rows(heard))
+    if options.json:
+        print_json({**scores, **(further or {}), **basis})
+        return 0
+    rows = [{"name": kind, **score, "interval": _written(score["intervals"]["f1"])} for kind, score in scores.items()]
+    print_scores(rows, COLUMNS, title=title, caption=f"{rests_on(basis, 'gesture')}; {caption}")
+    return 0
+
+
+def _written(interval: tuple[float, float] | None) -> str:
+    return "-" if interval is None else "{:.1%} to {:.1%}".format(*interval)

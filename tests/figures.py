@@ -43,7 +43,7 @@ _SOME_PERSONS = tuple(
 
 #: The evaluations that the tests measure: one of each kind.
 QUICK = (
-    *("own_takes", "builtin", "faults", "teach", "discover", "progress", "done"),
+    *("own_takes", "builtin", "faults", "teach", "gestures", "show", "discover", "progress", "done"),
     "retrieval_spread_split",
 )
 
@@ -69,6 +69,8 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     ),
     "faults": ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
     "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
+    "gestures": ("gestures", "{data}/jackknife/takes", "--actor-in", "name", "--subjects", "u104", "u105"),
+    "show": ("show", "--shows", "2", "--minutes", "4"),
     "discover": ("discover", *_OWN_TAKES[:2]),
     "progress": ("progress", "--every", "16"),
     # Squats of the other persons are in the library.

@@ -54,7 +54,10 @@ EXPERIMENTS: Programs = {
     "stream": ("evaluation.evaluate_stream", "play takes through the live recogniser"),
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
-    "gestures": ("evaluation.gestures.evaluate_gestures", "teach a gesture by one example, and count words in long takes"),
+    "gestures": (
+        "evaluation.gestures.evaluate_gestures",
+        "teach a gesture by one example, and count words in long takes",
+    ),
     "show": ("evaluation.gestures.evaluate_show", "teach gestures, and count words in everyday movement between them"),
     "discover": ("evaluation.evaluate_discover", "find motions in takes with their labels hidden"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),

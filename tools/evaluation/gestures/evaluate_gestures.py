@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library import NOTHING, MotionLibrary
-from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
+from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.gestures.report import add_report, report
-from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span
+from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span, said_in
 from kinespace.tools.teaching.beginning import open_taught
 from kinespace.tools.terminal.console import progress
 
@@ -96,7 +95,7 @@ def _opened(lessons: Sequence[Lessons], person: str) -> WindowIndex:
     examples = [example_of(*each) for of_teacher in lessons for each in of_teacher.values()]
     if not examples:
         raise ValueError("TAKE: expected labelled segments that teach, got none")
-    without = {person, *(each.actor for each in examples)} & {*MotionLibrary.builtin().actors}
+    without = {person} & {*MotionLibrary.builtin().actors}
     return open_taught(MotionLibrary.of_clips(examples), without)
 
 
@@ -129,7 +128,7 @@ def listened(take: Take, index: WindowIndex, lessons: Lessons, settings: Setting
     asked = [each for each in take.segments if each.label != _REPEATED and each not in taught]
     skeleton = index.library.skeleton
     feed = harness.Feed.of(take.clip.restricted_to(skeleton.joints), skeleton, take.delivered)
-    answers = harness.answers_to(feed, index, settings)
+    said = said_in(harness.answers_to(feed, index, settings))
     ends = {each: moved(take.clip, each)[1] / take.clip.frame_rate for each in asked}
     seconds = sum(each.duration for each in asked)
-    return Heard.of(take.person, seconds, asked, answers, _SPANS, dict.fromkeys(KINDS, ends))
+    return Heard(take.person, seconds, asked, said, _SPANS, dict.fromkeys(KINDS, ends))

@@ -2,9 +2,9 @@
 
 A performer of the built-in library teaches some gestures by few examples each, without a library. Then everyday
 movement is played, put on the performer's own bones, and every 25 seconds, behind a recording's end, another of the
-performer's motions of these gestures. A word is right from a tenth of a second before such a motion to a second (`done`:
-one and a half) behind it, once; every other word is false. Without --movement the motions of the library's other classes
-are the everyday movement.
+performer's motions of these gestures. A word is right from a tenth of a second before such a motion to a second behind
+it (`done`: one and a half), once; every other word is false. Without --movement the motions of the library's other
+classes are the everyday movement.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.gestures.report import add_report, report
 from kinespace.tools.evaluation.gestures.stage import JOINED, joined, lengths_of, on_bones
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
-from kinespace.tools.evaluation.scoring.words import Heard, Span
-from kinespace.tools.evaluation.takes import Sources, read_takes, takes_of
+from kinespace.tools.evaluation.scoring.words import Heard, Span, said_in
+from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.beginning import open_taught
 from kinespace.tools.terminal.console import note, progress
+from kinespace.tools.terminal.tables import counted
 
 if TYPE_CHECKING:
     import argparse
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library import Clip
+    from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recognizer import Settings
 
 #: Frames per second of a show.
 _RATE = 60.0
@@ -53,6 +56,12 @@ class Show(NamedTuple):
     positions: NDArray[np.float64]
     segments: Sequence[Segment]
 
+    def heard(self, answers: Sequence[Recognition]) -> Heard:
+        """Match what is said with the gestures."""
+        ends, starts = ({each: getattr(each, edge) for each in self.segments} for edge in ("end", "start"))
+        since, seconds = {"done": ends, "start": starts}, len(self.positions) / _RATE
+        return Heard(self.performer, seconds, self.segments, said_in(answers), _SPANS, since)
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
@@ -63,11 +72,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("--gestures", 3, "gestures of a show"),
         ("--examples", 1, "examples that teach each gesture"),
     ):
-        text += " (default %(default)s)"
-        parser.add_argument(option, type=arguments.count, default=usual, metavar="N", help=text)
+        parser.add_argument(option, type=arguments.count, default=usual, metavar="N", help=f"{text} (default {usual})")
     text = "minutes of a show (default %(default)s)"
     parser.add_argument("--minutes", type=arguments.positive, default=10.0, metavar="M", help=text)
-    text = "seed of everything drawn (default %(default)s)"
+    text = "seed of all that is drawn (default %(default)s)"
     parser.add_argument("--seed", type=int, default=0, metavar="N", help=text)
     arguments.add_reading(parser)
     arguments.add_settings(parser)
@@ -76,28 +84,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw shows, play them, and print how rightly the gestures were said."""
-    library, settings, heard = MotionLibrary.builtin(), arguments.settings_of(options), list[Heard]()
-    everyday = _everyday(options)
+    settings, everyday, library = arguments.settings_of(options), _everyday(options), MotionLibrary.builtin()
     library = library.restricted_to(harness.shared_joints([library.skeleton, *(each.skeleton for each in everyday)]))
     everyday = [each.over(library.skeleton) for each in everyday]
     if not everyday:
         note("everyday movement: the built-in library's motions of other classes than the gestures; --movement")
-    named, answered = list[float](), list[float]()
+    heard, named, answered = list[Heard](), list[int](), list[int]()
     for number in progress(range(options.shows), "Playing", options.shows):
         show = drawn(library, everyday, options, number)
-        index = open_taught(MotionLibrary.of_clips(show.examples), {show.performer})
-        feed = harness.Feed(np.arange(len(show.positions)) / _RATE, show.positions, library.skeleton)
-        order = index.library.skeleton.order_from(library.skeleton.joints)
-        answers = harness.answers_to(feed._replace(positions=show.positions[:, order]), index, settings)
-        since = {"done": {each: each.end for each in show.segments}, "start": {each: each.start for each in show.segments}}
-        seconds = len(show.positions) / _RATE
-        heard.append(Heard.of(show.performer, seconds, show.segments, answers, _SPANS, since))
+        answers = played(show, settings)
+        heard.append(show.heard(answers))
         named.append(sum(each.outcome is Outcome.NAMED for each in answers))
         answered.append(len(answers))
     share = Ratio(named, answered).value()
-    title = f"{options.gestures} gestures of one performer among everyday movement"
-    caption = f"{options.shows} shows, {harness.written(share)} of the time named; delay: of done from the gesture's end, of start from its beginning"
+    title = f"{counted(options.gestures, 'gesture')} of one performer among everyday movement"
+    caption = (
+        f"{counted(options.shows, 'show')}; {harness.written(share)} of the time named; delay: from a gesture's end "
+        "to done, from its beginning to start"
+    )
     return report(heard, options, title, caption, {"named": share, "shows": options.shows})
+
+
+def played(show: Show, settings: Settings) -> list[Recognition]:
+    """Teach a show's examples, in metrics learned without the performer, and play it."""
+    taught = MotionLibrary.of_clips(show.examples)
+    index = open_taught(taught, {show.performer})
+    positions = show.positions[:, index.library.skeleton.order_from(show.examples[0].skeleton.joints)]
+    times = np.arange(len(positions)) / _RATE
+    return harness.answers_to(harness.Feed(times, positions, index.library.skeleton), index, settings)
 
 
 def _everyday(options: argparse.Namespace) -> list[Clip]:
@@ -186,7 +200,9 @@ def _laid(
     return Show(performer, examples, positions, segments)
 
 
-def _movement(others: Iterator[Clip], parents: Sequence[int], lengths: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+def _movement(
+    others: Iterator[Clip], parents: Sequence[int], lengths: NDArray[np.float64]
+) -> Iterator[NDArray[np.float64]]:
     """Put recordings on the performer's bones, in pieces that leave room for gestures."""
     most = round(_EVERY * _RATE)
     for each in others:

@@ -45,7 +45,7 @@ def on_bones(
     parents, lengths
         As in `lengths_of`.
     """
-    laid = positions * (lengths.sum() / lengths_of(positions, parents).sum())
+    laid: NDArray[np.float64] = positions * (lengths.sum() / lengths_of(positions, parents).sum())
     left = [joint for joint, parent in enumerate(parents) if parent >= 0]
     while left:
         # A parent is laid before its children, in whatever order the joints come.
@@ -73,7 +73,7 @@ def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: 
     angle = np.arctan2((ax * bz - az * bx).sum(), (ax * bx + az * bz).sum())
     cos, sin = np.cos(angle), np.sin(angle)
     turned = (positions - positions[0, root]) @ np.array([[cos, 0, -sin], [0, 1, 0], [sin, 0, cos]])
-    moved: NDArray[np.float64] = turned + [before[root, 0], positions[0, root, 1], before[root, 2]]
+    moved: NDArray[np.float64] = turned + np.array([before[root, 0], positions[0, root, 1], before[root, 2]])
     return moved
 
 

@@ -8,6 +8,7 @@ the share found, of the words the share that is right, their harmonic mean F1, a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.library import NOTHING
@@ -85,7 +86,8 @@ class Span:
         return verdicts
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+# Without slots: words are matched once.
+@dataclass(frozen=True, eq=False)
 class Heard:
     """A long take, the gestures asked for in it, and what was said.
 
@@ -97,10 +99,10 @@ class Heard:
         The time in which words count.
     segments
         The gestures asked for; segments of `nothing` ask for none.
-    verdicts
-        The words of each of `KINDS`, matched by `span`.
-    span
-        The rules by which they are matched.
+    said
+        The words of each of `KINDS`.
+    spans
+        For each kind how its words are matched.
     since
         For each kind and gesture the moment from which the delay counts, seconds.
     """
@@ -108,24 +110,14 @@ class Heard:
     person: str
     seconds: float
     segments: Sequence[Segment]
-    verdicts: Mapping[str, Sequence[Verdict]]
-    span: Mapping[str, Span]
+    said: Mapping[str, Sequence[Said]]
+    spans: Mapping[str, Span]
     since: Mapping[str, Mapping[Segment, float]] = field(repr=False)
 
-    @classmethod
-    def of(
-        cls,
-        person: str,
-        seconds: float,
-        segments: Sequence[Segment],
-        answers: Iterable[Recognition],
-        span: Mapping[str, Span],
-        since: Mapping[str, Mapping[Segment, float]],
-    ) -> Heard:
-        """Match the words of answers with the gestures."""
-        said = said_in(answers)
-        verdicts = {kind: span[kind].judged(said[kind], segments) for kind in KINDS}
-        return cls(person, seconds, segments, verdicts, span, since)
+    @cached_property
+    def verdicts(self) -> dict[str, list[Verdict]]:
+        """The words of each kind, matched with the gestures."""
+        return {kind: self.spans[kind].judged(self.said[kind], self.segments) for kind in KINDS}
 
     @property
     def asked(self) -> int:
@@ -147,7 +139,7 @@ class Heard:
             for each in self.verdicts[kind]
             if each.right is False and each.segment and each.segment.label not in (NOTHING, each.said.class_name)
         ]
-        return self.asked - self.right(kind) + (len(wrong) if self.span[kind].commands else 0)
+        return self.asked - self.right(kind) + (len(wrong) if self.spans[kind].commands else 0)
 
     def delays(self, kind: str) -> list[float]:
         """Give the seconds to each right word of a kind."""
@@ -177,7 +169,9 @@ def score_words(takes: Sequence[Heard]) -> dict[str, dict[str, Any]]:
     """
     scores, persons = dict[str, dict[str, "Any"]](), [[each.person for each in takes]]
     for kind in KINDS:
-        right, false, missed = ([count(each, kind) for each in takes] for count in (Heard.right, Heard.false, Heard.missed))
+        right, false, missed = (
+            [count(each, kind) for each in takes] for count in (Heard.right, Heard.false, Heard.missed)
+        )
         words, gestures = ([a + b for a, b in zip(right, each, strict=True)] for each in (false, missed))
         twice, both = [2 * each for each in right], [a + b for a, b in zip(words, gestures, strict=True)]
         figures: dict[str, Figure] = {

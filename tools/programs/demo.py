@@ -49,7 +49,7 @@ MIN_SECONDS = 1.0
 MAX_SECONDS = 2.14
 #: Seconds between two motions: longer than the recogniser's longest gap, so that its window begins empty.
 _PAUSE = 0.7
-#: Answers that may be owed before the next frame waits for them: on a busy machine the feed goes slower, and loses none.
+#: Answers that may be owed before the next frame waits for them: on a busy machine the feed slows, and loses none.
 _MAX_OWED = 3
 #: Seconds of silence after which answers that are owed are given up.
 _PATIENCE = 20.0

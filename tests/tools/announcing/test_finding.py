@@ -151,7 +151,7 @@ def test_the_program_that_is_wanted_has_its_turn_first(silent: _Silent) -> None:
 def test_a_mistake_asks_no_network(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """What cannot be a name is not looked for: the mistake is told at once."""
     monkeypatch.setattr(finding, "announced", lambda *_: pytest.fail("looked for"))
-    with pytest.raises(ValueError, match="^--out: a mistake$"):
+    with pytest.raises(ValueError, match=r"^--out: a mistake$"):
         finding.named(text, ValueError("--out: a mistake"))
 
 

@@ -57,7 +57,7 @@ def test_there_is_something_to_run() -> None:
 def test_every_python_example_runs(code: str, tmp_path: Path) -> None:
     """Each example in Python runs by itself, in any folder, without a warning, and prints something."""
     command = [sys.executable, "-W", "error", "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=100)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.strip()
 

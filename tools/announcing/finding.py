@@ -91,10 +91,10 @@ def announced(wanted: str = "") -> list[Found]:
             info = ServiceInfo(OSC_SERVICE, name)
             # What came with the announcement need not be asked for.
             told = info.load_from_cache(network) or info.request(network, 1000 * min(left, _TURN))
-            if told and info.port and (addresses := info.parsed_addresses()):
-                found[_title(name)] = Found(_title(name), addresses[0], info.port)
-            else:
+            if not told:
                 asked.append(name)
+            elif info.port and (addresses := info.parsed_addresses()):
+                found[_title(name)] = Found(_title(name), addresses[0], info.port)
     return sorted(found.values())
 
 

@@ -89,6 +89,7 @@ def test_changed_windows_equal_the_windows_of_a_new_library() -> None:
         np.testing.assert_array_equal(mine, other)
 
 
+@pytest.mark.slow
 def test_windows_of_undone_examples_are_forgotten() -> None:
     """Of many examples that were taught and undone few are kept; one taught again is compared as before."""
     base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))

@@ -78,6 +78,7 @@ def _serve(told: Connection, termination: bool) -> None:  # noqa: FBT001 - of a 
     told.send("went on")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="this system cannot hold signals back")
 @pytest.mark.parametrize("termination", [True, False])
 def test_a_child_survives_signals_that_are_its_parents(termination: bool) -> None:  # noqa: FBT001 - a case
@@ -177,6 +178,7 @@ def process_ids(gateway: local.LocalGateway) -> dict[str, int]:
     return {name: each.process.pid for name, each in gateway._workers.items()}  # noqa: SLF001 - who is killed
 
 
+@pytest.mark.slow
 def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """No event is lost when one of two workers is killed, or hangs; another process takes its place, under its name."""
     monkeypatch.setattr(local, "_MAX_ABSENT", 0.5)

@@ -311,6 +311,7 @@ def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
     stage.lessons.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("taught", [True, False])
 def test_a_joint_that_hdm05_lacks_is_left_out(
     taught: bool,  # noqa: FBT001

@@ -121,6 +121,7 @@ def test_what_a_killed_program_left_is_deleted(tmp_path: Path) -> None:
     assert sorted(each.name for each in tmp_path.iterdir()) == [".mine.npz.b.part", ".other.npz.a.part"]
 
 
+@pytest.mark.slow
 def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip) -> None:
     """Further joints, names, learned numbers and guests stay; what is undone leaves it as it was."""
     path = tmp_path / "mine.npz"

@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 MADE := $(VENV)/.made
 RUNS := $(VENV)/.runs
+FETCHED := $(VENV)/.fetched
 
 # The matrices are small: threads of the linear algebra would only take the cores from each other.
 export OPENBLAS_NUM_THREADS := 1
@@ -40,7 +41,12 @@ $(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
 	@$(INSTALL) '.[dev]'
 	@touch $(RUNS) $@
 
-# Once for this user: the models and the film that tests of the camera need. No test asks a network.
+# The models and the film that tests of the camera need: no test asks a network. Tried once after each set-up, because
+# without a network it takes long; `make fetched` tries again.
+$(FETCHED): $(MADE)
+	@$(BIN)/python tests/support/network/fetched.py
+	@touch $@
+
 fetched: setup
 	@$(BIN)/python tests/support/network/fetched.py
 
@@ -85,7 +91,7 @@ types: setup
 # In half as many processes again as there are cores, because many tests wait for real time. A process that has finished
 # takes tests from another, because a few of them take half a minute.
 WORKERS := $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
-pytest: setup fetched
+pytest: setup $(FETCHED)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(CHOSEN)
 
 # The compiled loops under AddressSanitizer and UBSan.

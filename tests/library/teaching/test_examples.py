@@ -222,6 +222,7 @@ def test_a_check_in_words(check: Check, words: str) -> None:
     assert check.words == words
 
 
+@pytest.mark.slow
 def test_an_example_of_either_side_is_compared_mirrored_too() -> None:
     """Its copy is in the index, no other example to a check, and not in the roster; without it a left kick is none."""
     roster = _roster(("kick", "kickLFront1Reps", 0), ("squat", "squat1Reps", 0), ("squat", "squat1Reps", 1))

@@ -60,6 +60,7 @@ def test_a_motion_that_comes_to_others_is_cut_alone(index: WindowIndex, monkeypa
         np.testing.assert_allclose(np.abs(one), np.abs(other), rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_evidence_by_definition(index: WindowIndex) -> None:
     """Evidence for each class and length at every ninth look of four squats, as its definition says.
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Feed = list[Frame]
 
 #: Everything holds of the compiled kernels and of numpy.
-pytestmark = pytest.mark.usefixtures("arithmetic")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 
@@ -137,7 +137,6 @@ def test_the_hop_does_not_change_what_is_seen(
         assert answer.movement == pytest.approx(every[time].movement, rel=1e-6)
 
 
-@pytest.mark.slow
 @SIGNATURES
 def test_what_is_asked_twice_is_answered_twice(
     small_library: MotionLibrary, feed: Feed, signature: LiveSignature
@@ -191,7 +190,6 @@ def test_another_recogniser_answers_the_same_frames(small_library: MotionLibrary
     np.testing.assert_allclose(found[-1].scores, expected[-1].scores, atol=1e-3)
 
 
-@pytest.mark.slow
 def test_interleaved_performers_get_the_answers_they_get_alone(small_library: MotionLibrary, clips: list[Clip]) -> None:
     """Frames mixed by chance, joints in other orders, other names, one by one or several at once: bit for bit."""
     feeds = {f"person {place}": _shown([clip], 60.0) for place, clip in enumerate(clips)}
@@ -219,7 +217,6 @@ def test_interleaved_performers_get_the_answers_they_get_alone(small_library: Mo
             assert events == [list(answer.events) for answer in alone[name]]
 
 
-@pytest.mark.slow
 def test_the_order_of_classes_and_motions_changes_no_word(small_library: MotionLibrary, feed: Feed) -> None:
     """Answers in another order of classes, one of them unknown; and a class taken out of the library is never named."""
     first = pushed(Recognizer(small_library), feed)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.windows.index import WindowIndex
 
+pytestmark = pytest.mark.slow
 SIXTEEN = MotionLibrary.builtin().skeleton.joints[:16]
 
 

@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 MADE := $(VENV)/.made
 RUNS := $(VENV)/.runs
+FETCHED := $(VENV)/.fetched
 
 # The matrices are small: threads of the linear algebra would only take the cores from each other.
 export OPENBLAS_NUM_THREADS := 1
@@ -11,29 +12,43 @@ export OMP_NUM_THREADS := 1
 # Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup demo docs chaos soak figures test quick lint types pytest sanitize fuzz wheel-check clean
+.PHONY: setup fetched demo docs chaos soak figures test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
 SOURCES := pyproject.toml setup.py library/kernels/compiled.c library/kernels/loops.h
 # setuptools warns of every editable installation.
-INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+# Quiet twice: pip says its errors, but no warnings (of an index that is not there, say).
+PIP := PYTHONWARNINGS=ignore $(BIN)/python -m pip --quiet --quiet --disable-pip-version-check
+INSTALL := $(PIP) install --editable
 
 $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "kinespace needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 2; }
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	@echo 'setup: making $(VENV), and pip new in it ...'
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP) install --upgrade pip
 
 # The programs alone: quicker than what the tests need, too.
 $(RUNS): $(SOURCES) | $(VENV)/pyvenv.cfg
-	$(INSTALL) .
+	@echo 'setup: pip fetches what kinespace needs, and installs it into $(VENV) ...'
+	@$(INSTALL) .
 	@touch $@
 
 # LOCKED=1 installs the packages that .ci/locked.txt names, by their hashes, in place of the newest ones.
 $(MADE): $(SOURCES) | $(VENV)/pyvenv.cfg
-	$(if $(LOCKED),$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r .ci/locked.txt)
-	$(INSTALL) '.[dev]'
+	@echo 'setup: pip fetches what kinespace and its tests need (a minute), and installs it into $(VENV) ...'
+	@$(if $(LOCKED),$(PIP) install --require-hashes -r .ci/locked.txt)
+	@$(INSTALL) '.[dev]'
 	@touch $(RUNS) $@
+
+# The models and the film that tests of the camera need: no test asks a network. Tried once after each set-up, because
+# without a network it takes long; `make fetched` tries again.
+$(FETCHED): $(MADE)
+	@$(BIN)/python tests/support/network/fetched.py
+	@touch $@
+
+fetched: setup
+	@$(BIN)/python tests/support/network/fetched.py
 
 # Eight minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
 # `make chaos TRIALS=--help` lists its options.
@@ -76,7 +91,7 @@ types: setup
 # In half as many processes again as there are cores, because many tests wait for real time. A process that has finished
 # takes tests from another, because a few of them take half a minute.
 WORKERS := $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
-pytest: setup
+pytest: setup $(FETCHED)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(CHOSEN)
 
 # The compiled loops under AddressSanitizer and UBSan.
@@ -93,7 +108,7 @@ fuzz: setup
 
 # A wheel that is built twice, in two folders, is the same; installed in an environment of its own, away from the
 # sources, it does the main job.
-WHEEL := SOURCE_DATE_EPOCH=1700000000 $(CURDIR)/$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps
+WHEEL := SOURCE_DATE_EPOCH=1700000000 $(CURDIR)/$(BIN)/python -m pip wheel --quiet --quiet --disable-pip-version-check --no-deps
 wheel-check: setup
 	rm -rf build/wheel && mkdir -p build/wheel/first build/wheel/second
 	tar -c --exclude-vcs --exclude=./.venv --exclude=./build . | tar -x -C build/wheel/second
@@ -101,7 +116,7 @@ wheel-check: setup
 	cd build/wheel/second && $(WHEEL) --wheel-dir ../first .
 	cmp build/wheel/*.whl build/wheel/first/*.whl
 	$(PYTHON) -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check build/wheel/*.whl
+	build/wheel/venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check build/wheel/*.whl
 	cd build/wheel && venv/bin/kinespace info && venv/bin/kinespace demo --json
 
 clean:

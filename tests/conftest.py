@@ -7,16 +7,17 @@ import os
 import pickle
 import shutil
 import signal
-import subprocess
-from contextlib import closing, nullcontext
+import time
+from contextlib import closing, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import programs
 import pytest
-from films import fetched_demo
+from films import demo_film as place_of_demo_film
 from hypothesis import settings
 from programs import LOOPBACK, builtin_library
+from refused import refuse
 from synthetic import stick_clips
 
 from kinespace.library import kernels
@@ -55,6 +56,12 @@ for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(si
     if _number and signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
 
+# No test asks a network; the programs that tests start read `sitecustomize.py` as they start.
+refuse()
+_REFUSING = str(Path(__file__).parent / "support" / "network")
+if _REFUSING not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (_REFUSING, os.environ.get("PYTHONPATH"))))
+
 #: Set to 1 where no test may be skipped for want of recordings or of others' programs.
 COMPLETE = "KINESPACE_COMPLETE"
 #: Why tests of the compiled kernels skip.
@@ -90,17 +97,41 @@ def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
         yield request.param
 
 
-@pytest.fixture(scope="module", params=["any", "avx2", "avx512"])
+#: The builds of the compiled kernels, one for each width of registers.
+_BUILDS = ("any", "avx2", "avx512")
+
+
+def _builds_that_run() -> list[str]:
+    """List the builds of the kernels that this processor can run."""
+    built, run = kernels.compiled, list[str]()
+    if built is not None:
+        before = built.kind()
+        for each in _BUILDS:
+            with suppress(ValueError):
+                built.use(each)
+                run.append(each)
+        built.use(before)
+    return run
+
+
+BUILDS_THAT_RUN = _builds_that_run()
+
+
+def pytest_report_header() -> str:
+    """Say once which builds of the kernels are tested: tests of the others are not collected."""
+    others = [each for each in _BUILDS if each not in BUILDS_THAT_RUN]
+    cannot = f"; not here: {', '.join(others)}" if others else ""
+    return f"builds of the kernels that are tested: {', '.join(BUILDS_THAT_RUN) or 'none'}{cannot}"
+
+
+@pytest.fixture(scope="module", params=BUILDS_THAT_RUN or ["none"])
 def width(request: pytest.FixtureRequest) -> Iterator[str]:
     """Use the compiled kernels of each width of registers that this processor has."""
     built = kernels.compiled
     if built is None:
         _without(_NO_KERNELS, "the compiled kernels")
     before = built.kind()
-    try:
-        built.use(request.param)
-    except ValueError as error:
-        pytest.skip(str(error))
+    built.use(request.param)
     yield request.param
     built.use(before)
 
@@ -138,10 +169,20 @@ def hdm05_clips(hdm05_folder: Path, tmp_path_factory: pytest.TempPathFactory) ->
     """All 288 clips as AMC files say them, read by the first of the processes that share the tests."""
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "hdm05_clips.pickle"
+    with suppress(FileExistsError):
+        shared.with_suffix(".begun").touch(exist_ok=False)
+        return _kept(tuple(read_recordings(find_recordings([hdm05_folder]))), shared)
+    # Another process reads them; if it fails its tests say why.
+    until = time.monotonic() + programs.PATIENCE
+    while not shared.exists() and time.monotonic() < until:
+        time.sleep(0.1)
     if shared.exists():
         kept: tuple[Clip, ...] = pickle.loads(shared.read_bytes())  # noqa: S301 - our own
         return kept
-    clips = tuple(read_recordings(find_recordings([hdm05_folder])))
+    return tuple(read_recordings(find_recordings([hdm05_folder])))
+
+
+def _kept(clips: tuple[Clip, ...], shared: Path) -> tuple[Clip, ...]:
     # Written whole or not at all: another process may look.
     own = shared.with_suffix(f".{os.getpid()}")
     own.write_bytes(pickle.dumps(clips))
@@ -172,30 +213,22 @@ def camera_extra() -> None:
 
 @pytest.fixture(scope="session")
 def camera_models(camera_extra: None) -> Path:
-    """Give the folder of BlazePose's models, fetched once for this user."""
+    """Give the folder of BlazePose's models, which `make` fetches once for this user."""
     del camera_extra
     try:
         models.models_at(None, "full")
-    except OSError:
-        try:
-            models.fetched(lambda _: None)
-        except OSError as error:
-            _without(str(error), "the models")
+    except OSError as error:
+        _without(str(error), "the models")
     return models.cache()
 
 
 @pytest.fixture(scope="session")
 def browser_models() -> None:
-    """Be sure of what a browser needs to find bodies, fetched once for this user."""
+    """Be sure of what a browser needs to find bodies, which `make` fetches once for this user."""
     if not models.browser_has_models():
         if shutil.which("npm") is None:
             pytest.skip("no npm here, whose package a browser's camera needs")
-        try:
-            models.fetched(lambda _: None)
-        except OSError as error:
-            _without(str(error), "the models")
-        if not models.browser_has_models():
-            _without("npm could not fetch its package of the models", "it")
+        _without(models.MISSING_BROWSER, "the models")
 
 
 @pytest.fixture(scope="session")
@@ -204,10 +237,10 @@ def demo_film(camera_models: Path) -> Path:
 
     One person stands on a box and jumps down, another walks past.
     """
-    try:
-        return fetched_demo(camera_models.with_name("demo-640.avi"))
-    except subprocess.CalledProcessError:
-        _without("Sports2D's film could not be fetched by pip", "it")
+    film = place_of_demo_film(camera_models)
+    if not film.exists():
+        _without(f"no {film}: make fetched", "Sports2D's film")
+    return film
 
 
 @pytest.fixture(scope="session")

@@ -121,6 +121,7 @@ def _through_one_part(frame: Frame, seq: int, joints: Sequence[str] | None) -> l
     return [*ZmqDecoder().decode([packed], 77.0, None)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("through", [_through_osc, _through_bundles, _through_three_parts, _through_one_part])
 @given(
     frame=frames(),
@@ -170,6 +171,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     )
 
 
+@pytest.mark.slow
 @given(recognition=recognitions())
 def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
     """With any names and numbers, an answer is what json would write, field by field and in this order."""

@@ -54,6 +54,11 @@ def smaller(film: Path, path: Path) -> Path:
     return write(path, pictures(), 15.0)
 
 
+def demo_film(models: Path) -> Path:
+    """Give the place of a demonstration film beside the camera's models; it need not exist."""
+    return models.with_name("demo-640.avi")
+
+
 def fetched_demo(film: Path) -> Path:
     """Fetch Sports2D's demonstration film (BSD-3) by pip, unless it is there, and write it smaller.
 

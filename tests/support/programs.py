@@ -79,6 +79,13 @@ class Program:
             time.sleep(_POLL)
         raise AssertionError(f"no {pattern!r} in time: {self.output}{self.errors}")
 
+    def found(self, pattern: str) -> bool:
+        """Wait until the output matches, or the program ends; say whether it matches."""
+        until = time.monotonic() + PATIENCE
+        while self.process.poll() is None and time.monotonic() < until and not re.search(pattern, self.output):
+            time.sleep(_POLL)
+        return bool(re.search(pattern, self.output))
+
     def wait(self) -> int:
         """Wait until the program ends by itself; give its exit status."""
         return self.process.wait(PATIENCE)

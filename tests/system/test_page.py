@@ -117,7 +117,9 @@ def opened(address: str, complaints: list[str], *further: str) -> Iterator[Page]
         *further,
     ]
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=options)
+        # No test asks a network.
+        alone = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost"
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=[alone, *options])
         # Without bypass_csp Playwright's own questions die on the page's policy, which forbids to make code of text.
         context = browser.new_context(
             bypass_csp=True, viewport={"width": 1180, "height": 770}, color_scheme="dark", reduced_motion="reduce"

@@ -31,7 +31,7 @@ from kinespace.tools.programs.camera import session
 from kinespace.tools.terminal.console import say
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-from films import fetched_demo, write
+from films import demo_film, fetched_demo, write
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,7 +51,7 @@ _PATIENCE = 300.0
 
 
 def _pictures() -> list[Picture]:
-    capture = cv2.VideoCapture(str(fetched_demo(models.cache().with_name("demo-640.avi"))))
+    capture = cv2.VideoCapture(str(fetched_demo(demo_film(models.cache()))))
     pictures: list[Picture] = []
     while (read := capture.read())[0]:
         pictures.append(np.asarray(read[1], dtype=np.uint8))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ipaddress
+import re
 import time
+from collections import deque
 from contextlib import closing, suppress
 from importlib.util import find_spec
 from queue import Empty, SimpleQueue
@@ -13,8 +16,12 @@ from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.terminal.console import note
 
 OSC_SERVICE = "_osc._udp.local."
-#: Seconds within which programs answer.
+#: Seconds within which programs answer: the whole search takes no longer, however many there are.
 WITHIN = 1.5
+#: Seconds for which one program is waited for before the next is asked; its late answer counts in its next turn.
+_TURN = 0.2
+#: Bytes of a name, at most: DNS-SD allows no longer one.
+_MAX_NAME = 63
 
 
 class Found(NamedTuple):
@@ -38,47 +45,73 @@ def is_possible() -> bool:
     return find_spec("zeroconf") is not None
 
 
-def announced(wanted: str = "", within: float = WITHIN) -> list[Found]:
-    """List the programs that announce themselves, sorted; none where mDNS is not possible.
+def is_name(text: str) -> bool:
+    """Say whether a program may announce itself by a text: HOST:PORT with a wrong port is none, nor is a number."""
+    if not (text.isprintable() and 0 < len(text.encode(errors="replace")) <= _MAX_NAME):
+        return False
+    if "://" in text or text.isdecimal() or re.search(r":[^:\s]*$", text):
+        return False
+    with suppress(ValueError):
+        ipaddress.ip_address(text)
+        return False
+    return True
+
+
+def announced(wanted: str = "") -> list[Found]:
+    """List the programs that announce themselves within `WITHIN`, sorted; none where mDNS is not possible.
 
     Parameters
     ----------
     wanted
         The name of a program, in any case: as soon as it is found the search ends.
-    within
-        Seconds.
     """
     if not is_possible():
         return []
-    from zeroconf import InterfaceChoice, ServiceBrowser, Zeroconf  # noqa: PLC0415 - an extra
+    from zeroconf import InterfaceChoice, ServiceBrowser, ServiceInfo, Zeroconf  # noqa: PLC0415 - an extra
 
-    found, names, until = dict[str, Found](), SimpleQueue[str](), time.monotonic() + within
+    found, names, until = dict[str, Found](), SimpleQueue[str](), time.monotonic() + WITHIN
+    asked = deque[str]()
 
     # It asks nothing itself: its thread may still be at work when the network is closed.
     def meet(*, name: str, **_: object) -> None:
         names.put(name)
 
     # A machine without a network has nobody to find.
-    with suppress(OSError, Empty), closing(Zeroconf(InterfaceChoice.All)) as network:
+    with suppress(OSError), closing(Zeroconf(InterfaceChoice.All)) as network:
         ServiceBrowser(network, OSC_SERVICE, handlers=[meet])
-        while wanted.casefold() not in map(str.casefold, found):
-            name = names.get(timeout=max(until - time.monotonic(), 0.0))
-            info = network.get_service_info(OSC_SERVICE, name, timeout=round(1000 * within))
-            title = name.removesuffix(f".{OSC_SERVICE}")
-            if info and info.port and (addresses := info.parsed_addresses()):
-                found[title] = Found(title, addresses[0], info.port)
+        while wanted.casefold() not in map(str.casefold, found) and (left := until - time.monotonic()) > 0:
+            with suppress(Empty):
+                asked.append(names.get(timeout=0.0 if asked else left))
+            asked.extend(names.get_nowait() for _ in range(names.qsize()))
+            if not asked:
+                continue
+            # The one that is wanted has every turn from when it is heard of.
+            name = next((each for each in asked if _title(each).casefold() == wanted.casefold()), asked[0])
+            asked.remove(name)
+            info = ServiceInfo(OSC_SERVICE, name)
+            # What came with the announcement need not be asked for.
+            told = info.load_from_cache(network) or info.request(network, 1000 * min(left, _TURN))
+            if not told:
+                asked.append(name)
+            elif info.port and (addresses := info.parsed_addresses()):
+                found[_title(name)] = Found(_title(name), addresses[0], info.port)
     return sorted(found.values())
 
 
+def _title(name: str) -> str:
+    """Give a service's name without the kind of service."""
+    return name.removesuffix(f".{OSC_SERVICE}")
+
+
 def named(name: str, mistake: ValueError) -> Found:
-    """Find the program that announces itself by a name.
+    """Find the program that announces itself by a name; what cannot be a name is not looked for.
 
     Raises
     ------
     ValueError
         None does: the mistake, with the programs that announce themselves.
     """
-    seen = announced(name)
+    seen = announced(name) if is_name(name) else []
     for each in seen:
         if each.name.casefold() == name.casefold():
             return each

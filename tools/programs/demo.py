@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import time
+from bisect import bisect_left
 from collections import Counter
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from kinespace.library import Clip
     from kinespace.stream.recognition import Answer
     from kinespace.tools.feeding.feed import Cue, FrameSender
-    from kinespace.tools.loopback.answers import Received
+    from kinespace.tools.loopback.answers import Expected, Received
     from kinespace.tools.loopback.service_process import Transport
 
 PERFORMER = "demo"
@@ -48,7 +49,14 @@ MIN_SECONDS = 1.0
 MAX_SECONDS = 2.14
 #: Seconds between two motions: longer than the recogniser's longest gap, so that its window begins empty.
 _PAUSE = 0.7
-_LINGER = 0.3
+#: Answers that may be owed before the next frame waits for them: on a busy machine the feed slows, and loses none.
+_MAX_OWED = 3
+#: Seconds of silence after which answers that are owed are given up.
+_PATIENCE = 20.0
+#: Seconds for which the demo listens before it looks whether it waits for anything more.
+_LOOK_EVERY = 0.05
+#: Milliseconds after which an answer comes late.
+LATE = 100.0
 
 
 @dataclass(slots=True)
@@ -77,11 +85,11 @@ def run(options: argparse.Namespace) -> int:
     motions = chosen(whole)
     library = whole.without(motions=motions)
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
-    matcher = AnswerMatcher(expected_answers(cues, library, settings))
+    expected = expected_answers(cues, library, settings)
     watched = console.is_terminal and not options.json
     with BackgroundService(options.transport, library=library, settings=settings) as service:
         sender, receiver = service.connect()
-        show = _Show([motion.class_name for motion in motions], matcher, options.transport)
+        show = _Show([motion.class_name for motion in motions], expected, options.transport)
         with (
             closing(sender),
             closing(Listener(receiver)) as listener,
@@ -111,17 +119,33 @@ def chosen(library: MotionLibrary) -> list[Clip]:
 class _Show:
     """The motions played so far, their answers, and their table."""
 
-    def __init__(self, classes: Sequence[str], matcher: AnswerMatcher, transport: Transport) -> None:
+    def __init__(self, classes: Sequence[str], expected: Sequence[Expected], transport: Transport) -> None:
         self.played = {name: _Played() for name in classes}
-        self._matcher, self._transport = matcher, transport
+        self._matcher, self._transport = AnswerMatcher(expected), transport
+        #: The frames to which an answer comes, by their indices.
+        self._answered = [each.cue for each in expected]
+        #: The answers that came, expected or not, and those that were given up.
+        self.came = self._given_up = 0
         #: The class of each frame, and when the frame was sent.
         self.sent: list[tuple[str, float]] = []
 
+    @property
+    def owed(self) -> int:
+        """How many answers to the frames sent have not come, and are waited for."""
+        return bisect_left(self._answered, len(self.sent)) - self.came - self._given_up
+
+    def give_up(self) -> None:
+        """Wait no longer for the answers that are owed now."""
+        self._given_up += self.owed
+
     def take_in(self, received: Sequence[Received]) -> bool:
-        """Note the answers that came; say whether there were any."""
+        """Note the answers that came; say whether there were any that were expected."""
         news = False
         for each in received:
-            if (answer := answer_in(each.packet)) and (expected := self._matcher.match(answer)):
+            if not (answer := answer_in(each.packet)):
+                continue
+            self.came += 1
+            if expected := self._matcher.match(answer):
                 name, moment = self.sent[expected.cue]
                 played = self.played[name]
                 played.labels[answer.label] += 1
@@ -134,6 +158,11 @@ class _Show:
         """The number of motions that were answered with their own class most of the time."""
         return sum(each.answered == name for name, each in self.played.items())
 
+    @property
+    def late(self) -> int:
+        """The number of answers that came late."""
+        return sum(latency > LATE for each in self.played.values() for latency in each.latencies)
+
     def percentile(self, percent: float) -> float | None:
         """Give a percentile of all latencies, milliseconds; None without answers."""
         latencies = [latency for each in self.played.values() for latency in each.latencies]
@@ -145,6 +174,7 @@ class _Show:
             "played": len(self.played),
             "answered": sum(bool(each.labels) for each in self.played.values()),
             "right": self.right,
+            "late": self.late,
             "p99_ms": None if (high := self.percentile(99)) is None else round(high, 3),
         }
 
@@ -166,23 +196,44 @@ class _Show:
         answers = sum(each.labels.total() for each in self.played.values())
         right = sum(each.labels[name] for name, each in self.played.items())
         lost = self._matcher.lost + self._matcher.waiting
+        late = f", {self.late} late (after more than {LATE / 1000:g} s: this machine is busy)" if self.late else ""
         times = f"p50 {self.percentile(50):.2f} ms, p99 {self.percentile(99):.2f} ms" if answers else ""
         return (
-            f"{self.right} of {len(self.played)} motions named; {right} of {answers} answers right, {lost} lost\n"
+            f"{self.right} of {len(self.played)} motions named; {right} of {answers} answers right, {lost} lost{late}\n"
             f"frame sent to answer received over {self._transport.upper()}: {times}"
         )
 
 
 def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _Show, live: Live | None) -> None:
     """Play the motions, and draw the table after answers where there is a terminal."""
-    pace = Pace()
+    pace, patience = Pace(), _PATIENCE
     for cue in cues:
         packet = sender.encode(cue)
         if show.take_in(listener.listen_until(pace.moment(cue.due))) and live:
             # Right after an answer, drawing delays no frame.
             live.update(show.table(console.width), refresh=True)
+        if show.owed > _MAX_OWED:
+            patience = _wait(listener, show, _MAX_OWED, patience)
+            pace.put_off(cue.due)
         show.sent.append((cue.class_name, time.perf_counter()))
         sender.send(packet)
-    show.take_in(listener.listen_until(time.perf_counter() + _LINGER))
+    _wait(listener, show, 0, patience)
     if live:
         live.update(show.table(console.width), refresh=True)
+
+
+def _wait(listener: Listener, show: _Show, most: int, patience: float) -> float:
+    """Wait until no more than some answers are owed, or nothing came for too long; give the patience that is left.
+
+    Who says nothing is not waited for again: the demo ends soon.
+    """
+    until = time.perf_counter() + patience
+    while show.owed > most:
+        before = show.came
+        show.take_in(listener.listen_until(time.perf_counter() + _LOOK_EVERY))
+        if show.came > before:
+            until = time.perf_counter() + patience
+        elif time.perf_counter() > until:
+            show.give_up()
+            return patience if show.came else 0.0
+    return patience

@@ -207,6 +207,7 @@ def _flipped(content: bytes, place: int, mask: int) -> bytes:
     return content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :]
 
 
+@pytest.mark.slow
 def test_a_file_cut_or_overwritten_anywhere_is_refused(content: bytes, tmp_path: Path) -> None:
     """Cut short, with bytes missing from the middle, or overwritten with one byte: refused by name."""
     length, generator = len(content), np.random.default_rng(4)

@@ -368,6 +368,7 @@ def test_learned_numbers_survive_a_merge(library: MotionLibrary) -> None:
 # --- guests ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_guests_lack_joints_that_are_computed(builtin: MotionLibrary, tmp_path: Path) -> None:
     """They move and turn with the joints that there are, stay beside the motions, and come back from a file."""
     motion, lost = builtin.motions[0], ("lhand", "ltoes", "root")

@@ -89,6 +89,7 @@ def test_changed_windows_equal_the_windows_of_a_new_library() -> None:
         np.testing.assert_array_equal(mine, other)
 
 
+@pytest.mark.slow
 def test_windows_of_undone_examples_are_forgotten() -> None:
     """Of many examples that were taught and undone few are kept; one taught again is compared as before."""
     base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))
@@ -221,6 +222,7 @@ def test_a_check_in_words(check: Check, words: str) -> None:
     assert check.words == words
 
 
+@pytest.mark.slow
 def test_an_example_of_either_side_is_compared_mirrored_too() -> None:
     """Its copy is in the index, no other example to a check, and not in the roster; without it a left kick is none."""
     roster = _roster(("kick", "kickLFront1Reps", 0), ("squat", "squat1Reps", 0), ("squat", "squat1Reps", 1))

@@ -41,6 +41,7 @@ def test_the_shortest_motion_with_a_window(clip: Clip) -> None:
         assert window_ends(cut, 0.4, first=1.0).tolist() == ends
 
 
+@pytest.mark.slow
 def test_numbers_by_definition(clip: Clip, builtin_index: WindowIndex, arithmetic: str) -> None:
     """Every part of some windows of two motions equals its twin, read off the window's own frames."""
     clips = [clip, clip.moved_to(clip.positions[40:53])]

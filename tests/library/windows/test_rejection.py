@@ -156,6 +156,7 @@ def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
     assert near > alone.rejection.threshold_at(0.05) > far
 
 
+@pytest.mark.slow
 def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) -> None:
     """With all joints as in the built-in library's file, with fewer moved to what is typical of these."""
     learned = builtin_index.library.learned

@@ -5,28 +5,44 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+from collections import defaultdict
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.windows import index, remembered
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from kinespace.library.windows.index import WindowIndex
 
+pytestmark = pytest.mark.slow
 SIXTEEN = MotionLibrary.builtin().skeleton.joints[:16]
 
 
+@pytest.fixture(scope="module")
+def some() -> MotionLibrary:
+    """Give four motions of each class, which open fast."""
+    builtin, kept = MotionLibrary.builtin(), defaultdict[str, list[Clip]](list)
+    for motion in builtin.motions:
+        kept[motion.class_name].append(motion)
+    motions = tuple(motion for name in builtin.classes for motion in kept[name][:4])
+    return replace(builtin, motions=motions, guests=builtin.guests[:2])
+
+
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Use a cache of this test's own."""
+def folder(tmp_path: Path, some: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Use a cache of this test's own, and some motions in the built-in library's place."""
     monkeypatch.setattr(remembered, "cache_folder", lambda: tmp_path)
-    return tmp_path / "windows"
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: some)
+    yield tmp_path / "windows"
+    monkeypatch.undo()
+    index.opened.cache_clear()
 
 
 def _opened() -> WindowIndex:
@@ -102,8 +118,8 @@ def test_a_file_that_cannot_be_believed_is_made_again(folder: Path, spoil: Calla
 def test_other_peoples_motions_are_not_kept(folder: Path) -> None:
     """A library of other motions writes nothing."""
     builtin = MotionLibrary.builtin()
-    some = MotionLibrary(builtin.skeleton, builtin.motions[:40])
-    assert index.opened(some).library is some
+    others = MotionLibrary(builtin.skeleton, builtin.motions[:24])
+    assert index.opened(others).library is others
     assert not folder.exists()
 
 
@@ -112,12 +128,10 @@ def test_another_library_in_the_builtin_ones_place_has_a_file_of_its_own(
 ) -> None:
     """The key names the motions: what a test or a fork puts there is never taken for the real windows."""
     real, builtin = len(_opened()), MotionLibrary.builtin()
-    other = MotionLibrary(builtin.skeleton, builtin.motions[:40])
+    other = MotionLibrary(builtin.skeleton, builtin.motions[:24])
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: other)
     assert len(_opened()) < real
     assert len(list(folder.iterdir())) == 2
-    monkeypatch.undo()
-    index.opened.cache_clear()
 
 
 def test_without_a_folder_windows_are_computed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,8 +60,9 @@ def test_a_motion_that_comes_to_others_is_cut_alone(index: WindowIndex, monkeypa
         np.testing.assert_allclose(np.abs(one), np.abs(other), rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_evidence_by_definition(index: WindowIndex) -> None:
-    """Evidence for each class and length at every second look of a squat, as its definition says.
+    """Evidence for each class and length at every ninth look of four squats, as its definition says.
 
     Speed and amplitude are relative to the nearest course, and cost evidence whichever way they differ. Windows longer
     than what was seen are not compared.
@@ -71,7 +72,7 @@ def test_evidence_by_definition(index: WindowIndex) -> None:
     whole, compared = index.whole, 0
     sizes = np.full(len(past), 1.25)
     judge, found = whole.judging(past, sizes)
-    for end in range(8, len(past) + 1, 2):
+    for end in range(8, len(past) + 1, 9):
         judge(end)
         points = past[max(end - whole.lengths[-1], 0) : end] / 1.25
         lengths = [window for window in whole.lengths if window <= end]

@@ -20,6 +20,7 @@ CLIPS = [
 NAMES = [each.class_name for each in CLIPS]
 
 
+@pytest.mark.slow
 def test_clips_are_named_by_the_mean_score_of_their_windows() -> None:
     """The scores are those of the answers, as they would be live; a clip in the library is named rightly."""
     classifier = MotionClassifier()
@@ -38,6 +39,7 @@ def test_clips_are_named_by_the_mean_score_of_their_windows() -> None:
     assert classifier.score(asked, ["another"] * len(asked)) == 0.0
 
 
+@pytest.mark.slow
 def test_arrays_are_clips_of_the_skeleton_given() -> None:
     """Positions alone are named as a clip is; without a skeleton they are of HDM05's joints."""
     arrays = [each.positions for each in CLIPS]
@@ -72,6 +74,7 @@ def test_mistakes_are_said() -> None:
         classifier.set_params(speed=2)
 
 
+@pytest.mark.slow
 def test_scikit_learn_takes_it() -> None:
     """Its own checks pass, a clone has the same parameters, and it divides clips by person."""
     base, checks = pytest.importorskip("sklearn.base"), pytest.importorskip("sklearn.utils.estimator_checks")

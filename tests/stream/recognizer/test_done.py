@@ -184,6 +184,7 @@ def test_what_is_guessed_and_named_gains_evidence(index: WindowIndex) -> None:
     assert found(with_nothing, SQUAT, is_named=True) == []
 
 
+@pytest.mark.slow
 def test_a_gap_and_another_library(index: WindowIndex) -> None:
     """After a gap of seconds, and with another library, a motion is found again from its beginning on.
 

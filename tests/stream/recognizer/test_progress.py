@@ -164,6 +164,7 @@ def test_a_class_named_late_is_followed_within_a_third_of_a_second() -> None:
     assert exchanged.progress is None
 
 
+@pytest.mark.slow
 def test_the_recogniser_tells_progress_when_asked() -> None:
     """With `progress` answers that name a motion carry it, and others do not; without it none does."""
     clip = clip_of(DOWN, "mm")

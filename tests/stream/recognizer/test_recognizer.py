@@ -230,6 +230,7 @@ def any_index(request: pytest.FixtureRequest, arithmetic: str) -> WindowIndex:  
     return opened(library.restricted_to(STICK.joints[:5]) if request.param == "fewer joints" else library)
 
 
+@pytest.mark.slow
 @given(
     positions=st.lists(st.lists(STRANGE, min_size=18, max_size=18), min_size=1, max_size=4),
     steps=st.lists(LEAPS, min_size=20, max_size=60),

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 #: Seconds a test waits for something that must happen, before it gives up.
-PATIENCE = 20.0
+PATIENCE = 60.0
 
 
 @pytest.fixture(scope="module")

@@ -432,6 +432,7 @@ STRANGE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terms", STRANGE, ids=str)
 def test_no_terms_end_a_worker(on: Bus, terms: dict[str, Any]) -> None:
     """A worker opens no path that a gateway names, believes no number without bounds, and works on for others."""

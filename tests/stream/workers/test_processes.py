@@ -78,6 +78,7 @@ def _serve(told: Connection, termination: bool) -> None:  # noqa: FBT001 - of a 
     told.send("went on")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="this system cannot hold signals back")
 @pytest.mark.parametrize("termination", [True, False])
 def test_a_child_survives_signals_that_are_its_parents(termination: bool) -> None:  # noqa: FBT001 - a case
@@ -177,24 +178,28 @@ def process_ids(gateway: local.LocalGateway) -> dict[str, int]:
     return {name: each.process.pid for name, each in gateway._workers.items()}  # noqa: SLF001 - who is killed
 
 
+@pytest.mark.slow
 def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """No event is lost when one of two workers is killed, or hangs; another process takes its place, under its name."""
     monkeypatch.setattr(local, "_MAX_ABSENT", 0.5)
     with closing(local.LocalGateway(2, opened(sticks), Terms(settings=Settings(), most=8))) as gateway:
-        fed, before = Fed(sticks, gateway), process_ids(gateway)
+        fed = Fed(sticks, gateway)
         fed.play(60)
         for name, number in (
             ("1", signal.SIGKILL),
             ("2", signal.SIGSTOP if sys.platform != "win32" else signal.SIGTERM),
         ):
-            os.kill(before[name], number)
+            before = process_ids(gateway)[name]
+            os.kill(before, number)
             fed.play(60)
-            fed.until(lambda name=name: process_ids(gateway)[name] != before[name] and len(gateway.ready) == 2)
+            fed.until(lambda name=name, old=before: process_ids(gateway)[name] != old and len(gateway.ready) == 2)
         fed.play(60)
         fed.until(lambda: len(fed.heard) == len(fed.expected))
         found, expected = fed.events
         assert found == expected
-        assert "workers lost so far: 2; last: worker 2 does not report" in gateway.notes
+        # On a busy machine a worker that does not hang may be silent for a second, too; then it is replaced as well.
+        (lost,) = [int(each.split()[4].rstrip(";")) for each in gateway.notes if each.startswith("workers lost so far")]
+        assert lost >= 2
         assert [event.kind for event in gateway.end()] == ["end"] * len(NAMES)
         order = STICK_CLASSES[:0:-1]
         gateway.exchange(opened(sticks.without(classes=STICK_CLASSES[:1])), order)

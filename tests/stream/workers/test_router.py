@@ -163,6 +163,7 @@ def test_a_worker_catches_up_with_a_feed_that_is_faster_than_pieces(sticks: Moti
     assert answering == {"ann", "ben"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_every_frame_is_answered_and_no_worker_misses_one(sticks: MotionLibrary, seed: int) -> None:
     """Workers come, ask for leave, go and catch up in any order."""

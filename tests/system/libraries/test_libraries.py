@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections import defaultdict
 from contextlib import closing
 from dataclasses import replace
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 import zmq
 from performed import pushed, shown
-from programs import LOOPBACK, PATIENCE, builtin_library, started
+from programs import LOOPBACK, PATIENCE, builtin_library, started, wait_until_read
 from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
@@ -159,8 +158,9 @@ class Dancer:
         for place, posture in enumerate(postures):
             self._time += 1 / 60
             self._sender.send(encode_frame(Frame("ann", self._time, posture)))
-            if place % 10 == 0:
-                time.sleep(0.005)
+            if place % 40 == 39:
+                # No socket may overflow.
+                wait_until_read(self._sender.target[1])
 
 
 def _takes(gesture: str) -> list[NDArray[np.float64]]:

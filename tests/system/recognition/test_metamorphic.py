@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Feed = list[Frame]
 
 #: Everything holds of the compiled kernels and of numpy.
-pytestmark = pytest.mark.usefixtures("arithmetic")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 

@@ -54,6 +54,7 @@ def test_one_part_prints_exactly_the_standard_figures(capsys: pytest.CaptureFixt
 def test_the_tables_fit_a_narrow_terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Stages and sockets print every step, rate and transport on 80 columns, and the machine last."""
     monkeypatch.setattr(sockets, "RATES", (120.0,))
+    monkeypatch.setattr(sockets, "CROWD", 3)
     assert main(["bench", "stages"]) == 0
     assert main(["bench", "sockets", "--seconds", "1.5"]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if line.strip()]

@@ -4,6 +4,7 @@ import sys
 import threading
 import time
 from contextlib import closing, suppress
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -92,43 +93,55 @@ def _with_camera(monkeypatch: pytest.MonkeyPatch, read: Callable[[], object], **
 
 def test_a_cameras_time_is_that_of_capture_where_it_says_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A time on the system's clock counts; without one the picture's arrival does."""
-    pixels, told = np.zeros((2, 2, 3), dtype=np.uint8), [0.0]
+    pixels, late, now, moments = np.zeros((2, 2, 3), dtype=np.uint8), [0.0], [1000.0], set[float]()
 
     def read() -> tuple[np.ndarray, float]:
-        time.sleep(0.02)
-        return pixels, told[0] and time.monotonic() - told[0]
+        time.sleep(0.001)
+        now[0] += 1 / 30
+        moments.add(now[0] - late[0])
+        return pixels, late[0] and now[0] - late[0]
 
     _with_camera(monkeypatch, read)
-    for late in (0.0, 0.5):
-        told[0] = late
-        for count, picture in enumerate(film.Film("0", _never, paced=True)):
-            behind = time.monotonic() - picture.time
-            assert late <= behind < late + 0.4
-            if count > 3:
-                break
+    monkeypatch.setattr(film, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    for late[0] in (0.0, 0.5):
+        moments.clear()
+        with closing(film.Film("0", _never, paced=True)) as pictures:
+            taken = [picture.time for picture, _ in zip(pictures, range(5), strict=False)]
+        assert set(taken) <= moments
+        assert taken == sorted(set(taken))
 
 
 @pytest.mark.parametrize("hangs", ["opening", "reading"])
 def test_nothing_hangs(monkeypatch: pytest.MonkeyPatch, hangs: str) -> None:
     """A camera that hangs, as it is opened or later, is given up; and the end is not waited for."""
-    released = threading.Event()
+    released, hanging, now = threading.Event(), threading.Event(), [1000.0]
     first = [(np.zeros((2, 2, 3), dtype=np.uint8), 0.0)]
 
     def read() -> object:
-        return first.pop() if hangs == "reading" and first else released.wait() and None
+        if hangs == "reading" and first:
+            return first.pop()
+        hanging.set()
+        return released.wait() and None
+
+    def monotonic() -> float:
+        """Let the time stand still until the camera hangs."""
+        now[0] += hanging.is_set()
+        return now[0]
 
     _with_camera(monkeypatch, read)
     registered: list[tuple[object, int]] = []
     monkeypatch.setattr(film.atexit, "register", lambda *call: registered.append(call))
-    monkeypatch.setattr(film, "_MAX_OPENING", 0.3)
-    monkeypatch.setattr(film, "_MAX_SILENCE", 0.3)
-    words = r"^camera 0: not open within 0.3 s|^camera 0: no picture for 0.3 s"
-    with pytest.raises(TimeoutError, match=words), closing(film.Film("0", _never, paced=True)) as read:
-        list(read)
+    monkeypatch.setattr(film, "time", SimpleNamespace(monotonic=monotonic))
+    monkeypatch.setattr(film, "_MAX_OPENING", 1.5)
+    monkeypatch.setattr(film, "_MAX_SILENCE", 1.5)
+    monkeypatch.setattr(film, "_MAX_CLOSING", 0.05)
+    words = {"opening": "^camera 0: not open within 1.5 s", "reading": "^camera 0: no picture for 1.5 s"}[hangs]
+    with pytest.raises(TimeoutError, match=words), closing(film.Film("0", _never, paced=True)) as pictures:
+        list(pictures)
     first.append((np.zeros((2, 2, 3), dtype=np.uint8), 0.0))
-    begun = time.monotonic()
-    with closing(film.Film("0", lambda: time.monotonic() - begun > 0.1, paced=True)) as read:
-        assert len(list(read)) <= 1
+    hanging.clear()
+    with closing(film.Film("0", hanging.is_set, paced=True)) as pictures:
+        assert len(list(pictures)) <= 1
     # The reader's thread hangs: the program must end without it.
     assert len(registered) == 2
     assert {status for _, status in registered} == {2}

@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import csv
 import json
+from collections import defaultdict
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from written import trc_text
 
-from kinespace.library import MotionLibrary, distance_rows
+from kinespace.library import Clip, MotionLibrary, distance_rows
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection, most_of_few
 from kinespace.tools.cli import main
 from kinespace.tools.evaluation.learn import Lesson, fitted, joined
@@ -74,11 +75,14 @@ def test_a_motion_follows_another_without_a_leap() -> None:
 
 @pytest.fixture(scope="module")
 def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two classes of three persons."""
-    library = MotionLibrary.builtin()
+    """Three motions of two classes by each of three persons."""
+    library, kept = MotionLibrary.builtin(), defaultdict[tuple[str, str], list[Clip]](list)
     others = [name for name in library.classes if name not in _CLASSES]
+    library = library.without(classes=others, actors=["mm", "tr"])
+    for motion in library.motions:
+        kept[motion.class_name, motion.actor].append(motion)
     path = tmp_path_factory.mktemp("learn") / "small.npz"
-    library.without(classes=others, actors=["mm", "tr"]).save(path)
+    library.without(motions=[motion for own in kept.values() for motion in own[3:]]).save(path)
     return path
 
 

@@ -134,11 +134,13 @@ def test_python_printed_by() -> None:
     assert f"python: {SQUAT} starts" in printed
 
 
-#: Starts the listener, waits until it has its port, runs the sender, and ends the listener.
+#: Starts the listener, waits until it has its port, runs the sender, and ends the listener once it has told a start and
+#: a class.
 _PYTHON = """
 import socket, subprocess, sys, time
 listens, answers = sys.argv[1:]
-with subprocess.Popen([sys.executable, "python_listen.py", answers]) as listener:
+listening = [sys.executable, "-u", "python_listen.py", answers]
+with subprocess.Popen(listening, stdout=subprocess.PIPE, text=True) as listener:
     while True:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
@@ -147,7 +149,12 @@ with subprocess.Popen([sys.executable, "python_listen.py", answers]) as listener
                 break
         time.sleep(0.05)
     subprocess.run([sys.executable, "python_send.py", listens, "2"], check=True)
-    time.sleep(0.5)
+    told = ""
+    while " starts" not in told or "python: squat1Reps\\n" not in told:
+        line = listener.stdout.readline()
+        assert line, told
+        told += line
+    print(told)
     listener.terminate()
 """
 

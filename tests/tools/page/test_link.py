@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import pytest
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 
 
 @contextmanager

@@ -37,6 +37,7 @@ def test_a_port_that_is_taken_is_told() -> None:
             PagePlan(address, NOBODY).serve(lambda _: None, lambda: True)
 
 
+@pytest.mark.slow
 def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
     """The frame comes where `frames` says; a page without that says why it has no camera."""
     places = [[number / 40, (number * 7 % 33) / 40, (number * 5 % 33) / 40] for number in range(33)]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from websockets.asyncio.client import ClientConnection
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.
 SILENCE = 0.15
 

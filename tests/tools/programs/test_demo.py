@@ -5,22 +5,31 @@ from __future__ import annotations
 import json
 import math
 import multiprocessing
+from functools import partial
 from io import StringIO
-from typing import NoReturn
+from types import SimpleNamespace
+from typing import Any, NoReturn
 
 import pytest
-from programs import started
 from rich.console import Console
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
+from kinespace.tools.loopback.answers import Expected
 from kinespace.tools.loopback.service_process import BackgroundService
 from kinespace.tools.programs import demo
 
 pytestmark = pytest.mark.slow
 
-#: Two classes, so that a whole demo takes four seconds.
 CLASSES = ("kickLFront1Reps", "squat1Reps")
+#: How many times faster than a person sees it the demo plays; the frames' own times stay the same.
+SPEED = 8.0
+
+
+@pytest.fixture(autouse=True)
+def fast(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Play fast."""
+    monkeypatch.setattr(demo, "clip_cues", partial(demo.clip_cues, speed=SPEED))
 
 
 @pytest.fixture
@@ -32,14 +41,13 @@ def small(monkeypatch: pytest.MonkeyPatch) -> MotionLibrary:
     return library
 
 
-def test_the_command_names_every_motion() -> None:
-    """As a command, demo prints exactly one JSON object in which every class was played, answered and right."""
-    with started("demo", "--json") as program:
-        assert (program.wait(), program.errors) == (0, "")
-        printed = program.output
-    assert printed.count("\n") == 1
+def test_the_demo_names_every_motion(capsys: pytest.CaptureFixture[str]) -> None:
+    """It prints exactly one JSON object in which every class was played, answered and right."""
+    assert main(["demo", "--json"]) == 0
+    printed, errors = capsys.readouterr()
+    assert (printed.count("\n"), errors) == (1, "")
     described = json.loads(printed)
-    assert set(described) == {"played", "answered", "right", "p99_ms"}
+    assert set(described) == {"played", "answered", "right", "late", "p99_ms"}
     assert described["right"] == described["played"] == described["answered"] == 11
     assert 0 < described["p99_ms"] < math.inf
 
@@ -102,7 +110,13 @@ def test_a_recogniser_that_knows_other_names_is_not_right(
 
     monkeypatch.setattr(demo, "BackgroundService", service)
     assert main(["demo", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out) == {"played": 2, "answered": 0, "right": 0, "p99_ms": None}
+    assert json.loads(capsys.readouterr().out) == {
+        "played": 2,
+        "answered": 0,
+        "right": 0,
+        "late": 0,
+        "p99_ms": None,
+    }
 
 
 @pytest.mark.usefixtures("small")
@@ -118,3 +132,60 @@ def test_on_a_terminal_the_table_fills_while_it_plays(monkeypatch: pytest.Monkey
     assert drawn[1].count(CLASSES[1]) == 1
     assert drawn[-1].count(CLASSES[1]) == 2
     assert "over ZMQ" in printed
+
+
+class _Busy:
+    """A recogniser that answers late, and one at a time: in place of sender, listener and process."""
+
+    def __init__(self, expected: list[Expected], *, most: int = 10**9) -> None:
+        self._expected, self._waiting, self._most = expected, list[Expected](), most
+        self.show: demo._Show
+        #: The answers that were owed whenever a frame was sent.
+        self.owed: list[int] = []
+        self.sent = 0
+
+    def encode(self, cue: object) -> object:
+        """Leave it as it is."""
+        return cue
+
+    def send(self, _: object) -> None:
+        """Owe the answers to a frame."""
+        self.owed.append(self.show.owed)
+        self._waiting += [each for each in self._expected if each.cue == self.sent]
+        self.sent += 1
+
+    def listen_until(self, _: float) -> list[Any]:
+        """Give one answer, long after its frame."""
+        if not self._waiting or not self._most:
+            return []
+        self._most -= 1
+        answer = SimpleNamespace(label=self._waiting[0].label, score=self._waiting.pop(0).score, margin=0.1)
+        return [SimpleNamespace(packet=answer, arrival=1e9)]
+
+
+def _played_to(busy: _Busy, expected: list[Expected], monkeypatch: pytest.MonkeyPatch) -> demo._Show:
+    monkeypatch.setattr(demo, "answer_in", lambda packet: packet)
+    busy.show = demo._Show(["bow"], expected, "osc")  # noqa: SLF001 - the part of the program that waits
+    cues = [SimpleNamespace(due=0.0, class_name="bow")] * 40
+    demo._play(cues, busy, busy, busy.show, None)  # type: ignore[arg-type]  # noqa: SLF001 - stand-ins, as above
+    return busy.show
+
+
+def test_frames_wait_for_a_busy_recogniser(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All answers come although each frame owes two and one comes at a time; that they were late is said."""
+    expected = [Expected(frame, "bow", half + frame / 100) for frame in range(40) for half in (0.0, 0.5)]
+    busy = _Busy(expected)
+    show = _played_to(busy, expected, monkeypatch)
+    assert (show.right, show.owed, show.late) == (1, 0, 80)
+    assert max(busy.owed) <= demo._MAX_OWED + 2  # noqa: SLF001 - the bound, and what the frame itself owes
+    assert "1 of 1 motions named; 80 of 80 answers right, 0 lost, 80 late (after more than 0.1 s:" in show.tally()
+
+
+@pytest.mark.parametrize("most", [0, 10])
+def test_a_recogniser_that_falls_silent_does_not_hold_the_demo(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is owed is given up after some silence, and counted as lost."""
+    monkeypatch.setattr(demo, "_PATIENCE", 0.0)
+    expected = [Expected(frame, "bow", frame / 100) for frame in range(40)]
+    show = _played_to(_Busy(expected, most=most), expected, monkeypatch)
+    assert (show.came, show.late) == (most, most)
+    assert f"{most} of {most} answers right, {40 - most} lost" in show.tally()

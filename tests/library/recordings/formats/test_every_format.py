@@ -242,6 +242,7 @@ def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, endi
                 assert clip.skeleton == whole.skeleton
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [*HIERARCHIES, *MARKERS, *TABLES, "asf"])
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Recognition
 
 LOOPBACK = "127.0.0.1"
-PATIENCE = 20.0
+PATIENCE = 60.0
 
 
 def recognitions(performers: Performers, stream: Iterable[tuple[float, Input]]) -> Iterator[Recognition]:

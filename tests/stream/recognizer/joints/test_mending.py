@@ -48,6 +48,7 @@ def _places(library: MotionLibrary, *names: str) -> list[int]:
     return [library.skeleton.joints.index(name) for name in names]
 
 
+@pytest.mark.slow
 def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     small_library: MotionLibrary, squat: Clip, sound: list[Recognition]
 ) -> None:

@@ -133,6 +133,7 @@ def _assert_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
     assert window.times.tolist() == [time / TICKS for time, _ in twin.rows]
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32 - 1),
     ticks=st.integers(1, 2 * TICKS),
@@ -289,6 +290,7 @@ def _assert_by_definition(
     assert np.array_equal(live.recent()[1], rows[inside])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("start", [0.0, 1.7e9])
 @pytest.mark.parametrize("evenly", [True, False])

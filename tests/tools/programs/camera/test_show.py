@@ -12,7 +12,7 @@ from kinespace.tools.programs.camera.show import Show
 
 
 def _get(address: str) -> tuple[bytes, dict[str, str]]:
-    with urllib.request.urlopen(address, timeout=10) as reply:  # noqa: S310 - our own address
+    with urllib.request.urlopen(address, timeout=60) as reply:  # noqa: S310 - our own address
         return reply.read(), dict(reply.headers)
 
 
@@ -26,7 +26,7 @@ def test_a_page_with_pictures_that_change() -> None:
         assert headers["Cache-Control"] == "no-store"
         assert "default-src 'none'" in headers["Content-Security-Policy"]
         show.put(lambda: pytest.fail("drawn for nobody"))
-        with urllib.request.urlopen(f"{show.address}picture", timeout=10) as stream:  # noqa: S310 - as above
+        with urllib.request.urlopen(f"{show.address}picture", timeout=60) as stream:  # noqa: S310 - as above
             while not show.watchers:
                 time.sleep(0.01)
             for picture in (b"first", b"second"):

@@ -34,7 +34,7 @@ def test_live_keeps_a_log_and_speaks_to_systemd(tmp_path: Path, monkeypatch: pyt
     """READY once, WATCHDOG with each status, STOPPING at the end; each line of the log is one JSON object."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notified:
         notified.bind(f"{tmp_path / 'notify'}")
-        notified.settimeout(30.0)
+        notified.settimeout(60.0)
         monkeypatch.setenv("NOTIFY_SOCKET", f"{tmp_path / 'notify'}")
         with Program("live", "--log", "json", "--osc-in=127.0.0.1:0", "--osc-out=127.0.0.1:9") as program:
             (port,) = program.expect(r"listening on OSC 127.0.0.1:(\d+)").groups()
@@ -51,7 +51,7 @@ def test_live_keeps_a_log_and_speaks_to_systemd(tmp_path: Path, monkeypatch: pyt
             assert "READY=1" not in later
             program.process.send_signal(signal.SIGTERM)
             _said(notified, "STOPPING=1")
-            program.process.wait(30.0)
+            program.process.wait(60.0)
             lines = [json.loads(line) for line in program.printed.splitlines()]
     assert {"time", "level", "text"} <= set.intersection(*map(set, lines))
     starts = [line for line in lines if line.get("what") == "start"]

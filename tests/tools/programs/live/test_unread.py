@@ -43,6 +43,7 @@ def note_of(unread: Unread, now: float) -> str:
     return note
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("layout", "run"), [("vmc", "--feed vmc"), ("osceleton", "--feed osceleton")])
 def test_a_known_feed_is_named_with_the_command_that_reads_it(layout: str, run: str) -> None:
     """As `listen` says it, with the port that the packets come to; after a silence nothing is said."""

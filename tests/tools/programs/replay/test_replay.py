@@ -151,7 +151,7 @@ def test_a_recording_that_takes_long_to_read_moves_the_rest(
     assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
     assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
     assert sent_before == [0, 30, 30, 30, 30, 30]
-    assert re.search(r"180 frames sent, .*\nthe feed stood still for [01]\.\d s", capsys.readouterr().out)
+    assert re.search(r"180 frames sent, .*\nthe feed stood still for \d+\.\d s", capsys.readouterr().out)
 
 
 def test_a_recording_that_cannot_be_read_ends_the_feed(

@@ -105,8 +105,9 @@ class Source:
         Seconds for which the last packet waited before it was taken in.
     lag
         Seconds for which the packet waited that was received last, at most; 0 when no more waits.
-    is_thinned
-        Whether frames that come shortly after another of the same performer are dropped unread, and counted.
+    patience
+        In overload seconds, and else inf: then frames that waited for longer, and those shortly after another one of
+        the same performer, are dropped unread, and counted.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class Source:
         self._admission = admission
         self.waited = self.lag = 0.0
         self._turns, self.has_put_aside = Turns(), False
-        self._last_was_aside = self.is_thinned = False
+        self._last_was_aside, self.patience = False, math.inf
         self._stale = 0
         #: The time of the last frame that was not dropped, by its sender and its beginning.
         self._last: dict[tuple[Sender, bytes], float] = {}
@@ -187,7 +188,7 @@ class Source:
         if taken is None:
             return None
         packet, arrival, self.waited, sender = taken
-        if self.is_thinned and self._follows_closely(packet, arrival, sender):
+        if self.patience < math.inf and self._is_to_spare(packet, arrival, sender):
             self._stale += 1
             return ()
         known = None if self.decoder.expires else sender
@@ -235,13 +236,13 @@ class Source:
         self.has_put_aside = bool(turns.aside)
         return taken._replace(waited=now - taken.arrival)
 
-    def _follows_closely(self, packet: Packet, arrival: float, sender: Sender) -> bool:
-        """Say whether a packet is a frame whose time is shortly after another one's of its performer."""
+    def _is_to_spare(self, packet: Packet, arrival: float, sender: Sender) -> bool:
+        """Say whether a packet is a frame that waited for too long, or follows another one of its performer closely."""
         beginning, time = beginning_of(packet) if isinstance(packet, bytes) else (b"", 0.0)
         if not beginning:
             return False
         time = time or arrival
-        if 0 <= time - self._last.get((sender, beginning), -math.inf) < APART:
+        if self.waited > self.patience or 0 <= time - self._last.get((sender, beginning), -math.inf) < APART:
             return True
         if len(self._last) >= _MAX_PERFORMERS:
             self._last.clear()

@@ -17,7 +17,7 @@ from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome, Recognition
-from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, Overload, Taken
+from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, PATIENCE, Overload, Taken
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching.commands import Asked
 from kinespace.stream.teaching.notices import State, Step
@@ -34,8 +34,12 @@ STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
 #: Seconds for which packets that have waited are taken in before some performers are answered, at most.
 _MAX_CATCHING_UP = 0.1
-#: Performers that are then answered before packets are taken in again: their frames are fresh.
-_MAX_TURNS = 4
+#: Performers that are then answered, at least, before packets are taken in again: their frames are fresh.
+_TURNS = 4
+#: Further performers for each packet that was taken in: reading one takes a share of the time of an answer.
+_TURNS_A_PACKET = 1 / 32
+#: Seconds that no packet has waited.
+_ENDLESS = 1e6
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
 #: A packet that comes alone is answered before the loop looks for another.
@@ -58,12 +62,13 @@ class Source(Protocol):
     ----------
     lag
         Seconds for which the packet waited that was received last, at most; 0 when no more waits, or it is not known.
-    is_thinned
-        Whether frames that come shortly after another of the same performer may be dropped, and counted.
+    patience
+        In overload seconds, and else inf: then frames that waited for longer, and those shortly after another one of
+        the same performer, may be dropped, and counted.
     """
 
     lag: float
-    is_thinned: bool
+    patience: float
 
     @property
     def place(self) -> str:
@@ -167,6 +172,8 @@ class Service:
         #: When the last step ends; inf before it was stopped.
         self._over = math.inf
         self._overload = Overload()
+        #: How many performers are answered at the next turn, at least.
+        self._turns = float(_TURNS)
         #: The motions whose starts were published: performer and class.
         self._begun: set[tuple[str, str]] = set()
         #: How often each performer has done a motion: performer and index of the class, which a renamed class keeps.
@@ -234,8 +241,8 @@ class Service:
     def _deal_with_waiting(self, source: Source, most: int) -> int:
         """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
         taken: list[Taken] = []
-        source.is_thinned = self._clock() < self._overload.until
-        if source.is_thinned:
+        source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
+        if source.patience < math.inf:
             self._catch_up(source, taken)
             return 0
         wanted = min(self._together, most)
@@ -277,17 +284,20 @@ class Service:
         lag = source.lag if taken else 0.0
         while self._clock() < until and self._take(source, taken):
             lag = max(lag, source.lag)
-            source.is_thinned = source.is_thinned or len(taken) > MAX_HESITATION
-        if source.is_thinned or lag > MAX_AGE:
+            self._turns += _TURNS_A_PACKET
+            if len(taken) > MAX_HESITATION:
+                # What has waited before overload was noticed is only thinned.
+                source.patience = min(source.patience, _ENDLESS)
+        if source.patience < math.inf or lag > MAX_AGE:
             self._overload.keep(taken, self._clock(), is_late=lag > LATE)
         else:
             self._deal_with(taken)
 
     def _answer_by_turns(self) -> None:
-        """Answer the performers who have waited for longest, each by its newest frame."""
-        answered = 0
-        while self._overload.until == math.inf and answered < _MAX_TURNS:
-            answered += self._deal_with(self._overload.turns(_MAX_TURNS), newest_only=True)
+        """Answer some of the performers who have waited for longest, each by its newest frame."""
+        while self._overload.until == math.inf and self._turns > 0:
+            self._turns -= self._deal_with(self._overload.turns(_TURNS), newest_only=True)
+        self._turns = float(_TURNS)
 
     def _tend(self) -> None:
         for source in self._tended:

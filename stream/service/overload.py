@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 #: Seconds for which a packet may wait before it is taken in. When one waited longer, all that wait are taken in, and
 #: performers are answered by turns, each by its newest frame.
 LATE = 0.15
+#: Seconds after which a frame is dropped unread then.
+PATIENCE = 0.2
 #: Packets that are all answered, even late: no more than wait when the machine has hesitated. And seconds after which
 #: not even these are: listeners would take the past for the present.
 MAX_HESITATION = 64
@@ -51,7 +53,7 @@ class Overload:
     def __init__(self) -> None:
         self.until = self._cautious_until = -math.inf
         self.stale = 0
-        #: The performer who is to be answered first stands first.
+        #: The performer who is to be answered first stands first; for some nothing waits.
         self._waiting: dict[str, list[Taken]] = {}
 
     def keep(self, all_taken: Iterable[Taken], now: float, *, is_late: bool = False) -> None:
@@ -78,7 +80,12 @@ class Overload:
 
     def turns(self, most: int) -> list[Taken]:
         """Give all that waits for the performers who have waited for longest, in order; they wait no more."""
-        taken = [each for name in [*islice(self._waiting, most)] for each in self._waiting.pop(name)]
+        names = [*islice((name for name, waiting in self._waiting.items() if waiting), most)]
+        taken = [each for name in names for each in self._waiting.pop(name)]
+        if len(self._waiting) + most >= MAX_PERFORMERS or not any(self._waiting.values()):
+            self._waiting = {name: waiting for name, waiting in self._waiting.items() if waiting}
+        # They keep their places: whoever had a turn comes behind all others, whose frames came earlier or later.
+        self._waiting.update((name, []) for name in names if self._waiting)
         self.until = math.inf if self._waiting else self._cautious_until
         return taken
 

@@ -319,7 +319,7 @@ class GatewaySource:
 
     #: No frames come in here.
     place = ""
-    lag, is_thinned = 0.0, False
+    lag, patience = 0.0, math.inf
 
     def __init__(self, gateway: Gateway) -> None:
         self.answers = deque[tuple["Recognition", float]]()

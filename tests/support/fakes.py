@@ -39,7 +39,7 @@ class FakeSource:
     has_put_aside = False
     notes = ()
     waited = lag = 0.0
-    is_thinned = False
+    patience = math.inf
 
     def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
         self.waiting = deque(packets)

@@ -51,7 +51,7 @@ class RequestSource:
     notes: Sequence[str] = ()
     #: A command is carried out when it comes; how long it waited does not matter.
     waited = lag = 0.0
-    is_thinned = False
+    patience = float("inf")
 
     def __init__(
         self, endpoint: Endpoint, commanding: Networks, keyring: Keyring | None = None, *, networks: Networks = ()

@@ -160,6 +160,8 @@ def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
         return sum(len(source.take(100.0) or ()) for _ in range(len(receiver.packets)))
 
     assert [taken(1.0), taken(1.01)] == [6, 6]
-    source.is_thinned = True
+    source.patience = 0.2
     assert [taken(1.02), taken(1.04), taken(1.06), taken(0.5)] == [6, 2, 6, 6]
-    assert (source.counts.stale, source.counts.received) == (4, 36)
+    receiver.waited = 0.21
+    assert taken(2.0) == 2
+    assert (source.counts.stale, source.counts.received) == (8, 42)

@@ -389,6 +389,7 @@ def test_packets_older_than_a_second_are_not_answered_as_present(
 ) -> None:
     """After a stop the newest frame is answered, older ones are counted; latency counts from the arrival."""
     monkeypatch.setattr(service_module, "MAX_AGE", 0.2)
+    monkeypatch.setattr(service_module, "_MAX_CATCHING_UP", PATIENCE)
     source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
     sink, frames = FakeSink(), _frames("wave")
     sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
@@ -401,7 +402,6 @@ def test_packets_older_than_a_second_are_not_answered_as_present(
             service.step(0.0)
         service.step(0.0)
         status = service.status()
-    assert len(sink.recognitions) == 1, [each.time for each in sink.recognitions]
     (answer,) = sink.recognitions
     assert frames[-1].time - 0.05 < answer.time <= frames[-1].time
     assert status.inputs.stale + status.outcomes.recognizers.frames == len(frames)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _MAX_HOPS = 2048
 #: Seconds of a hop's 99th percentile beyond which answers are late.
 _LATE = 0.1
+#: Share of the answers due below which they are late, too.
+_FEW = 0.9
 #: Characters of a refusal's reason, at most.
 _MAX_REASON = 160
 #: Bytes of a refused packet that are shown, at most.
@@ -46,6 +48,8 @@ class InputCounts:
     broken: int = 0
     #: Packets of senders that took more than their share, dropped because others came first.
     thrown_away: int = 0
+    #: Frames that waited when the service could not keep up, dropped because others of the performer came.
+    stale: int = 0
 
     def __add__(self, other: InputCounts) -> InputCounts:
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
@@ -83,8 +87,6 @@ class Status:
         Performers whose frames are refused for their joints, with the reason.
     admission
         Counts of doubtful frames: other senders of a performer, performers that are not allowed, times that jump.
-    stale
-        Answers not sent because their packets had waited for too long, and newer answers followed.
     doubted
         Performers with joints that cannot be believed, and the reason.
     compared
@@ -99,6 +101,8 @@ class Status:
         Notes for a person, a line each: trouble with a recording, the last reason why packets were refused.
     listening
         Where frames come in.
+    answered
+        Share of the answers due in the last second that were given, 0 to 1: less in overload.
     """
 
     inputs: InputCounts
@@ -113,10 +117,10 @@ class Status:
     compared: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    stale: int = 0
     promised: float = 0.0
     missed: float | None = None
     listening: tuple[str, ...] = ()
+    answered: float = 1.0
 
     @property
     def frames_per_second(self) -> float:
@@ -131,9 +135,10 @@ class Status:
         elif self.refused:
             state = "refusing"
         else:
-            state = "late" if self.hop_p99 > _LATE else "ok"
+            state = "late" if self.hop_p99 > _LATE or self.answered < _FEW else "ok"
         count = f"{len(self.performers)} performers, {self.frames_per_second:.0f} frames a second"
-        return f"{state}: {count}, {self.lost} lost, hop {1e3 * self.hop_p99:.1f} ms"
+        share = "" if self.answered == 1 else f", {self.answered:.0%} answered"
+        return f"{state}: {count}, {self.lost} lost, hop {1e3 * self.hop_p99:.1f} ms{share}"
 
     @property
     def lost(self) -> int:
@@ -141,7 +146,7 @@ class Status:
         inputs, outcomes = self.inputs, self.outcomes
         refused = self.admission.other_sender + self.admission.odd_times
         at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
-        at_the_border += inputs.thrown_away
+        at_the_border += inputs.thrown_away + inputs.stale
         at_the_border += outcomes.opening
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
 

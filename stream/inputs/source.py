@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from kinespace.stream.inputs.commands import holds_command
+from kinespace.stream.osc.frames import beginning_of
 from kinespace.stream.packet import datagram_of, sender_name
 from kinespace.stream.teaching.commands import Asked
 
@@ -50,6 +51,10 @@ PER_EVENT = 5e-5
 _THERE = 1.0
 #: Seconds without a frame after which packets are looked at otherwise.
 _SILENCE = 1.0
+#: Seconds between two frames of a performer, at least, while the service cannot keep up: windows need no more.
+APART = 0.03
+#: Performers whose last frames are known then, at most.
+_MAX_PERFORMERS = 1024
 #: Senders whose debts are kept, at most; only a program that sends each packet from another port reaches the limit.
 _MAX_SENDERS = 1024
 #: Bytes of packets that are put aside, at most.
@@ -98,6 +103,11 @@ class Source:
         Whether a process of ours sends what browsers sent to it.
     waited
         Seconds for which the last packet waited before it was taken in.
+    lag
+        Seconds for which the packet waited that was received last, at most; 0 when no more waits.
+    patience
+        In overload seconds, and else inf: then frames that waited for longer, and those shortly after another one of
+        the same performer, are dropped unread, and counted.
     """
 
     def __init__(
@@ -117,10 +127,15 @@ class Source:
         #: When a frame or an announcement last came, seconds on our clock.
         self._made = -math.inf
         self._admission = admission
-        self.waited = 0.0
+        self.waited = self.lag = 0.0
         self._turns, self.has_put_aside = Turns(), False
-        self._last_was_aside = False
+        self._last_was_aside, self.patience = False, math.inf
+        self._stale = 0
+        #: The time of the last frame that was not dropped, by its sender and its beginning.
+        self._last: dict[tuple[Sender, bytes], float] = {}
         self._now = 0.0
+        #: When no packet waited, seconds on our clock; inf before the first look.
+        self._emptied = math.inf
         #: The sender's name where the transport names none, or the decoder has numbered the senders itself.
         self._itself = str(receiver), 0
 
@@ -150,6 +165,8 @@ class Source:
         counts = replace(
             self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess
         )
+        counts.received += self._stale
+        counts.stale += self._stale
         if self.commands:
             counts.received += self.commands.received
             counts.foreign += self.commands.refused
@@ -171,6 +188,9 @@ class Source:
         if taken is None:
             return None
         packet, arrival, self.waited, sender = taken
+        if self.patience < math.inf and self._is_to_spare(packet, arrival, sender):
+            self._stale += 1
+            return ()
         known = None if self.decoder.expires else sender
         begun = time.perf_counter()
         asked = self.commands.read(packet, sender) if self.commands else None
@@ -196,8 +216,10 @@ class Source:
         for _ in range(_MAX_LOOKED_THROUGH):
             packet = receiver.receive()
             if packet is None:
+                self._emptied, self.lag = now, 0.0
                 break
             waited, sender = receiver.waited, receiver.sender
+            self.lag = waited or max(now - self._emptied, 0.0)
             if self.recorder:
                 self.recorder.keep(packet, now - waited, sender)
             taken = Waiting(packet, now - waited, waited, sender)
@@ -213,6 +235,19 @@ class Source:
         taken = turns.take()
         self.has_put_aside = bool(turns.aside)
         return taken._replace(waited=now - taken.arrival)
+
+    def _is_to_spare(self, packet: Packet, arrival: float, sender: Sender) -> bool:
+        """Say whether a packet is a frame that waited for too long, or follows another one of its performer closely."""
+        beginning, time = beginning_of(packet) if isinstance(packet, bytes) else (b"", 0.0)
+        if not beginning:
+            return False
+        time = time or arrival
+        if self.waited > self.patience or 0 <= time - self._last.get((sender, beginning), -math.inf) < APART:
+            return True
+        if len(self._last) >= _MAX_PERFORMERS:
+            self._last.clear()
+        self._last[sender, beginning] = time
+        return False
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""

@@ -141,6 +141,17 @@ def _decode_plain_frame(datagram: bytes, arrival: float) -> Frame | None:
         return None
 
 
+def beginning_of(datagram: bytes) -> tuple[bytes, float]:
+    """Give the bytes before a plain frame's time, the same for all frames of a performer, and the time as sent.
+
+    It costs a fifth of reading the frame. Of other packets the bytes are empty.
+    """
+    place = len(datagram) - 8 - 4 * (datagram.find(b"\0", 19) - 19)
+    if place < len(_FRAME_START) or not datagram.startswith(_FRAME_START):
+        return b"", 0.0
+    return datagram[:place], _DOUBLE.unpack_from(datagram, place)[0]
+
+
 def _understood(message: Message, arrival: float) -> Input | None:
     """Read our messages; None for any other. Raises TypeError, ValueError or OverflowError for a malformed one."""
     if reset := _COUNT_RESET.fullmatch(message.address):

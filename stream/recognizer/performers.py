@@ -371,7 +371,9 @@ class Performers(Following[_Performer]):
         except ValueError as error:
             raise ValueError(f"{len(joints)} of them cannot be compared: {error}") from error
 
-    def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
+    def push_all(
+        self, events: Sequence[Admitted], arrival: float, *, newest_only: bool = False
+    ) -> list[Recognition | None]:
         """Take in frames and announcements that came together, in their order.
 
         Parameters
@@ -380,11 +382,14 @@ class Performers(Following[_Performer]):
             As received.
         arrival
             When they came, seconds on our clock, by which silence is measured.
+        newest_only
+            Answer only the newest frame of each performer; the frames before fill the windows.
 
         Returns
         -------
         For each a recognition when one is due, else None.
         """
+        newest = {each.performer: each.time for each in events if isinstance(each, Frame)} if newest_only else {}
         answers: list[Recognition | None] = []
         for event in events:
             answer = None
@@ -394,6 +399,8 @@ class Performers(Following[_Performer]):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
             elif isinstance(event, Frame):
+                if newest and (performer := self._performers.get(event.performer)):
+                    performer.recognizer.only_follow(newest[event.performer])
                 answer = self.push(event, arrival)
             answers.append(answer)
         return answers

@@ -74,6 +74,8 @@ class RecognizerCounts:
     restarts: int = 0
     #: Windows answered.
     hops: int = 0
+    #: Windows not answered, because frames had waited for too long and newer ones had come.
+    skipped: int = 0
 
     def add(self, counts: RecognizerCounts, times: int = 1) -> None:
         """Add other counts, or take them off with -1 times."""
@@ -147,6 +149,8 @@ class Recognizer:
         self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
         self._times: list[float] = []
         is_watched = self.settings.plausibility
+        #: When the next answer is due, seconds.
+        self._due = -math.inf
         self._joints = Joints(index.segments, skeleton.joints, self._positions, is_watched=is_watched)
         self._fitting = Fitting(index)
         self._early = _EARLY * self.settings.hop
@@ -266,7 +270,9 @@ class Recognizer:
 
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
-        self._compared_from = until
+        if math.isfinite(self._due) and self.settings.hop:
+            self.counts.skipped += max(math.floor((until - self._due) / self.settings.hop + _SAME_HOP), 0)
+        self._due = max(self._due, until)
 
     def keep_time_with(self, answered: float) -> None:
         """Answer the same frames as another recogniser, which answered the frame of this time, seconds."""
@@ -309,7 +315,7 @@ class Recognizer:
         self._times.clear()
         # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
         # gap.
-        self._newest, self._due, self._compared_from = math.nan, -math.inf, -math.inf
+        self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
 
     def push(self, frame: Frame) -> Recognition | None:
@@ -359,9 +365,6 @@ class Recognizer:
             if not due and len(times) < _MAX_WAITING:
                 return None
             self._measure()
-            if due and time < self._compared_from:
-                self._set_due(time)
-                return None
             windows = (self._fewer or self._windows) if due else None
             seen = windows.read(self.settings.stillness, self._smoother.noise) if windows else None
             if windows is None or seen is None:

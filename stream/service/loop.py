@@ -6,7 +6,7 @@ import math
 import time
 from collections import Counter
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 import zmq
@@ -17,6 +17,7 @@ from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import EventKind, Outcome, Recognition
+from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, PATIENCE, Overload, Taken
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching.commands import Asked
 from kinespace.stream.teaching.notices import State, Step
@@ -31,10 +32,14 @@ if TYPE_CHECKING:
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
-#: Seconds for which a packet may wait before it is taken in; the answer to a packet that waited longer is sent only if
-#: no newer answer follows. A stopped process finds seconds of feed waiting, and listeners would take it for the
-#: present.
-MAX_AGE = 1.0
+#: Seconds for which packets that have waited are taken in before some performers are answered, at most.
+_MAX_CATCHING_UP = 0.1
+#: Performers that are then answered, at least, before packets are taken in again: their frames are fresh.
+_TURNS = 4
+#: Further performers for each packet that was taken in: reading one takes a share of the time of an answer.
+_TURNS_A_PACKET = 1 / 32
+#: Seconds that no packet has waited.
+_ENDLESS = 1e6
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
 #: A packet that comes alone is answered before the loop looks for another.
@@ -51,7 +56,19 @@ MAX_ENDING = 0.5
 
 
 class Source(Protocol):
-    """A source of frames; `kinespace.stream.inputs.Source` is one."""
+    """A source of frames; `kinespace.stream.inputs.Source` is one.
+
+    Attributes
+    ----------
+    lag
+        Seconds for which the packet waited that was received last, at most; 0 when no more waits, or it is not known.
+    patience
+        In overload seconds, and else inf: then frames that waited for longer, and those shortly after another one of
+        the same performer, may be dropped, and counted.
+    """
+
+    lag: float
+    patience: float
 
     @property
     def place(self) -> str:
@@ -113,13 +130,6 @@ class Commanded(Protocol):
         """Do the work that is due by the clock. Never raises."""
 
 
-class _Begun(NamedTuple):
-    """A packet's times, seconds: first looked at, and waited before that, as far as its transport says."""
-
-    started: float
-    waited: float
-
-
 class Service:
     """Recognises the frames of some sources and passes the answers to some sinks.
 
@@ -156,18 +166,20 @@ class Service:
         self._hop_times = HopTimes()
         self._rates = Rates(clock())
         self._latest_rates: dict[str, float] = {}
+        #: The share of the answers due that were given, and how many were given and left out before.
+        self._answered, self._answered_before = 1.0, (0, 0)
         self._next_status = self._next_classes = clock()
         #: When the last step ends; inf before it was stopped.
         self._over = math.inf
-        #: The newest answer of each performer that is too old to be sent before it is known to be the newest.
-        self._held: dict[str, Recognition] = {}
+        self._overload = Overload()
+        #: How many performers are answered at the next turn, at least.
+        self._turns = float(_TURNS)
         #: The motions whose starts were published: performer and class.
         self._begun: set[tuple[str, str]] = set()
         #: How often each performer has done a motion: performer and index of the class, which a renamed class keeps.
         self._done = Counter[tuple[str, int]]()
         #: When the loop last looked at its sources.
         self._looked = clock()
-        self._stale = 0
         self._together = 1
         self._poller = zmq.Poller()
         for source in sources:
@@ -205,7 +217,6 @@ class Service:
                 if time.perf_counter() < self._over:
                     self.step(0.0)
         finally:
-            self._publish_held()
             self._publish_events(self.performers.end())
             self._publish_gone(self.performers.names)
 
@@ -217,66 +228,102 @@ class Service:
             self._tend()
             sleep = min(sleep, self._tended_within)
         aside = any(source.has_put_aside for source in self.sources)
-        self._poller.poll(0 if aside else math.ceil(sleep * 1000))
+        self._poller.poll(0 if aside or self._overload.until == math.inf else math.ceil(sleep * 1000))
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.
         for source in self.sources:
             left = _MAX_IN_TURN
             while left and time.perf_counter() < self._over and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
+        self._answer_by_turns()
         self._looked = self._clock()
-        if self._held and not self._poller.poll(0):
-            self._publish_held()
 
     def _deal_with_waiting(self, source: Source, most: int) -> int:
         """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
-        taken: list[Admitted] = []
-        begun: list[_Begun] = []
+        taken: list[Taken] = []
+        source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
+        if source.patience < math.inf:
+            self._catch_up(source, taken)
+            return 0
         wanted = min(self._together, most)
         for _ in range(wanted):
-            started = time.perf_counter()
-            now = self._clock()
-            events = source.take(now)
-            if events is None:
+            if not self._take(source, taken):
                 wanted, self._together = 0, max(self._together // 2, 1)
                 break
-            for event in events:
-                if isinstance(event, CountReset):
-                    self._forget_counts(event.performer)
-                elif not isinstance(event, Asked):
-                    taken.append(event)
-                    begun.append(_Begun(started, source.waited))
-                elif self._control:
-                    self._control.carry_out(event)
-                else:
-                    for sink in self.sinks:
-                        sink.publish_notice(State("", Step.REFUSED, reason=event.refusal))
             if len(taken) >= _MAX_TOGETHER:
                 break
         else:
             self._together = min(2 * self._together, _MAX_TOGETHER)
-        self._deal_with(taken, begun)
+        if source.lag > LATE:
+            self._catch_up(source, taken)
+            return 0
+        self._deal_with(taken)
         return wanted
+
+    def _take(self, source: Source, taken: list[Taken]) -> bool:
+        """Take in a packet: carry out its commands, add its frames and announcements; say whether one waited."""
+        started = time.perf_counter()
+        events = source.take(self._clock())
+        if events is None:
+            return False
+        for event in events:
+            if isinstance(event, CountReset):
+                self._forget_counts(event.performer)
+            elif not isinstance(event, Asked):
+                taken.append(Taken(event, started, source.waited))
+            elif self._control:
+                self._control.carry_out(event)
+            else:
+                for sink in self.sinks:
+                    sink.publish_notice(State("", Step.REFUSED, reason=event.refusal))
+        return True
+
+    def _catch_up(self, source: Source, taken: list[Taken]) -> None:
+        """Take in all that waits; answer it all if it is little and not too old, else let performers wait for turns."""
+        until = self._clock() + _MAX_CATCHING_UP
+        lag = source.lag if taken else 0.0
+        while self._clock() < until and self._take(source, taken):
+            lag = max(lag, source.lag)
+            self._turns += _TURNS_A_PACKET
+            if len(taken) > MAX_HESITATION:
+                # What has waited before overload was noticed is only thinned.
+                source.patience = min(source.patience, _ENDLESS)
+        if source.patience < math.inf or lag > MAX_AGE:
+            self._overload.keep(taken, self._clock(), is_late=lag > LATE)
+        else:
+            self._deal_with(taken)
+
+    def _answer_by_turns(self) -> None:
+        """Answer some of the performers who have waited for longest, each by its newest frame."""
+        while self._overload.until == math.inf and self._turns > 0:
+            self._turns -= self._deal_with(self._overload.turns(_TURNS), newest_only=True)
+        self._turns = float(_TURNS)
 
     def _tend(self) -> None:
         for source in self._tended:
             started = time.perf_counter()
-            events = source.tend(self._clock())
-            self._deal_with(events, [_Begun(started, 0.0)] * len(events))
+            now = self._clock()
+            taken = [Taken(event, started, 0.0) for event in source.tend(now)]
+            if now < self._overload.until:
+                self._overload.keep(taken, now)
+            else:
+                self._deal_with(taken)
         if self._control:
             self._control.tend(self._clock())
 
-    def _deal_with(self, events: Sequence[Admitted], begun: Sequence[_Begun]) -> None:
-        """Recognise events and publish the answers; `begun` has for each event when its packet was looked at."""
-        if not events:
-            return
-        answers = self.performers.push_all(events, self._clock())
-        self._publish_all([each and self._as_answered(each) for each in answers], begun)
+    def _deal_with(self, taken: Sequence[Taken], *, newest_only: bool = False) -> int:
+        """Recognise frames, publish the answers, and count them."""
+        if not taken:
+            return 0
+        events = [each.event for each in taken]
+        answers = self.performers.push_all(events, self._clock(), newest_only=newest_only)
+        self._publish_all([each and self._as_answered(each) for each in answers], taken)
         for event in events:
             if isinstance(event, Frame):
                 self._rates[event.performer] += 1
                 for sink in self._watching:
                     sink.publish_frame(event)
+        return len(events) - answers.count(None)
 
     def _as_answered(self, recognition: Recognition) -> Recognition:
         """Give an answer as listeners get it: nothing is known before anything is taught, or in a quiet lesson."""
@@ -289,18 +336,12 @@ class Service:
             recognition.performer, recognition.time, outcome, (), nothing, recognition.movement, guess=-1, events=ends
         )
 
-    def _publish_all(self, answers: Sequence[Recognition | None], begun: Sequence[_Begun]) -> None:
-        for recognition, (started, waited) in zip(answers, begun, strict=True):
+    def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
+        for recognition, (_, started, waited) in zip(answers, taken, strict=True):
             if recognition is None:
                 continue
-            if recognition.performer in self._held:
-                del self._held[recognition.performer]
-                self._stale += 1
-            if waited > MAX_AGE:
-                # It is sent if it is the performer's newest; events are sent at any age.
-                self._held[recognition.performer] = recognition
-            else:
-                self._publish(recognition)
+            for sink in self.sinks:
+                sink.publish(recognition)
             self._publish_events(recognition.events)
             if recognition.done:
                 self._publish_done(recognition.done)
@@ -328,16 +369,6 @@ class Service:
         for motion in [each for each in self._done if performer in ("", address_part(each[0]))]:
             del self._done[motion]
 
-    def _publish(self, recognition: Recognition) -> None:
-        for sink in self.sinks:
-            sink.publish(recognition)
-
-    def _publish_held(self) -> None:
-        """Send the old answers after which no newer one waits, as far as is known now."""
-        held, self._held = self._held, {}
-        for recognition in held.values():
-            self._publish(recognition)
-
     def _publish_gone(self, performers: Sequence[str]) -> None:
         gone = {*performers}
         self._begun = {motion for motion in self._begun if motion[0] not in gone}
@@ -360,6 +391,7 @@ class Service:
             self._publish_events([*paused, *self.performers.drop_silent(now)])
             self._publish_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now, self.performers.names)
+            self._note_answered()
             status = self.status()
             for sink in self.sinks:
                 sink.publish_status(status)
@@ -370,10 +402,9 @@ class Service:
         notes += [note for sink in self.sinks for note in sink.notes]
         promised, missed = self.performers.promise
         return Status(
-            inputs=sum((source.counts for source in self.sources), start=InputCounts()),
+            inputs=sum((source.counts for source in self.sources), start=InputCounts(stale=self._overload.stale)),
             outcomes=self.performers.counts,
             unsent=sum(sink.failed for sink in self.sinks),
-            stale=self._stale,
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
@@ -386,7 +417,17 @@ class Service:
             notes=(*dict.fromkeys(notes), *self._admission.notes(self._clock())),
             promised=promised,
             missed=missed,
+            answered=self._answered,
         )
+
+    def _note_answered(self) -> None:
+        """Note the share of the answers due since the last status that were given."""
+        total = self.performers.counts.recognizers
+        given, left_out = (
+            max(now - before, 0) for now, before in zip((total.hops, total.skipped), self._answered_before, strict=True)
+        )
+        self._answered_before = total.hops, total.skipped
+        self._answered = given / (given + left_out) if left_out else 1.0
 
     def _from(self, performer: str) -> str:
         """Give the sender of a performer's frames, where it is known."""

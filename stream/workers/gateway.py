@@ -313,10 +313,13 @@ class GatewaySource:
         The inbox, which Zenoh's threads wake.
     counts
         No counts: answers are not input.
+    lag
+        0: the workers see what has waited.
     """
 
     #: No frames come in here.
     place = ""
+    lag, patience = 0.0, math.inf
 
     def __init__(self, gateway: Gateway) -> None:
         self.answers = deque[tuple["Recognition", float]]()

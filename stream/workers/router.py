@@ -147,7 +147,13 @@ class Router(Following[Track]):
         }
         return [f"{count} {what}" for what, count in counts.items() if count]
 
-    def push_all(self, events: Sequence[Admitted], arrival: float) -> list[Recognition | None]:
+    def push_all(
+        self,
+        events: Sequence[Admitted],
+        arrival: float,
+        *,
+        newest_only: bool = False,  # noqa: ARG002 - as `Performers`; the workers see for themselves what has waited
+    ) -> list[Recognition | None]:
         """Send frames to their workers, in order; give the recognitions that came back among the events."""
         answers: list[Recognition | None] = [None] * len(events)
         for_worker: dict[str, list[SentFrame]] = {}

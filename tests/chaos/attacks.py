@@ -124,6 +124,11 @@ def many_performers() -> Iterator[bytes]:
     return (_body(f"invented{number % 32}", 1.0 + number // 32 / 8) for number in count())
 
 
+def crowd() -> Iterator[bytes]:
+    """Give frames of 20 performers by turns, 60 a second of each."""
+    return (_body(f"p{number % 20}", 1.0 + number // 20 / 60) for number in count())
+
+
 # --- messages by ZeroMQ ---
 
 

@@ -248,8 +248,6 @@ def _counted(printed: str) -> str:
     summary = re.sub(r" \([^)]*\)", "", printed.rpartition("received ")[2])
     named = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
     found = [f"{name} {int(count):,}" for name, count in named if int(count)]
-    late, lost = (re.findall(rf"([1-9]\d*) {what}", summary) for what in ("too old to be sent", "could not be written"))
-    found += [f"{int(count):,} too old to be sent" for count in late] + [
-        f"{int(count):,} frames lost" for count in lost
-    ]
+    late, lost = (re.findall(rf"([1-9]\d*) {what}", summary) for what in ("left out", "could not be written"))
+    found += [f"{int(count):,} answers left out" for count in late] + [f"{int(count):,} frames lost" for count in lost]
     return ", ".join(found)

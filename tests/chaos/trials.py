@@ -107,6 +107,17 @@ def _stop_and_go(program: Program, _: Path, seconds: float) -> str:
     return ""
 
 
+def _slow(program: Program, _: Path, seconds: float) -> str:
+    """Give the recogniser 15 ms of each tenth of a second, as a limit of CPU does."""
+    ending = time.monotonic() + seconds
+    while time.monotonic() < ending:
+        time.sleep(0.015)
+        program.process.send_signal(signal.SIGSTOP)
+        time.sleep(0.085)
+        program.process.send_signal(signal.SIGCONT)
+    return ""
+
+
 def _full_disk(program: Program, _: Path, seconds: float) -> str:
     """Let no file grow, as on a full disk, and then again."""
     import resource  # noqa: PLC0415 - there is none on Windows
@@ -168,6 +179,7 @@ TRIALS: tuple[Trial, ...] = (
     Trial("30 % lost, reordered, doubled, 50 ms late", fault=_network),
     Trial("the performer's clock jumps by 1,000 s and back", fault=_late_clock),
     Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
+    Trial("15 % of a core, 20 more performers at 60 Hz", partial(flood, attacks.crowd, 20 * 60), deed=_slow, lasts=2.0),
     Trial("answers to a closed port", options=("--osc-out", "127.0.0.1:9")),
     Trial("disk full while recording", deed=_full_disk, options=("--record", "{folder}/a.kinerec")),
     Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/a{number}.kinerec")),

@@ -38,7 +38,8 @@ class FakeSource:
     tended_within = math.inf
     has_put_aside = False
     notes = ()
-    waited = 0.0
+    waited = lag = 0.0
+    patience = math.inf
 
     def __init__(self, packets: Sequence[Sequence[Frame | Announcement]] = ()) -> None:
         self.waiting = deque(packets)

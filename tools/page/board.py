@@ -79,6 +79,7 @@ class _Status(msgspec.Struct):
     promised: float = 0.0
     missed: float | None = None
     listening: list[str] = []
+    answered: float = 1.0
 
 
 class _Notice(msgspec.Struct):

@@ -50,7 +50,8 @@ class RequestSource:
     #: There are no notes for a person.
     notes: Sequence[str] = ()
     #: A command is carried out when it comes; how long it waited does not matter.
-    waited = 0.0
+    waited = lag = 0.0
+    patience = float("inf")
 
     def __init__(
         self, endpoint: Endpoint, commanding: Networks, keyring: Keyring | None = None, *, networks: Networks = ()

@@ -61,6 +61,7 @@ COUNTERS = (
     ("odd times", "admission.odd_times"),
     ("incomplete", "inputs.incomplete"),
     ("dropped from senders served last", "inputs.thrown_away"),
+    ("dropped for newer ones", "inputs.stale"),
     ("answers not sent", "unsent"),
     ("connections broken", "inputs.broken"),
 )
@@ -301,6 +302,8 @@ def said_of(status: Status) -> list[str]:
     """List notes on performers' joints and clocks, and why frames are refused, a line each."""
     noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
     lines = [f"performer {printable(name)}: {what}" for name, what in noticed]
+    if status.answered < 1:
+        lines.append(f"this machine is too slow: {status.answered:.0%} of the answers are given")
     return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]
 
 
@@ -342,7 +345,7 @@ def summary(status: Status, hop: float, *, notes: bool = True) -> str:
         f"{counts(status)}\n"
         f"{recognizers.hops} answers of {recognizers.frames} frames{most}, "
         f"{recognizers.restarts} windows started again, "
-        f"{status.unsent} answers not sent, {f'{status.stale} too old to be sent, ' if status.stale else ''}"
+        f"{status.unsent} answers not sent, {f'{recognizers.skipped} left out, ' if recognizers.skipped else ''}"
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
     )
     last = [*(refused_frames(name, why) for name, why in status.refused.items()), *map(printable, status.notes)]

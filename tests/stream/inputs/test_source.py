@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from kinespace.stream.inputs import Source
+from kinespace.stream import osc
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.source import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
 from kinespace.stream.status import InputCounts, Refusals
 
@@ -143,3 +146,22 @@ def test_a_packet_is_kept_at_its_arrival() -> None:
     source = Source(receiver, Costly(), keeper)  # type: ignore[arg-type]  # fakes
     assert source.take(2.0) == [b"a"]
     assert (kept, source.waited) == ([(b"a", 1.75, ANN)], 0.25)
+
+
+def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
+    """Of each performer and sender; other packets are read, and all are counted."""
+    receiver, joints = Receiver(), tuple("abcde")
+    source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
+
+    def taken(time: float) -> int:
+        frames = [osc.encode_frame(Frame(name, time, np.zeros((5, 3)))) for name in ("p", "q")]
+        packets = [*frames, osc.encode_announcement(Announcement("p", joints))]
+        receiver.packets = [(packet, sender) for packet in packets for sender in (ANN, EVE)]
+        return sum(len(source.take(100.0) or ()) for _ in range(len(receiver.packets)))
+
+    assert [taken(1.0), taken(1.01)] == [6, 6]
+    source.patience = 0.2
+    assert [taken(1.02), taken(1.04), taken(1.06), taken(0.5)] == [6, 2, 6, 6]
+    receiver.waited = 0.21
+    assert taken(2.0) == 2
+    assert (source.counts.stale, source.counts.received) == (8, 42)

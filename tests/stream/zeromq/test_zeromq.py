@@ -95,8 +95,8 @@ def test_classes_and_status_are_json() -> None:
         "health": "ok: 1 performers, 120 frames a second, 13 lost, hop 2.0 ms",
     }
     told = {"received": 90, "malformed": 1, "foreign": 2, "overrun": 3, "missing": 4}
-    assert described["inputs"] == told | {"incomplete": 0, "broken": 0, "thrown_away": 0}
-    assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops"}
+    assert described["inputs"] == told | {"incomplete": 0, "broken": 0, "thrown_away": 0, "stale": 0}
+    assert set(described["outcomes"]["recognizers"]) == {"frames", "out_of_order", "restarts", "hops", "skipped"}
 
 
 def test_an_open_status_names_no_performer() -> None:

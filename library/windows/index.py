@@ -25,7 +25,7 @@ from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments
-from kinespace.library.windows.whole_motions import WholeMotions
+from kinespace.library.windows.courses import Courses
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -171,13 +171,11 @@ class WindowIndex:
         return PhaseTable.of(named, self.body, self.basis, known)
 
     @cached_property
-    def whole(self) -> WholeMotions:
-        """The whole motions that have windows here, by which motions are found that were done."""
+    def courses(self) -> Courses:
+        """The courses of the motions that have windows here, by which motions are found that begin and are done."""
         framed = self.framed
         compared = (*framed.motions, *framed.guests)
-        motions = tuple(compared[place] for place in np.unique(self.motions % len(compared)))
-        teacher = teacher_of(framed)
-        return WholeMotions.of(motions, motions if teacher is framed else teacher.motions, self.body, self.basis)
+        return Courses.of([compared[place] for place in np.unique(self.motions % len(compared))])
 
     @cached_property
     def segments(self) -> Segments:
@@ -339,7 +337,7 @@ class WindowIndex:
 
     def prepared(self) -> Self:
         """Compute now what is otherwise computed at first use, so that the first hop need not wait; give itself."""
-        _ = self.laid, self.segments, self.whole, self.rejection if self.comparison.weighing.judges else None
+        _ = self.laid, self.segments, self.courses, self.rejection if self.comparison.weighing.judges else None
         return self
 
     def asking(self) -> Callable[[int, NDArray[np.bool_]], NDArray[np.float64]]:
@@ -420,12 +418,12 @@ def _remembered(
         index = WindowIndex.of(library.restricted_to(joints) if joints else library, weighing=weighing)
         rejection = index.rejection if weighing.judges else None
         placed = (index.vectors, index.eigenvectors, index.motions, index.judged_by, rejection)
-        return (index.body, index.basis, index.comparison, *placed, index.segments, index.whole)
+        return (index.body, index.basis, index.comparison, *placed, index.segments, index.courses)
 
-    *fields, rejection, segments, whole = remembered(library, weighing, joints, compute)
+    *fields, rejection, segments, courses = remembered(library, weighing, joints, compute)
     index = replace(WindowIndex(bare or library, *fields), origin=origin)
     # In place of what the index would compute at first use.
-    index.__dict__.update(segments=segments, whole=whole, **({"rejection": rejection} if rejection else {}))
+    index.__dict__.update(segments=segments, courses=courses, **({"rejection": rejection} if rejection else {}))
     return index.prepared()
 
 

@@ -24,10 +24,10 @@ from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind, Part
 from kinespace.library.windows.comparison import Comparison, Weighing
+from kinespace.library.windows.courses import Courses, Pieces
 from kinespace.library.windows.metric import Metric
 from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import Segments
-from kinespace.library.windows.whole_motions import WholeMotions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +43,7 @@ _MAX_BYTES = 40_000_000
 #: What a file may hold besides arrays, numbers, texts and tuples of them.
 _HELD: dict[str, Callable[..., object]] = {
     each.__name__: each
-    for each in (Basis, Body, Comparison, Kind, Metric, Part, Rejection, Segments, Weighing, WholeMotions)
+    for each in (Basis, Body, Comparison, Kind, Metric, Part, Rejection, Segments, Weighing, Courses, Pieces)
 }
 
 

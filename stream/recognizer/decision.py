@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.rejection import Rejection
     from kinespace.stream.recognition import Recognition
+    from kinespace.stream.recognizer.done import Look
     from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 
 #: The lead after which a class becomes the guess.
@@ -45,7 +46,15 @@ _MAX_EVENT_PACE = 1.0
 #: add lead.
 _MAX_HOP = 0.1
 #: Seconds of stillness, and of unknown, ambiguous or implausible movement, after which a motion has ended.
-_ENDED_AFTER = {Outcome.STILL: 0.4, Outcome.UNKNOWN: 0.8, Outcome.AMBIGUOUS: 0.4, Outcome.IMPLAUSIBLE: 0.8}
+_ENDED_AFTER = {
+    Outcome.NAMED: 0.4,
+    Outcome.STILL: 0.4,
+    Outcome.UNKNOWN: 0.8,
+    Outcome.AMBIGUOUS: 0.4,
+    Outcome.IMPLAUSIBLE: 0.8,
+}
+#: Seconds after which a motion that is not seen again may have ended, at least.
+_SEEN = 0.5
 #: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
 _SMALLEST_GAP = 0.02
 #: The name that stands for "no class".
@@ -175,6 +184,11 @@ class Decision:
         The start of a motion that goes on already.
     stillness
         As in `stream.recognizer.settings.Settings`.
+
+    Attributes
+    ----------
+    with_course
+        The classes whose motions are seen by their course (`stream.recognizer.done`).
     """
 
     def __init__(self, lead: float, going_on: Event | None = None, stillness: float = 0.0) -> None:
@@ -182,6 +196,8 @@ class Decision:
         self._active, self._stillness = going_on, stillness
         self._event.current = going_on.label if going_on else None
         self._decided_at = self._event_at = math.nan
+        self.with_course: Collection[str] = ()
+        self._seen_until = -math.inf
 
     @property
     def going_on(self) -> Event | None:
@@ -259,23 +275,38 @@ class Decision:
             guess = self._guess.current = leader
         return guess, ahead if guess == leader else nearest - listed[classes.index(guess)]
 
-    def events(self, recognition: Recognition) -> tuple[Event, ...]:
-        """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start."""
+    def events(self, recognition: Recognition, look: Look) -> tuple[Event, ...]:
+        """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start.
+
+        A class with a course starts when the course of its motions has been seen, and ends when it has not been seen
+        for as long as a motion lasts. Other classes start when they have led for long enough.
+        """
         before = () if recognition.ended_at is None else self.ends(recognition)
         elapsed = recognition.time - self._event_at
         self._event_at = recognition.time
         if not 0 <= elapsed <= _MAX_HOP:
             elapsed = _MAX_HOP if elapsed > 0 else 0.0
+        if begun := look.begun:
+            self._seen_until = recognition.time + max(_SEEN, begun.seconds)
+            if self._active is None or self._active.label != begun.class_name:
+                return (*before, *self._starts(recognition, recognition.classes.index(begun.class_name)))
         named = recognition.class_name or _NONE
         pace = min(max(recognition.lead, 0.0), _MAX_EVENT_PACE)
+        if named in self.with_course:
+            is_seen = self._active and self._active.label == named and recognition.time < self._seen_until
+            named = named if is_seen else _NONE
         if named == _NONE:
             pace = self._event.needed / (_ENDED_AFTER[recognition.outcome] * _PER_SECOND)
         if not self._event.push(named, pace, elapsed):
             return before
+        return (*before, *self._starts(recognition, recognition.class_index if named else -1))
+
+    def _starts(self, recognition: Recognition, index: int) -> tuple[Event, ...]:
+        """End the motion that goes on, and start another; -1 starts none."""
+        self._event.current = recognition.classes[index] if index >= 0 else _NONE
         ended = [_event(EventKind.END, recognition, self._active.index)] if self._active else []
-        self._active = _event(EventKind.START, recognition, recognition.class_index) if named else None
-        started = [self._active] if self._active else []
-        return (*before, *ended, *started)
+        self._active = _event(EventKind.START, recognition, index) if index >= 0 else None
+        return (*ended, *([self._active] if self._active else []))
 
     def ends(self, recognition: Recognition) -> tuple[Event, ...]:
         """End a motion that goes on where the recognition says that it has ended before."""

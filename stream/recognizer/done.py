@@ -1,37 +1,32 @@
-"""Motions that were really done: windows that end now against whole motions of the library.
+"""Motions that begin, and motions that were really done: windows that end now against the library's courses.
 
-Five times a second the body's last points are compared, by windows of several lengths, with every whole motion
-(`library.windows.whole_motions`). The most evident class and length gain evidence where the recogniser guessed, or
-named, the class meanwhile: its windows are shorter than most motions and see other things in them. They wait for a
-moment: when nothing more evident follows, the motion was done. The next motion may begin where this one ended.
+Ten times a second the last positions are compared, by windows of several lengths, with every whole motion and with its
+first part (`library.windows.courses`). A motion begins when its first part is seen in two looks in a row, and was done
+when all of it is. The next motion may begin where this one ended.
 """
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections import defaultdict, deque
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.motion_library import NOTHING
-from kinespace.library.windows.whole_motions import STEP
+from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points
+from kinespace.library.windows.courses import MAX_WAY, Pieces, at_equal_way, share_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kinespace.library.windows.whole_motions import Judged, WholeMotions
-    from kinespace.stream.recognizer.windows.live_windows import Sizes
+    from kinespace.library.skeleton import Skeleton
+    from kinespace.library.windows.courses import Courses
 
-#: Steps from one look to the next: looking at every step finds no more motions at the same false alarms.
+#: Steps from one look to the next.
 _LOOKS_EVERY = 3
-#: Seconds for which a motion waits for one that is more evident.
-_WAITS = 0.2
-#: The share of a motion that may overlap with the motion before: with more, one round is counted twice.
-_OVERLAPS = 0.15
-#: The share of a motion, at its beginning, whose guesses do not count: the recogniser's windows hold the motion before.
-_UNSURE = 0.3
+#: Looks in a row that must see the same class.
+_LOOKS = 2
+#: The share of a window's way, at either end, in which the motion has not begun yet, or is over.
+_STILL_WAY = 0.02
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
 #: The memory is moved back each time so many windows' points have come.
@@ -39,22 +34,60 @@ _ROOM = 4
 
 
 class Found(NamedTuple):
-    """A motion that was done: its class, begin and end in seconds, the judgement, and how far above the limit it is."""
+    """A motion that was seen whole, or whose first part was seen.
+
+    Attributes
+    ----------
+    class_name
+        Its class.
+    start, end
+        Seconds, on the clock of the frames.
+    score
+        1 for the very motion of the library, 0.5 at the limit.
+    speed, amplitude
+        Relative to the nearest motion of the library: 2 is twice as fast, or twice as far.
+    seconds
+        How long the nearest motion of the library lasts.
+    """
 
     class_name: str
     start: float
     end: float
-    judged: Judged
-    above: float
+    score: float
+    speed: float
+    amplitude: float
+    seconds: float
+
+
+class Look(NamedTuple):
+    """The result of a look: the motion that was done, and the motion that has begun; None for none."""
+
+    done: Found | None = None
+    begun: Found | None = None
+
+
+class _Streak:
+    """Counts the looks in a row that see the same class."""
+
+    def __init__(self) -> None:
+        self._name, self._count = "", 0
+
+    def sees(self, name: str) -> bool:
+        """Take in the class that a look sees, empty for none; say whether it has been seen often enough."""
+        self._count = self._count + 1 if name and name == self._name else 1
+        self._name = name
+        return bool(name) and self._count >= _LOOKS
 
 
 class DoneFollower:
-    """Finds the motions that one performer has done.
+    """Finds the motions that one performer begins, and has done.
 
     Parameters
     ----------
-    whole
-        The library's whole motions.
+    courses
+        The library's courses.
+    skeleton
+        The joints of the positions.
     false_alarms
         Motions an hour that may be found though they were not done.
 
@@ -64,117 +97,116 @@ class DoneFollower:
         The time of the newest step, seconds; NaN before the first.
     """
 
-    def __init__(self, whole: WholeMotions, false_alarms: float) -> None:
-        self._false_alarms = false_alarms
-        self.exchange(whole)
+    def __init__(self, courses: Courses, skeleton: Skeleton, false_alarms: float) -> None:
+        self._skeleton, self._share = skeleton, share_at(false_alarms)
+        self.exchange(courses)
 
-    def exchange(self, whole: WholeMotions) -> None:
+    def exchange(self, courses: Courses) -> None:
         """Find the motions of another library from now on."""
-        self._whole, self._limit = whole, whole.limit_at(self._false_alarms)
-        self._longest = whole.lengths[-1] if whole.lengths else 0
-        room = _ROOM * self._longest
-        self._points, self._sizes = np.zeros((room, len(whole.spreads))), np.zeros(room)
-        if self._longest:
-            self._judge, self._judgements = whole.judging(self._points, self._sizes)
-        self._seconds = [(count - 1) * STEP for count in whole.lengths]
-        self._waiting: Found | None = None
+        self._courses = courses
+        self._longest = courses.counts[-1] + 1 if courses.counts else 0
+        width = courses.whole.ways.shape[1]
+        self._points, self._ways = np.zeros((_ROOM * self._longest, width)), np.zeros(_ROOM * self._longest)
+        self._counts = np.array(courses.counts, dtype=np.intp)
+        lengths = np.concatenate([courses.whole.lengths, courses.begun.lengths])
+        self._least, self._most = (lengths.min() / MAX_WAY, lengths.max() * MAX_WAY) if len(lengths) else (0.0, 0.0)
         self.clear()
 
     def clear(self) -> None:
-        """Forget the body's past; a motion that waits is said when the body is seen again."""
-        self._count, self.time, self._over = 0, math.nan, -math.inf
-        # What the latest looks guessed, and the evidence that it gains.
-        self._guesses = deque[tuple[str, float]](maxlen=max(self._longest, 1))
+        """Forget the body's past."""
+        self._count, self.time, self._over, self._begun_until = 0, math.nan, -math.inf, -math.inf
+        self._times: list[NDArray[np.float64]] = []
+        self._positions: list[NDArray[np.float64]] = []
+        self._body = np.zeros((0, len(self._skeleton.joints), 3))
+        self._whole, self._begun = _Streak(), _Streak()
 
-    def is_due(self, time: float) -> bool:
-        """Whether a look is due at a time, seconds."""
-        return not time - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP
-
-    def guessed(self, class_name: str, *, is_named: bool) -> None:
-        """Take in the recogniser's guess, and whether it is known, for the positions that come next."""
-        guessed, named = self._whole.support
-        self._guesses.append((class_name, guessed + named * is_named))
-
-    def push_all(self, times: NDArray[np.float64], points: NDArray[np.float64], size_of: Sizes) -> Found | None:
-        """Take in the body's positions.
-
-        Parameters
-        ----------
-        times
-            Seconds, on the clock of the frames, from `time` on where that is known; shape (points,).
-        points, size_of
-            The body in the library's basis, shape (points, directions), and a function from places to its size there.
+    def push(self, times: list[float], positions: NDArray[np.float64]) -> Look | None:
+        """Take in the body's positions, (frames, joints, 3), metres, at times in seconds; look when a look is due.
 
         Returns
         -------
-        The motion that was done; None where none is found now.
+        None between two looks.
         """
         if not self._longest:
             return None
-        newest = times.item(-1)
-        if not newest - self.time < self._longest * STEP:
-            # At the beginning, and after a gap.
-            self.clear()
-            self.time = max(times.item(-min(self._longest, len(times))), newest - self._longest * STEP) - STEP
-        steps = int((newest - self.time) / STEP + _ROUNDING)
-        if steps < 1:
+        self._times.append(np.array(times))
+        self._positions.append(positions.copy())
+        if times[-1] - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP:
             return None
-        # The first frame from each step on.
-        at = self.time + STEP * (np.arange(1, steps + 1) - _ROUNDING)
-        places = np.minimum(times.searchsorted(at), len(times) - 1)
-        self._extend(points[places], size_of(places))
-        self.time += steps * STEP
+        self._follow()
         return self._look()
 
-    def look_back(self, times: NDArray[np.float64], points: NDArray[np.float64], size_of: Sizes) -> None:
-        """Look at the last positions before a gap; a motion that was done waits. The arguments are as in `push_all`."""
-        if len(times) and not math.isnan(self.time):
-            self._waiting = self.push_all(times, points, size_of) or self._waiting
+    def _follow(self) -> None:
+        """Put the positions that came on the path, `STEP` after `STEP`."""
+        times, positions = np.concatenate(self._times), np.concatenate(self._positions)
+        self._times, self._positions = [times[-1:]], [positions[-1:]]
+        if math.isnan(self.time):
+            # The body stood before it was seen first.
+            self.time = float(times[0])
+            self._body, body = positions[:1], positions[:1]
+        else:
+            body = np.zeros((0, *positions.shape[1:]))
+        steps = int((times[-1] - self.time) / STEP + _ROUNDING)
+        if steps and len(times) > 1:
+            body = np.concatenate([body, at_steps(times, positions, self.time + STEP * np.arange(1, steps + 1))])
+            self.time += steps * STEP
+        self._body = np.concatenate([self._body[-HISTORY:], body]) if len(self._body) > 1 else body
+        self._extend(own_points(self._body, self._skeleton)[len(self._body) - len(body) :])
 
-    def _extend(self, points: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
-        """Keep some more points."""
+    def _extend(self, points: NDArray[np.float64]) -> None:
+        """Keep some more points, and the way up to each."""
+        points = points[-self._longest :]
         if self._count + len(points) > len(self._points):
-            for kept in (self._points, self._sizes):
+            for kept in (self._points, self._ways):
                 kept[: self._longest] = kept[self._count - self._longest : self._count]
             self._count = self._longest
-        some = slice(self._count, self._count + len(points))
-        self._points[some], self._sizes[some], self._count = points, sizes, some.stop
+        for place, point in enumerate(points, self._count):
+            self._points[place] = point
+            step = point - self._points[place - 1] if place else 0.0 * point
+            self._ways[place] = (self._ways[place - 1] if place else 0.0) + math.sqrt(float(step @ step))
+        self._count += len(points)
 
-    def _look(self) -> Found | None:
+    def _look(self) -> Look:
         """Compare the windows that end now."""
-        now = self.time
-        if self._waiting and not 0 <= now - self._waiting.end < 2 * _WAITS:
-            # The body is seen again after a gap, or the sender's clock began again.
-            return self._said()
-        self._judge(self._count)
-        waiting = self._waiting
-        least = waiting.above if waiting else 0.0
+        last, ways = self._count - 1, self._ways[: self._count]
+        counts = self._counts[self._counts <= last]
+        begins = last - counts
+        gone = ways[last] - ways[begins]
+        some = (gone > max(self._least, 0.0)) & (gone < self._most)
+        counts, begins = counts[some], begins[some]
+        if not len(counts):
+            return self._sees(None, None)
+        ends = np.full(len(counts), ways[last])
+        windows = Pieces.of(at_equal_way(self._points[: self._count], ways, ways[begins], ends))
+        return self._sees(
+            self._nearest(windows, begins, counts, whole=True), self._nearest(windows, begins, counts, whole=False)
+        )
+
+    def _nearest(
+        self, windows: Pieces, begins: NDArray[np.intp], counts: NDArray[np.intp], *, whole: bool
+    ) -> Found | None:
+        """Give the motion of which a window shows the whole, or the first part; None where no window does."""
+        courses, share = self._courses, self._share
+        pieces, limits = (courses.whole, courses.limits[0]) if whole else (courses.begun, courses.limits[1])
         # A window must lie behind the motion before.
-        free = bisect_right(self._seconds, (now - self._over) / (1 - _OVERLAPS) + _ROUNDING)
-        without = self._judgements[0, :free] - self._limit
-        length, place = divmod(int(without.argmax()) if free else 0, len(self._limit))
-        # Guesses are counted only where they may decide.
-        if free and without.item(length, place) > least - sum(self._whole.support):
-            name = self._whole.classes[place]
-            above = without.item(length, place) + self._support(name, length)
-            if above > least:
-                judged = self._whole.judged(self._judgements, length, place)
-                waiting = Found(name, now - self._seconds[length], now, judged, above)
-        self._waiting = waiting
-        return self._said() if waiting and now - waiting.end >= _WAITS - _ROUNDING else None
+        free = self.time - counts * STEP >= self._over - _ROUNDING
+        costs = windows.costs(pieces)[free] / (share * limits)
+        if not costs.size or not (least := float(costs.min())) < 1:
+            return None
+        window, motion = divmod(int(costs.argmin()), costs.shape[1])
+        ways, begin = self._ways[: self._count], int(begins[free][window])
+        gone = ways[-1] - ways[begin]
+        first, last = np.searchsorted(ways[begin:], ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY]))
+        start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(int(first) - 1, 0), int(last)))
+        place = int(np.searchsorted(courses.starts, motion, side="right")) - 1
+        seconds, amplitude = float(courses.seconds[motion]), gone / float(pieces.lengths[motion])
+        speed = seconds / max(end - start, STEP)
+        return Found(courses.classes[place], start, end, 1 - least / 2, speed, amplitude, seconds)
 
-    def _support(self, class_name: str, length: int) -> float:
-        """Give what a class gains by the guesses in a window, the mean over its looks."""
-        looks = math.ceil((self._whole.lengths[length] - 1) * (1 - _UNSURE) / _LOOKS_EVERY)
-        counting, gains = list(self._guesses)[-looks:], defaultdict[str, float](float)
-        for guess, gain in counting:
-            gains[guess] += gain
-        # The recogniser never guesses `nothing`: it takes the place of any class.
-        gained = max(gains.values(), default=0.0) if class_name == NOTHING else gains[class_name]
-        return gained / max(len(counting), 1)
-
-    def _said(self) -> Found | None:
-        """Give the motion that waits, unless it is like an example of nothing."""
-        said, self._waiting = self._waiting, None
-        self._over = min(said.end, self.time) if said else self._over
-        return said if said and said.class_name != NOTHING else None
+    def _sees(self, whole: Found | None, begun: Found | None) -> Look:
+        """Say what has been seen in enough looks in a row."""
+        done = whole if self._whole.sees(whole.class_name if whole else "") else None
+        starts = begun if self._begun.sees(begun.class_name if begun else "") else None
+        if done:
+            self._over, self._whole, self._begun = self.time, _Streak(), _Streak()
+        return Look(done, starts or done)

@@ -212,7 +212,7 @@ class Performers(Following[_Performer]):
     def promise(self) -> tuple[float, float | None]:
         """False alarms an hour that `done` promises, and the share of the library's motions missed (`Status`)."""
         promised = self.settings.promised
-        missed = self._index.whole.missed_at(promised) if promised else math.nan
+        missed = self._index.courses.missed_at(promised) if promised else math.nan
         return promised, None if math.isnan(missed) else missed
 
     def set_sensitivity(self, share: float) -> None:

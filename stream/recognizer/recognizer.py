@@ -21,7 +21,7 @@ from kinespace.library.signature.body import Body
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognition import Done, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
-from kinespace.stream.recognizer.done import DoneFollower
+from kinespace.stream.recognizer.done import DoneFollower, Found, Look
 from kinespace.stream.recognizer.joints.fitting import Fitting
 from kinespace.stream.recognizer.joints.mending import Joints
 from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for
@@ -139,7 +139,9 @@ class Recognizer:
         self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
         promised = self.settings.promised
-        self._done = DoneFollower(index.whole, promised) if promised else None
+        self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
+        #: What the last look at whole motions saw, until an answer says it.
+        self._look: Look | None = None
         self._answer_with(index, classes)
         skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)
@@ -182,6 +184,7 @@ class Recognizer:
         """Answer with the classes of an index, in an order."""
         classes = index.classes
         self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
+        self._decision.with_course = index.courses.classes if self._done else ()
         # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes
@@ -235,7 +238,7 @@ class Recognizer:
             if self._progress:
                 self._progress.exchange(index.phases)
             if self._done:
-                self._done.exchange(index.whole)
+                self._done.exchange(index.courses)
             lead = needed_lead(index.library, self.settings)
             return self._decision.exchange(index, self.classes, lead, self._end_time)
 
@@ -303,7 +306,7 @@ class Recognizer:
         with self._alone():
             self._clear()
             if self._done:
-                self._done.exchange(self._windows.index.whole)
+                self._done.exchange(self._windows.index.courses)
             self._fitting = Fitting(self._windows.index)
             self._performer = None
 
@@ -391,6 +394,8 @@ class Recognizer:
             times, rows = times[begun:], rows[begun:]
         if self._joints.left_out or self._without:
             self._leave_out(self._joints.left_out, self._times[-1])
+        if self._done and times:
+            self._look = self._done.push(times, self._positions[begun or 0 : len(self._times)]) or self._look
         self._smoother.smooth(times, rows)
         self._windows.push(times, rows)
         if self._fewer:
@@ -398,9 +403,7 @@ class Recognizer:
         self._times.clear()
 
     def _begin_again(self) -> None:
-        """Forget the rows, and what was read off them; a motion that goes on stays, and one that is done waits."""
-        if self._done:
-            self._done.look_back(*self._windows.path(since=self._done.time))
+        """Forget the rows, and what was read off them; a motion that goes on stays."""
         for each in (self._windows, self._smoother, self._decision, self._fewer, self._progress, self._done):
             if each:
                 each.clear()
@@ -485,30 +488,24 @@ class Recognizer:
             doubted=doubted,
             ended_at=self._ended_at,
         )
-        events, self._ended_at = self._decision.events(recognition), None
+        look, self._look = self._look or Look(), None
+        events, self._ended_at = self._decision.events(recognition, look), None
         progress = None
         if self._progress:
             going_on = self._decision.going_on
             motion = recognition.class_name or (going_on.label if going_on else None)
             progress = self._progress.push(frame.time, self._windows.place(), motion)
-        done = self._find_done(recognition)
-        if events or progress or done:
+        if events or progress or look.done:
+            done = self._done_of(frame.performer, look.done) if look.done else None
             return replace(recognition, events=events, progress=progress, done=done)
         return recognition
 
-    def _find_done(self, recognition: Recognition) -> Done | None:
-        """Find the motion that was done."""
-        follower = self._done
-        if follower is None or not follower.is_due(recognition.time):
-            return None
-        follower.guessed(self.classes[recognition.best], is_named=recognition.outcome is Outcome.NAMED)
-        found = follower.push_all(*self._windows.path(since=follower.time))
-        if found is None:
-            return None
-        name, judged = found.class_name, found.judged
-        score = 1 / (1 + math.exp(-judged.evidence))
-        index, seconds = self.classes.index(name), found.end - found.start
-        return Done(recognition.performer, name, index, found.start, seconds, score, judged.speed, judged.amplitude)
+    def _done_of(self, performer: str, found: Found) -> Done:
+        seconds = found.end - found.start
+        index = self.classes.index(found.class_name)
+        return Done(
+            performer, found.class_name, index, found.start, seconds, found.score, found.speed, found.amplitude
+        )
 
     def end(self) -> Event | None:
         """End the motion that goes on, because no frame will come, or none came for `MAX_PAUSE` seconds.

@@ -7,7 +7,6 @@ Every motion that was said once is also played to its half only, and must not be
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
 _STANDS = 0.6
 #: False alarms an hour that are promised for the picture.
 _PROMISED = (1.0, 6.0, 60.0, 600.0)
-#: Squared distances, for the comparison.
-_DISTANCES = (0.6, 1.2, 2.4)
 _WIDTH = 40
 _COLUMNS = (
     ("", "{name}"),
@@ -63,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     harness.add_protocol(parser)
     text = "compare the promises 1, 6, 60 and 600 an hour: a picture of found against false an hour"
     parser.add_argument("--promises", action="store_true", help=text)
-    text = "compare with start events, and with limits of the distance of whole motions alone, in their place"
+    text = "compare with start events in their place"
     parser.add_argument("--baselines", action="store_true", help=text)
     add_shared(parser, "--json")
 
@@ -75,7 +72,6 @@ def run(options: argparse.Namespace) -> int:
     asked, _ = harness.asked_of(options)
     if options.baselines:
         rows.append(("start events", settings, starts))
-        rows += [(f"distance ≤ {most:g}", settings, partial(by_distance, most=most)) for most in _DISTANCES]
     promises = _PROMISED if options.promises else (settings.false_alarms,)
     rows += [(f"{each:g}/h", replace(settings, false_alarms=each), _done) for each in promises]
     takes = list[DoneTake]()
@@ -125,13 +121,6 @@ def _done(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
 def starts(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
     """Give the starts of motions as if they were done."""
     return said_in(_answers(take, index, settings))["start"]
-
-
-def by_distance(take: Take, index: WindowIndex, settings: Settings, *, most: float) -> list[Said]:
-    """Give the motions whose course is at most so far, squared, from a motion of the library."""
-    changed = replace(index)
-    changed.__dict__["whole"] = index.whole.by_distance(most)
-    return _done(take, changed, settings)
 
 
 def _answers(take: Take, index: WindowIndex, settings: Settings) -> list[Recognition]:

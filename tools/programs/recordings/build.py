@@ -25,7 +25,7 @@ from kinespace.library.recordings import (
 )
 from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
 from kinespace.library.windows.segments import mirrored
-from kinespace.library.windows.whole_motions import without_course
+from kinespace.library.windows.courses import without_course
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_labels,

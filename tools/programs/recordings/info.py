@@ -17,7 +17,7 @@ import numpy as np
 from kinespace.library import distance_rows, find_recordings, kernels
 from kinespace.library.recordings import instead_of_recording, is_recording, labelled
 from kinespace.library.windows.index import opened
-from kinespace.library.windows.whole_motions import without_course
+from kinespace.library.windows.courses import without_course
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.recording import decoded
@@ -234,11 +234,11 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
 def _missed(library: MotionLibrary) -> dict[str, float]:
     """Give for some false alarms an hour the share of a library's own motions that others' do not find."""
     try:
-        whole = opened(library).whole
+        courses = opened(library).courses
     except ValueError:
         # No motion is long enough for a window.
         return {}
-    shares = {f"{each:g}": whole.missed_at(each) for each in (1.0, 6.0, 60.0)}
+    shares = {f"{each:g}": courses.missed_at(each) for each in (1.0, 6.0, 60.0)}
     return {each: round(share, 3) for each, share in shares.items() if not math.isnan(share)}
 
 

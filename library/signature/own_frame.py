@@ -1,0 +1,98 @@
+"""The body's own frame: distances to three joints that are fixed to the body, far to its left, above and in front.
+
+Distances between joints cannot tell a motion from its mirror image, and tell directions badly: a jab, a hook and an
+uppercut all take a hand away from everything. The paper's graph G = (V, E, d) (Le Naour et al. 2012, section 2) gets
+three more vertices, which the shoulders and the hips carry. The distance to a vertex at the distance f grows by f − d
+where a joint moves d towards it; for f → ∞ these numbers are coordinates in the body's own frame. They stay blind to
+where the body stands and which way it faces.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinespace.library.distances import distance_rows
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kinespace.library.skeleton import Skeleton
+
+#: Seconds between two points of a path.
+STEP = 1 / 30
+#: Steps over which the frame, and then the points, are averaged: the frame must not tremble with a shoulder.
+_FRAME_STEPS, _POINT_STEPS = 15, 5
+#: Steps before the first new one that a point depends on.
+HISTORY = _FRAME_STEPS + _POINT_STEPS - 2
+#: Left and right shoulder, left and right hip: the first joint that a skeleton has.
+_CORNERS = (("lclavicle", "lhumerus"), ("rclavicle", "rhumerus"), ("lhipjoint", "lfemur"), ("rhipjoint", "rfemur"))
+#: A length in metres that divides nothing by 0.
+_TINY = 1e-6
+
+
+def corners_of(skeleton: Skeleton) -> list[int] | None:
+    """Find the left and right shoulder and the left and right hip; None for a skeleton that lacks one."""
+    places = {name: place for place, name in enumerate(skeleton.joints)}
+    found = [next((places[name] for name in names if name in places), None) for names in _CORNERS]
+    corners = [place for place in found if place is not None]
+    return corners if len(corners) == len(_CORNERS) else None
+
+
+def own_points(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[np.float64]:
+    """Give a body's points, from which courses are cut.
+
+    Parameters
+    ----------
+    positions
+        The body every `STEP`, shape (steps, joints, 3), metres.
+    skeleton
+        Its joints.
+
+    Returns
+    -------
+    Shape (steps, numbers): how far each joint lies to the left of, above and in front of the hips, relative to the
+    distance of shoulders and hips, averaged over the last sixth of a second. Without shoulders or hips: the distance
+    rows, relative to their mean.
+    """
+    corners = corners_of(skeleton)
+    if corners is None:
+        rows = distance_rows(positions, skeleton)
+        return averaged(rows / max(float(rows.mean()), _TINY), _POINT_STEPS)
+    left_shoulder, right_shoulder, left_hip, right_hip = positions[:, corners].astype(np.float64).transpose(1, 0, 2)
+    left = averaged(left_shoulder - right_shoulder + left_hip - right_hip, _FRAME_STEPS)
+    up = averaged(left_shoulder + right_shoulder - left_hip - right_hip, _FRAME_STEPS) / 2
+    size = np.sqrt(np.einsum("tc,tc->t", up, up))[:, None] + _TINY
+    up /= size
+    left -= np.einsum("tc,tc->t", left, up)[:, None] * up
+    left /= np.sqrt(np.einsum("tc,tc->t", left, left))[:, None] + _TINY
+    axes = np.stack([left, up, np.cross(left, up)], axis=2) / size[:, :, None]
+    own = (positions - ((left_hip + right_hip) / 2)[:, None]) @ axes
+    return averaged(own.reshape(len(own), -1), _POINT_STEPS)
+
+
+def averaged(rows: NDArray[np.floating], steps: int) -> NDArray[np.float64]:
+    """Average each row with the steps before it; before the first row the body stood as in it."""
+    sums = np.cumsum(np.concatenate([np.repeat(rows[:1], steps, axis=0), rows]), axis=0, dtype=np.float64)
+    means: NDArray[np.float64] = (sums[steps:] - sums[:-steps]) / steps
+    return means
+
+
+def at_steps(
+    times: NDArray[np.float64], positions: NDArray[np.floating], steps: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Give the body at some times, on straight lines between frames.
+
+    Parameters
+    ----------
+    times, positions
+        Two frames or more, ascending: shape (frames,), seconds, and (frames, joints, 3), metres.
+    steps
+        Times between the first frame and the last, shape (steps,).
+    """
+    after = np.clip(np.searchsorted(times, steps), 1, len(times) - 1)
+    shares = (steps - times[after - 1]) / (times[after] - times[after - 1])
+    before = positions[after - 1]
+    body: NDArray[np.float64] = before + shares[:, None, None] * (positions[after] - before)
+    return body

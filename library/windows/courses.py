@@ -1,0 +1,419 @@
+"""Courses: whole motions, from their beginning to their end, compared by one inner product.
+
+This is the paper's own comparison (Le Naour et al. 2012): the window is as long as the motion. The body's points
+(`library.signature.own_frame`) are a path. A course reads it at points of equal way, so that stillness and speed drop
+out, and keeps the unit directions from each point to the next: one vector of unit length. Every direction is averaged
+with its neighbours, so that a bend may come a little sooner or later (a band of time warping would allow the same).
+
+    cost(a, b) = (1 − ⟨course a, course b⟩) / (⟨way a, way b⟩ ⟨width a, width b⟩)
+
+way and width say how far each number goes and how far it swings, as unit vectors: the spread beside the directions.
+
+A motion is said where a live window costs less than the motion's limit. The limit comes from what must not be said:
+everyday movement (`everyday`, and the motions called `nothing`), and halves of two classes' motions put together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, NamedTuple, Self
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import NOTHING
+from kinespace.library.naming import hdm05
+from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_points
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from kinespace.library.clip import Clip
+    from kinespace.library.skeleton import Skeleton
+
+    Numbers = NDArray[np.float64]
+    Floats = NDArray[np.float32]
+
+#: Points of a course, at equal way.
+POINTS = 12
+#: Points along a path by which neighbouring directions are averaged: the standard deviation of their weights.
+_BLUR = 0.8
+#: Inner products of ways and of widths divide by no less.
+_LEAST_PRODUCT = 0.01
+#: A window's way is at most so much longer or shorter than the motion's.
+MAX_WAY = 1 / 0.6
+#: Seconds of the shortest motion with a course, and how much longer the next window is than the one before.
+SHORTEST, _LONGER = 0.45, 1.25
+#: The share of a motion's way, at either end, that is left out: still ends.
+_STILL_WAY = 0.02
+#: The share of a motion's way by which its start is known.
+BEGUN = 0.5
+#: The least mean squared difference of a motion from itself a round later, relative to unrelated postures, at which the
+#: motion repeats itself; seconds of a round, at least; rounds in a motion, at least, and in other motions of its class.
+_SAME, _MIN_ROUND, _ROUNDS, _ROUNDS_OF_CLASS = 0.6, 0.3, 1.7, 1.3
+#: Rounds begin at so many moments of a round, because a stranger may begin anywhere.
+_BEGINNINGS = 4
+#: Deviation of the distances, relative to their size, below which a motion is one posture, and moments that show it.
+_MIN_MOVEMENT, _SHOWN = 0.02, 16
+#: A limit is this share of the least cost of everyday movement.
+_OF_EVERYDAY = 0.85
+#: And this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
+_OF_HALVES, _QUANTILE, _DRAWN = 0.8, 0.05, 200
+#: A limit is at most this, or this times what 80 % of a class's motions cost each other.
+_MOST, _OF_CROSSED, _CROSSED_QUANTILE = 0.35, 1.3, 0.8
+#: Windows of everyday movement and of `nothing` that set limits, at most.
+_MAX_WINDOWS = 4000
+#: False alarms an hour, and the share of the limits at which so many are said.
+_PROMISED, _SHARES = (1.0, 6.0, 60.0, 600.0), (0.85, 1.0, 1.25, 1.6)
+
+
+class Pieces(NamedTuple):
+    """Some pieces of paths as they are compared.
+
+    Attributes
+    ----------
+    courses
+        Shape (pieces, (POINTS − 1) × numbers), of unit length.
+    ways, widths
+        How far each number goes, and how far it swings: shape (pieces, numbers), of unit length.
+    lengths
+        The way of each piece, shape (pieces,).
+    """
+
+    courses: Floats
+    ways: Floats
+    widths: Floats
+    lengths: Floats
+
+    @classmethod
+    def of(cls, points: NDArray[np.floating]) -> Self:
+        """Take pieces at equal way, shape (pieces, POINTS, numbers)."""
+        steps = np.diff(points, axis=1)
+        lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
+        directions = steps / np.maximum(lengths, _TINY)[:, :, None]
+        courses = np.matmul(_blur(), directions).reshape(len(points), -1)
+        ways, widths = np.abs(steps).sum(axis=1), np.ptp(points, axis=1)
+        unit = (each / np.maximum(np.linalg.norm(each, axis=1), _TINY)[:, None] for each in (courses, ways, widths))
+        return cls(*(each.astype(np.float32) for each in unit), lengths.sum(axis=1).astype(np.float32))
+
+    def costs(self, others: Pieces) -> Floats:
+        """Compare with other pieces: shape (pieces, others); infinite where one goes much farther than the other."""
+        products = [np.maximum(ours @ theirs.T, _LEAST_PRODUCT) for ours, theirs in zip(self[1:3], others[1:3], strict=True)]
+        costs: Floats = (1 - self.courses @ others.courses.T) / (products[0] * products[1])
+        farther = np.maximum(self.lengths, np.float32(_TINY))[:, None] / np.maximum(others.lengths, np.float32(_TINY))
+        costs[(farther > MAX_WAY) | (farther < 1 / MAX_WAY)] = np.inf
+        return costs
+
+
+_TINY = 1e-9
+
+
+@cache
+def _blur() -> Numbers:
+    """Give the weights by which each direction is averaged with its neighbours, shape (POINTS − 1, POINTS − 1)."""
+    places = np.arange(POINTS - 1)
+    weights: Numbers = np.exp(-0.5 * ((places[:, None] - places) / _BLUR) ** 2)
+    return weights
+
+
+def ways_of(points: NDArray[np.floating]) -> Numbers:
+    """Give the way up to each point of a path (points, numbers): shape (points,), 0 first."""
+    ways = np.zeros(len(points))
+    np.cumsum(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)), out=ways[1:])
+    return ways
+
+
+def at_equal_way(points: NDArray[np.floating], ways: Numbers, begins: Numbers, ends: Numbers) -> Numbers:
+    """Read a path at `POINTS` points of equal way between ways: shape (pieces, POINTS, numbers).
+
+    Parameters
+    ----------
+    points, ways
+        The path, and the way up to each of its points (`ways_of`); two points or more.
+    begins, ends
+        The ways between which each piece lies, shape (pieces,).
+    """
+    asked = begins[:, None] + (ends - begins)[:, None] * np.linspace(0.0, 1.0, POINTS)
+    before = np.clip(np.searchsorted(ways, asked, side="right") - 1, 0, len(points) - 2)
+    steps = ways[before + 1] - ways[before]
+    shares = np.clip((asked - ways[before]) / np.where(steps > 0, steps, 1.0), 0.0, 1.0)[:, :, None]
+    read: Numbers = points[before] * (1 - shares) + points[before + 1] * shares
+    return read
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Courses:
+    """The courses of a library's motions, class by class.
+
+    Attributes
+    ----------
+    classes
+        The classes with a course, sorted; without `nothing`.
+    starts
+        Where the motions of each class begin, shape (classes,).
+    whole, begun
+        The motions, and their first parts (`BEGUN`): a motion starts where such a part is seen.
+    limits
+        The cost below which a whole motion is seen, and its first part: shape (2, motions).
+    seconds
+        How long each motion lasts, shape (motions,).
+    crossed
+        The cost of each motion by others' motions of its class, relative to their limit; NaN where there are no others.
+    counts
+        Steps of the windows that are compared, ascending.
+    """
+
+    classes: tuple[str, ...]
+    starts: NDArray[np.intp] = field(repr=False)
+    whole: Pieces = field(repr=False)
+    begun: Pieces = field(repr=False)
+    limits: Floats = field(repr=False)
+    seconds: Numbers = field(repr=False)
+    crossed: Numbers = field(repr=False)
+    counts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, motions: Sequence[Clip]) -> Self:
+        """Cut the courses out of motions over one skeleton."""
+        cut = sorted(_cut(motions), key=lambda each: (each.class_name, len(each.points)))
+        if not cut:
+            none = Pieces.of(np.zeros((0, POINTS, 1)))
+            return cls((), np.zeros(0, dtype=np.intp), none, none, np.zeros((2, 0), np.float32), *np.zeros((2, 0)), ())
+        names = [each.class_name for each in cut]
+        classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
+        whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
+        pieces = Pieces.of(whole), Pieces.of(begun)
+        seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
+        crossed = _crossed(pieces[0], cut, of_class)
+        most = np.array([_most(crossed[of_class == place]) for place in range(len(classes))])[of_class]
+        unwanted = _unwanted(motions, seconds)
+        limits = np.array([np.minimum(most, _least(each, unwanted)) for each in pieces], dtype=np.float32)
+        if len(classes) > 1:
+            limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
+        counts = _counts(BEGUN * float(seconds.min()), float(seconds.max()))
+        return cls(tuple(classes.tolist()), starts, *pieces, limits, seconds, crossed / limits[0], counts)
+
+    def missed_at(self, false_alarms: float) -> float:
+        """Give the share of the library's own motions that others' do not find; NaN where there are no others."""
+        known = np.isfinite(self.crossed)
+        return float(np.mean(self.crossed[known] > share_at(false_alarms))) if known.any() else math.nan
+
+
+def share_at(false_alarms: float) -> float:
+    """Give the share of the limits below which a motion is said, for false alarms an hour that are accepted."""
+    return float(np.interp(math.log(false_alarms), np.log(_PROMISED), _SHARES))
+
+
+def has_course(clip: Clip) -> bool:
+    """Say whether a motion has a course: it is long enough, and more than one posture."""
+    rows = distance_rows(clip.positions[:: max(clip.frames // _SHOWN, 1)], clip.skeleton)
+    moves = rows.var(axis=0).sum() >= _MIN_MOVEMENT**2 * np.square(rows.mean(axis=0)).sum()
+    return bool(clip.duration >= SHORTEST and moves)
+
+
+def without_course(motions: Sequence[Clip]) -> list[str]:
+    """Give the classes of which no motion has a course: they have starts and ends, and are never done."""
+    names = {clip.class_name for clip in motions} - {NOTHING}
+    return sorted(names - {clip.class_name for clip in motions if has_course(clip)})
+
+
+# --- cutting ----------------------------------------------------------------------------------------------------------
+
+#: The points of clips, and after how many they repeat themselves, while the clips live: an example that is taught comes
+#: to hundreds of motions.
+_SHOWN_BY = WeakKeyDictionary["Clip", "tuple[Numbers, int] | None"]()
+
+
+class _Cut(NamedTuple):
+    class_name: str
+    actor: str
+    #: The place of its clip.
+    clip: int
+    points: Numbers
+
+    def read(self, share: float) -> Numbers:
+        """Read its first part at equal way, shape (1, POINTS, numbers)."""
+        ways = ways_of(self.points)
+        return at_equal_way(self.points, ways, np.zeros(1), np.array([share * ways[-1]]))
+
+
+def _cut(motions: Sequence[Clip]) -> list[_Cut]:
+    """Cut motions into pieces: trimmed, or in rounds; without those too short, of one posture, or called `nothing`."""
+    shown = [
+        (place, clip, *each)
+        for place, clip in enumerate(motions)
+        if clip.class_name != NOTHING and (each := _shown(clip))
+    ]
+    rounds: dict[str, list[int]] = {}
+    for _, clip, _, count in shown:
+        rounds.setdefault(clip.class_name, []).append(count)
+    # Classes of which most motions repeat themselves.
+    usual = {
+        name: int(np.median([count for count in own if count]))
+        for name, own in rounds.items()
+        if 2 * np.count_nonzero(own) >= len(own)
+    }
+    pieces = list[_Cut]()
+    for place, clip, points, count in shown:
+        often = count or usual.get(clip.class_name, 0)
+        if often and len(points) >= (_ROUNDS if count else _ROUNDS_OF_CLASS) * often:
+            begins = range(0, len(points) - often, max(1, round(often / _BEGINNINGS)))
+            some = [points[begin : begin + often + 1] for begin in begins]
+        else:
+            some = [_trimmed(points)]
+        pieces += [_Cut(clip.class_name, clip.actor, place, each) for each in some]
+    return pieces
+
+
+def path_of(clip: Clip) -> Numbers:
+    """Give the points of a clip's path, every `STEP`."""
+    steps = np.arange(math.floor(clip.duration / STEP + 1e-6) + 1) * STEP
+    positions = at_steps(clip.times, clip.positions, np.minimum(steps, clip.times[-1])) if clip.frames > 1 else clip.positions
+    return own_points(positions, clip.skeleton)
+
+
+def _shown(clip: Clip) -> tuple[Numbers, int] | None:
+    """Give a motion's points, and after how many it repeats itself (0: never); None without a course."""
+    if clip not in _SHOWN_BY:
+        points = path_of(clip) if has_course(clip) else None
+        _SHOWN_BY[clip] = None if points is None else (points, _round_of(points))
+    return _SHOWN_BY[clip]
+
+
+def _round_of(points: Numbers) -> int:
+    """Find after how many points a motion repeats itself; 0 for a motion that does not."""
+    every = 2
+    some, lag = points[::every], 2
+    moving = np.hstack([some[lag:], 3.0 * (some[lag:] - some[:-lag])])
+    moving /= math.sqrt(moving.var(axis=0).sum()) or 1.0
+    first, last = round(_MIN_ROUND / STEP / every), int(len(some) / _ROUNDS)
+    away = [moving[each:] - moving[:-each] for each in range(first, last + 1)]
+    squares = np.array([np.square(each).sum(axis=1).mean() / 2 for each in away])
+    inner = squares[1:-1]
+    least = np.flatnonzero((inner < _SAME) & (inner <= np.minimum(squares[:-2], squares[2:])))
+    return every * (first + 1 + least.item(0)) if len(least) else 0
+
+
+def _trimmed(points: Numbers) -> Numbers:
+    """Leave out still ends, unless little is left."""
+    ways = ways_of(points)
+    begin, end = np.searchsorted(ways, (_STILL_WAY * ways[-1], (1 - _STILL_WAY) * ways[-1]))
+    some = points[max(begin - 1, 0) : end + 1]
+    return some if (len(some) - 1) * STEP > SHORTEST else points
+
+
+def _counts(shortest: float, longest: float) -> tuple[int, ...]:
+    """Give the steps of windows for motions from one length to another, seconds."""
+    shortest, longest = 0.75 * shortest, 1.3 * longest
+    count = math.floor(math.log(longest / shortest) / math.log(_LONGER)) + 1
+    return tuple(sorted({max(3, round(shortest * _LONGER**each / STEP)) for each in range(count)}))
+
+
+# --- limits -----------------------------------------------------------------------------------------------------------
+
+
+def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> Numbers:
+    """Give the least cost of each motion by others' of its class: other people's, else other clips; NaN for none."""
+    crossed = np.full(len(cut), np.nan)
+    for place in np.unique(of_class):
+        own = np.flatnonzero(of_class == place)
+        several = len({cut[each].actor for each in own}) > 1
+        whose = np.array([cut[each].actor if several else str(cut[each].clip) for each in own])
+        some = Pieces(*(each[own] for each in pieces))
+        costs = np.where(whose[:, None] != whose, some.costs(some), np.inf)
+        if costs.size:
+            least = costs.min(axis=1)
+            crossed[own] = np.where(np.isfinite(least), least, np.nan)
+    return crossed
+
+
+def _most(crossed: Numbers) -> float:
+    """Give the highest limit of a class: what its motions may differ by."""
+    known = crossed[np.isfinite(crossed)]
+    return max(_MOST, _OF_CROSSED * float(np.quantile(known, _CROSSED_QUANTILE))) if len(known) else _MOST
+
+
+def _unwanted(motions: Sequence[Clip], seconds: Numbers) -> Numbers | None:
+    """Give everyday movement and the motions called `nothing`, at equal way: (windows, POINTS, numbers); or None."""
+    skeleton = motions[0].skeleton
+    found = [each] if (each := everyday(skeleton)) is not None else []
+    counts = _counts(BEGUN * float(seconds.min()), float(seconds.max()))
+    for clip in motions:
+        if clip.class_name == NOTHING and clip.frames > 1:
+            found.append(windows_of(path_of(clip), counts))
+    return np.concatenate(found) if found else None
+
+
+def windows_of(points: Numbers, counts: Sequence[int]) -> Numbers:
+    """Read windows everywhere in a path, of so many steps each, at equal way: (windows, POINTS, numbers)."""
+    ways, ends, begins = ways_of(points), list[NDArray[np.float64]](), list[Numbers]()
+    for count in counts:
+        places = np.arange(count, len(points), max(1, count // 8))
+        begins.append(ways[places - count])
+        ends.append(ways[places])
+    begin, end = np.concatenate(begins), np.concatenate(ends)
+    some = np.flatnonzero(end > begin)[:: max(1, -(-len(begin) // _MAX_WINDOWS))]
+    if len(points) < 2 or not len(some):
+        return np.zeros((0, POINTS, points.shape[1]))
+    return at_equal_way(points, ways, begin[some], end[some])
+
+
+def _least(pieces: Pieces, unwanted: Numbers | None) -> Numbers:
+    """Give the limit of each piece by movement that must not be said, shape (pieces,)."""
+    if unwanted is None or not len(unwanted):
+        return np.full(len(pieces.lengths), np.inf)
+    least: Numbers = _OF_EVERYDAY * pieces.costs(Pieces.of(unwanted)).min(axis=1).astype(np.float64)
+    return least
+
+
+def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbers:
+    """Give what halves of two classes' motions, put together, cost each motion: a low quantile, shape (motions,)."""
+    draw = np.random.default_rng(0)
+    drawn: list[Numbers] = []
+    steps, half = np.diff(whole, axis=1), POINTS // 2
+    for _ in range(_DRAWN):
+        one = int(draw.integers(len(whole)))
+        other = int(draw.choice(np.flatnonzero(of_class != of_class[one])))
+        path = np.cumsum(np.concatenate([np.zeros((1, whole.shape[2])), steps[one, :half], steps[other, half:]]), axis=0)
+        ways = ways_of(path)
+        drawn.append(at_equal_way(path, ways, np.zeros(1), ways[-1:]))
+    costs = Pieces.of(np.concatenate(drawn)).costs(pieces)
+    # Halves that go much farther than a motion are never taken for it.
+    quantile: Numbers = np.quantile(np.where(np.isfinite(costs), costs, 10.0), _QUANTILE, axis=0)
+    return quantile
+
+
+# --- everyday movement ------------------------------------------------------------------------------------------------
+
+
+@cache
+def _everyday() -> Floats | None:
+    path = FilePath(__file__).parents[1] / "everyday.npz"
+    if not path.exists():
+        return None
+    with np.load(path, allow_pickle=False) as file:
+        windows: Floats = file["windows"].astype(np.float32)
+    return windows
+
+
+def everyday(skeleton: Skeleton) -> Numbers | None:
+    """Give typical windows of everyday movement over a skeleton's joints, at equal way, (windows, POINTS, numbers).
+
+    They are means of many people's windows (`kinespace learn`), over HDM05's joints. A joint that HDM05 does not have
+    stays where it is. None for a skeleton without shoulders or hips.
+    """
+    learned = _everyday()
+    if learned is None or corners_of(skeleton) is None:
+        return None
+    places = {name: place for place, name in enumerate(hdm05.SKELETON.joints)}
+    windows = np.zeros((*learned.shape[:2], len(skeleton.joints), 3))
+    for place, name in enumerate(skeleton.joints):
+        if name in places:
+            windows[:, :, place] = learned.reshape(*learned.shape[:2], -1, 3)[:, :, places[name]]
+    return windows.reshape(*learned.shape[:2], -1)

@@ -52,24 +52,24 @@ def own_points(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[n
 
     Returns
     -------
-    Shape (steps, numbers): how far each joint lies to the left of, above and in front of the hips, relative to the
-    distance of shoulders and hips, averaged over the last sixth of a second. Without shoulders or hips: the distance
-    rows, relative to their mean.
+    Shape (steps, numbers), metres: how far each joint lies to the left of, above and in front of the hips, averaged
+    over the last sixth of a second. Without shoulders or hips: the distance rows.
     """
     corners = corners_of(skeleton)
     if corners is None:
-        rows = distance_rows(positions, skeleton)
-        return averaged(rows / max(float(rows.mean()), _TINY), _POINT_STEPS)
+        return averaged(distance_rows(positions, skeleton), _POINT_STEPS)
     left_shoulder, right_shoulder, left_hip, right_hip = positions[:, corners].astype(np.float64).transpose(1, 0, 2)
     left = averaged(left_shoulder - right_shoulder + left_hip - right_hip, _FRAME_STEPS)
-    up = averaged(left_shoulder + right_shoulder - left_hip - right_hip, _FRAME_STEPS) / 2
-    size = np.sqrt(np.einsum("tc,tc->t", up, up))[:, None] + _TINY
-    up /= size
-    left -= np.einsum("tc,tc->t", left, up)[:, None] * up
-    left /= np.sqrt(np.einsum("tc,tc->t", left, left))[:, None] + _TINY
-    axes = np.stack([left, up, np.cross(left, up)], axis=2) / size[:, :, None]
+    up = _unit(averaged(left_shoulder + right_shoulder - left_hip - right_hip, _FRAME_STEPS))
+    left = _unit(left - np.einsum("tc,tc->t", left, up)[:, None] * up)
+    axes = np.stack([left, up, np.cross(left, up)], axis=2)
     own = (positions - ((left_hip + right_hip) / 2)[:, None]) @ axes
     return averaged(own.reshape(len(own), -1), _POINT_STEPS)
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths = np.sqrt(np.einsum("tc,tc->t", vectors, vectors))
+    return vectors / np.maximum(lengths, _TINY)[:, None]
 
 
 def averaged(rows: NDArray[np.floating], steps: int) -> NDArray[np.float64]:

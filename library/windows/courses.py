@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, NamedTuple, Self
 from weakref import WeakKeyDictionary
@@ -48,26 +48,31 @@ _BLUR = 0.8
 _LEAST_PRODUCT = 0.01
 #: A window's way is at most so much longer or shorter than the motion's.
 MAX_WAY = 1 / 0.6
-#: Seconds of the shortest motion with a course, and how much longer the next window is than the one before.
-SHORTEST, _LONGER = 0.45, 1.25
+#: Seconds of the shortest motion with a course, and of the shortest window; how much longer the next window is.
+SHORTEST, _SHORTEST_WINDOW, _LONGER = 0.45, 0.3, 1.25
 #: The share of a motion's way, at either end, that is left out: still ends.
 _STILL_WAY = 0.02
 #: The share of a motion's way by which its start is known.
 BEGUN = 0.5
 #: The least mean squared difference of a motion from itself a round later, relative to unrelated postures, at which the
 #: motion repeats itself; seconds of a round, at least; rounds in a motion, at least, and in other motions of its class.
-_SAME, _MIN_ROUND, _ROUNDS, _ROUNDS_OF_CLASS = 0.6, 0.3, 1.7, 1.3
+_SAME, _MIN_ROUND, _ROUNDS, _ROUNDS_OF_CLASS = 0.3, 0.3, 1.9, 1.3
 #: Rounds begin at so many moments of a round, because a stranger may begin anywhere.
 _BEGINNINGS = 4
 #: Deviation of the distances, relative to their size, below which a motion is one posture, and moments that show it.
 _MIN_MOVEMENT, _SHOWN = 0.02, 16
-#: A limit is this share of the least cost of everyday movement.
-_OF_EVERYDAY = 0.85
+#: Limits lie so far below what everyday movement costs the parts of a motion, but not below the least: limits of whole
+#: motions, and of their first parts.
+_BELOW_EVERYDAY, _LEAST = (0.11, 0.14), 0.06
+#: A limit is this share of the least cost of a motion called `nothing`, or of another class.
+_OF_OTHERS = 0.85
 #: And this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
-_OF_HALVES, _QUANTILE, _DRAWN = 0.8, 0.05, 200
-#: A limit is at most this, or this times what 80 % of a class's motions cost each other.
-_MOST, _OF_CROSSED, _CROSSED_QUANTILE = 0.35, 1.3, 0.8
-#: Windows of everyday movement and of `nothing` that set limits, at most.
+_OF_HALVES, _QUANTILE, _DRAWN = 0.85, 0.05, 200
+#: Limits are at most this, or this times what 80 % of a class's motions cost each other.
+_MOST, _OF_CROSSED, _CROSSED_QUANTILE = (0.55, 0.45), 1.3, 0.8
+#: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
+_PARTS = 3
+#: Windows of a motion called `nothing`, and of other classes, that set limits, at most.
 _MAX_WINDOWS = 4000
 #: False alarms an hour, and the share of the limits at which so many are said.
 _PROMISED, _SHARES = (1.0, 6.0, 60.0, 600.0), (0.85, 1.0, 1.25, 1.6)
@@ -103,12 +108,16 @@ class Pieces(NamedTuple):
         return cls(*(each.astype(np.float32) for each in unit), lengths.sum(axis=1).astype(np.float32))
 
     def costs(self, others: Pieces) -> Floats:
-        """Compare with other pieces: shape (pieces, others); infinite where one goes much farther than the other."""
-        products = [np.maximum(ours @ theirs.T, _LEAST_PRODUCT) for ours, theirs in zip(self[1:3], others[1:3], strict=True)]
-        costs: Floats = (1 - self.courses @ others.courses.T) / (products[0] * products[1])
-        farther = np.maximum(self.lengths, np.float32(_TINY))[:, None] / np.maximum(others.lengths, np.float32(_TINY))
-        costs[(farther > MAX_WAY) | (farther < 1 / MAX_WAY)] = np.inf
+        """Compare with other pieces: shape (pieces, others)."""
+        ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
+        products = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
+        costs: Floats = (1 - self.courses @ others.courses.T) / products
         return costs
+
+    def as_far(self, others: Pieces) -> NDArray[np.bool_]:
+        """Say which pieces go about as far as which others, shape (pieces, others)."""
+        shares = np.maximum(self.lengths, _TINY)[:, None] / np.maximum(others.lengths, _TINY)
+        return (shares < MAX_WAY) & (shares > 1 / MAX_WAY)
 
 
 _TINY = 1e-9
@@ -192,11 +201,18 @@ class Courses:
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
         most = np.array([_most(crossed[of_class == place]) for place in range(len(classes))])[of_class]
-        unwanted = _unwanted(motions, seconds)
-        limits = np.array([np.minimum(most, _least(each, unwanted)) for each in pieces], dtype=np.float32)
+        typical, nothing = np.array([_everyday_cost(each.points, motions[0].skeleton) for each in cut]), _nothing(motions, seconds)
+        limits = np.array(
+            [
+                np.minimum.reduce([np.maximum(most, highest), np.maximum(typical - below, _LEAST), _least(each, nothing)])
+                for each, highest, below in zip(pieces, _MOST, _BELOW_EVERYDAY, strict=True)
+            ],
+            dtype=np.float32,
+        )
         if len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
-        counts = _counts(BEGUN * float(seconds.min()), float(seconds.max()))
+            limits[1] = np.minimum(limits[1], _elsewhere(cut, of_class, pieces[1]))
+        counts = _counts(float(seconds.max()))
         return cls(tuple(classes.tolist()), starts, *pieces, limits, seconds, crossed / limits[0], counts)
 
     def missed_at(self, false_alarms: float) -> float:
@@ -308,11 +324,10 @@ def _trimmed(points: Numbers) -> Numbers:
     return some if (len(some) - 1) * STEP > SHORTEST else points
 
 
-def _counts(shortest: float, longest: float) -> tuple[int, ...]:
-    """Give the steps of windows for motions from one length to another, seconds."""
-    shortest, longest = 0.75 * shortest, 1.3 * longest
-    count = math.floor(math.log(longest / shortest) / math.log(_LONGER)) + 1
-    return tuple(sorted({max(3, round(shortest * _LONGER**each / STEP)) for each in range(count)}))
+def _counts(longest: float) -> tuple[int, ...]:
+    """Give the steps of windows for the first parts of short motions, and for motions of so many seconds."""
+    count = math.floor(math.log(1.3 * longest / _SHORTEST_WINDOW) / math.log(_LONGER)) + 1
+    return tuple(round(_SHORTEST_WINDOW * _LONGER**each / STEP) for each in range(count))
 
 
 # --- limits -----------------------------------------------------------------------------------------------------------
@@ -326,7 +341,7 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
         several = len({cut[each].actor for each in own}) > 1
         whose = np.array([cut[each].actor if several else str(cut[each].clip) for each in own])
         some = Pieces(*(each[own] for each in pieces))
-        costs = np.where(whose[:, None] != whose, some.costs(some), np.inf)
+        costs = np.where((whose[:, None] != whose) & some.as_far(some), some.costs(some), np.inf)
         if costs.size:
             least = costs.min(axis=1)
             crossed[own] = np.where(np.isfinite(least), least, np.nan)
@@ -334,31 +349,39 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
 
 
 def _most(crossed: Numbers) -> float:
-    """Give the highest limit of a class: what its motions may differ by."""
+    """Give what a class's motions may differ by; 0 where that is not known."""
     known = crossed[np.isfinite(crossed)]
-    return max(_MOST, _OF_CROSSED * float(np.quantile(known, _CROSSED_QUANTILE))) if len(known) else _MOST
+    return _OF_CROSSED * float(np.quantile(known, _CROSSED_QUANTILE)) if len(known) else 0.0
 
 
-def _unwanted(motions: Sequence[Clip], seconds: Numbers) -> Numbers | None:
-    """Give everyday movement and the motions called `nothing`, at equal way: (windows, POINTS, numbers); or None."""
-    skeleton = motions[0].skeleton
-    found = [each] if (each := everyday(skeleton)) is not None else []
-    counts = _counts(BEGUN * float(seconds.min()), float(seconds.max()))
-    for clip in motions:
-        if clip.class_name == NOTHING and clip.frames > 1:
-            found.append(windows_of(path_of(clip), counts))
+def _everyday_cost(points: Numbers, skeleton: Skeleton) -> float:
+    """Give what everyday movement costs the parts of a motion: the mean of their least costs; infinite for unknown."""
+    typical = everyday(skeleton)
+    if typical is None:
+        return math.inf
+    ways, begins = ways_of(points), np.linspace(0.0, 1.0 - 1 / _PARTS, 2 * _PARTS - 1)
+    parts = Pieces.of(at_equal_way(points, ways, begins * ways[-1], (begins + 1 / _PARTS) * ways[-1]))
+    return float(parts.costs(typical).min(axis=1).mean())
+
+
+def _nothing(motions: Sequence[Clip], seconds: Numbers) -> Numbers | None:
+    """Give windows of the motions called `nothing`, at equal way: (windows, POINTS, numbers); None for none."""
+    counts = _counts(float(seconds.max()))
+    found = [windows_of(path_of(clip), counts) for clip in motions if clip.class_name == NOTHING and clip.frames > 1]
     return np.concatenate(found) if found else None
 
 
-def windows_of(points: Numbers, counts: Sequence[int]) -> Numbers:
+def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS) -> Numbers:
     """Read windows everywhere in a path, of so many steps each, at equal way: (windows, POINTS, numbers)."""
-    ways, ends, begins = ways_of(points), list[NDArray[np.float64]](), list[Numbers]()
+    ways = ways_of(points)
+    ends: list[Numbers] = []
+    begins: list[Numbers] = []
     for count in counts:
         places = np.arange(count, len(points), max(1, count // 8))
         begins.append(ways[places - count])
         ends.append(ways[places])
     begin, end = np.concatenate(begins), np.concatenate(ends)
-    some = np.flatnonzero(end > begin)[:: max(1, -(-len(begin) // _MAX_WINDOWS))]
+    some = np.flatnonzero(end > begin)[:: max(1, -(-len(begin) // max(most, 1)))]
     if len(points) < 2 or not len(some):
         return np.zeros((0, POINTS, points.shape[1]))
     return at_equal_way(points, ways, begin[some], end[some])
@@ -368,7 +391,9 @@ def _least(pieces: Pieces, unwanted: Numbers | None) -> Numbers:
     """Give the limit of each piece by movement that must not be said, shape (pieces,)."""
     if unwanted is None or not len(unwanted):
         return np.full(len(pieces.lengths), np.inf)
-    least: Numbers = _OF_EVERYDAY * pieces.costs(Pieces.of(unwanted)).min(axis=1).astype(np.float64)
+    windows = Pieces.of(unwanted)
+    costs = np.where(pieces.as_far(windows), pieces.costs(windows), np.inf)
+    least: Numbers = _OF_OTHERS * costs.min(axis=1).astype(np.float64)
     return least
 
 
@@ -384,9 +409,20 @@ def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbe
         ways = ways_of(path)
         drawn.append(at_equal_way(path, ways, np.zeros(1), ways[-1:]))
     costs = Pieces.of(np.concatenate(drawn)).costs(pieces)
-    # Halves that go much farther than a motion are never taken for it.
-    quantile: Numbers = np.quantile(np.where(np.isfinite(costs), costs, 10.0), _QUANTILE, axis=0)
+    quantile: Numbers = np.quantile(costs, _QUANTILE, axis=0)
     return quantile
+
+
+def _elsewhere(cut: Sequence[_Cut], of_class: NDArray[np.intp], begun: Pieces) -> Numbers:
+    """Give the limit of each motion's first part by the whole of other classes' motions, shape (motions,)."""
+    limits = np.full(len(cut), np.inf)
+    for place in np.unique(of_class):
+        own = of_class == place
+        longest = max((len(each.points) - 1) * STEP for each in cut)
+        others = [each.points for each, is_own in zip(cut, own, strict=True) if not is_own]
+        read = [windows_of(each, _counts(longest), _MAX_WINDOWS // len(others)) for each in others]
+        limits[own] = _least(Pieces(*(each[own] for each in begun)), np.concatenate(read))
+    return limits
 
 
 # --- everyday movement ------------------------------------------------------------------------------------------------
@@ -402,11 +438,12 @@ def _everyday() -> Floats | None:
     return windows
 
 
-def everyday(skeleton: Skeleton) -> Numbers | None:
-    """Give typical windows of everyday movement over a skeleton's joints, at equal way, (windows, POINTS, numbers).
+@lru_cache(maxsize=8)
+def everyday(skeleton: Skeleton) -> Pieces | None:
+    """Give typical windows of everyday movement over a skeleton's joints; None without shoulders or hips.
 
     They are means of many people's windows (`kinespace learn`), over HDM05's joints. A joint that HDM05 does not have
-    stays where it is. None for a skeleton without shoulders or hips.
+    stays where it is.
     """
     learned = _everyday()
     if learned is None or corners_of(skeleton) is None:
@@ -416,4 +453,4 @@ def everyday(skeleton: Skeleton) -> Numbers | None:
     for place, name in enumerate(skeleton.joints):
         if name in places:
             windows[:, :, place] = learned.reshape(*learned.shape[:2], -1, 3)[:, :, places[name]]
-    return windows.reshape(*learned.shape[:2], -1)
+    return Pieces.of(windows.reshape(*learned.shape[:2], -1))

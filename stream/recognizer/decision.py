@@ -286,10 +286,12 @@ class Decision:
         self._event_at = recognition.time
         if not 0 <= elapsed <= _MAX_HOP:
             elapsed = _MAX_HOP if elapsed > 0 else 0.0
-        if begun := look.begun:
-            self._seen_until = recognition.time + max(_SEEN, begun.seconds)
-            if self._active is None or self._active.label != begun.class_name:
-                return (*before, *self._starts(recognition, recognition.classes.index(begun.class_name)))
+        if seen := look.seen:
+            goes_on = self._active is not None and self._active.label == seen.class_name
+            if goes_on or look.begins:
+                self._seen_until = recognition.time + max(_SEEN, seen.seconds)
+            if look.begins and not goes_on:
+                return (*before, *self._starts(recognition, recognition.classes.index(seen.class_name)))
         named = recognition.class_name or _NONE
         pace = min(max(recognition.lead, 0.0), _MAX_EVENT_PACE)
         if named in self.with_course:

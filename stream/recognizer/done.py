@@ -27,6 +27,8 @@ _LOOKS_EVERY = 3
 _LOOKS = 2
 #: The share of a window's way, at either end, in which the motion has not begun yet, or is over.
 _STILL_WAY = 0.02
+#: Seconds of the shortest window that shows a whole motion.
+_SHORTEST = 0.5
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
 #: The memory is moved back each time so many windows' points have come.
@@ -60,10 +62,21 @@ class Found(NamedTuple):
 
 
 class Look(NamedTuple):
-    """The result of a look: the motion that was done, and the motion that has begun; None for none."""
+    """The result of a look.
+
+    Attributes
+    ----------
+    done
+        The motion that was done; None for none.
+    seen
+        The motion that was done, or of which the first part was seen; None for none.
+    begins
+        Whether that motion has begun just now: its movement is no part of a motion of its class that was seen before.
+    """
 
     done: Found | None = None
-    begun: Found | None = None
+    seen: Found | None = None
+    begins: bool = False
 
 
 class _Streak:
@@ -114,11 +127,13 @@ class DoneFollower:
 
     def clear(self) -> None:
         """Forget the body's past."""
-        self._count, self.time, self._over, self._begun_until = 0, math.nan, -math.inf, -math.inf
+        self._count, self.time, self._over = 0, math.nan, -math.inf
         self._times: list[NDArray[np.float64]] = []
         self._positions: list[NDArray[np.float64]] = []
         self._body = np.zeros((0, len(self._skeleton.joints), 3))
         self._whole, self._begun = _Streak(), _Streak()
+        #: When each class was last seen to begin, seconds.
+        self._said: dict[str, float] = {}
 
     def push(self, times: list[float], positions: NDArray[np.float64]) -> Look | None:
         """Take in the body's positions, (frames, joints, 3), metres, at times in seconds; look when a look is due.
@@ -190,7 +205,9 @@ class DoneFollower:
         pieces, limits = (courses.whole, courses.limits[0]) if whole else (courses.begun, courses.limits[1])
         # A window must lie behind the motion before.
         free = self.time - counts * STEP >= self._over - _ROUNDING
-        costs = windows.costs(pieces)[free] / (share * limits)
+        if whole:
+            free &= counts * STEP >= _SHORTEST
+        costs = np.where(windows.as_far(pieces), windows.costs(pieces), np.inf)[free] / (share * limits)
         if not costs.size or not (least := float(costs.min())) < 1:
             return None
         window, motion = divmod(int(costs.argmin()), costs.shape[1])
@@ -209,4 +226,9 @@ class DoneFollower:
         starts = begun if self._begun.sees(begun.class_name if begun else "") else None
         if done:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()
-        return Look(done, starts or done)
+        seen = starts or done
+        # What was moving when a class was said to begin is the same motion still.
+        is_new = bool(seen) and seen.start >= self._said.get(seen.class_name, -math.inf)
+        if is_new:
+            self._said[seen.class_name] = self.time
+        return Look(done, seen, is_new)

@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -72,8 +72,8 @@ _OF_HALVES, _QUANTILE, _DRAWN = 0.85, 0.05, 200
 _MOST, _OF_CROSSED, _CROSSED_QUANTILE = (0.55, 0.45), 1.3, 0.8
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
-#: Windows of a motion called `nothing`, and of other classes, that set limits, at most.
-_MAX_WINDOWS = 4000
+#: Windows of a motion called `nothing`, and of all other classes, that set limits, at most.
+_MAX_WINDOWS, _MAX_OTHERS = 4000, 800
 #: False alarms an hour, and the share of the limits at which so many are said.
 _PROMISED, _SHARES = (1.0, 6.0, 60.0, 600.0), (0.85, 1.0, 1.25, 1.6)
 
@@ -201,10 +201,12 @@ class Courses:
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
         most = np.array([_most(crossed[of_class == place]) for place in range(len(classes))])[of_class]
-        typical, nothing = np.array([_everyday_cost(each.points, motions[0].skeleton) for each in cut]), _nothing(motions, seconds)
+        typical, nothing = _everyday_costs(cut, motions[0].skeleton), _nothing(motions, seconds)
         limits = np.array(
             [
-                np.minimum.reduce([np.maximum(most, highest), np.maximum(typical - below, _LEAST), _least(each, nothing)])
+                np.minimum.reduce(
+                    [np.maximum(most, highest), np.maximum(typical - below, _LEAST), _least(each, nothing)]
+                )
                 for each, highest, below in zip(pieces, _MOST, _BELOW_EVERYDAY, strict=True)
             ],
             dtype=np.float32,
@@ -290,7 +292,9 @@ def _cut(motions: Sequence[Clip]) -> list[_Cut]:
 def path_of(clip: Clip) -> Numbers:
     """Give the points of a clip's path, every `STEP`."""
     steps = np.arange(math.floor(clip.duration / STEP + 1e-6) + 1) * STEP
-    positions = at_steps(clip.times, clip.positions, np.minimum(steps, clip.times[-1])) if clip.frames > 1 else clip.positions
+    positions = (
+        at_steps(clip.times, clip.positions, np.minimum(steps, clip.times[-1])) if clip.frames > 1 else clip.positions
+    )
     return own_points(positions, clip.skeleton)
 
 
@@ -354,14 +358,18 @@ def _most(crossed: Numbers) -> float:
     return _OF_CROSSED * float(np.quantile(known, _CROSSED_QUANTILE)) if len(known) else 0.0
 
 
-def _everyday_cost(points: Numbers, skeleton: Skeleton) -> float:
-    """Give what everyday movement costs the parts of a motion: the mean of their least costs; infinite for unknown."""
-    typical = everyday(skeleton)
+def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton) -> Numbers:
+    """Give what everyday movement costs the parts of each motion: the mean of their least costs; infinite for unknown."""
+    typical, begins = everyday(skeleton), np.linspace(0.0, 1.0 - 1 / _PARTS, 2 * _PARTS - 1)
     if typical is None:
-        return math.inf
-    ways, begins = ways_of(points), np.linspace(0.0, 1.0 - 1 / _PARTS, 2 * _PARTS - 1)
-    parts = Pieces.of(at_equal_way(points, ways, begins * ways[-1], (begins + 1 / _PARTS) * ways[-1]))
-    return float(parts.costs(typical).min(axis=1).mean())
+        return np.full(len(cut), np.inf)
+    read = []
+    for each in cut:
+        ways = ways_of(each.points)
+        read.append(at_equal_way(each.points, ways, begins * ways[-1], (begins + 1 / _PARTS) * ways[-1]))
+    least = Pieces.of(np.concatenate(read)).costs(typical).min(axis=1)
+    costs: Numbers = least.reshape(len(cut), -1).mean(axis=1, dtype=np.float64)
+    return costs
 
 
 def _nothing(motions: Sequence[Clip], seconds: Numbers) -> Numbers | None:
@@ -387,12 +395,12 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
     return at_equal_way(points, ways, begin[some], end[some])
 
 
-def _least(pieces: Pieces, unwanted: Numbers | None) -> Numbers:
-    """Give the limit of each piece by movement that must not be said, shape (pieces,)."""
+def _least(pieces: Pieces, unwanted: Numbers | None, counts: NDArray[np.bool_] | Literal[True] = True) -> Numbers:
+    """Give the limit of each piece by windows that must not be said, or those that count: shape (pieces,)."""
     if unwanted is None or not len(unwanted):
         return np.full(len(pieces.lengths), np.inf)
     windows = Pieces.of(unwanted)
-    costs = np.where(pieces.as_far(windows), pieces.costs(windows), np.inf)
+    costs = np.where(pieces.as_far(windows) & counts, pieces.costs(windows), np.inf)
     least: Numbers = _OF_OTHERS * costs.min(axis=1).astype(np.float64)
     return least
 
@@ -405,7 +413,9 @@ def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbe
     for _ in range(_DRAWN):
         one = int(draw.integers(len(whole)))
         other = int(draw.choice(np.flatnonzero(of_class != of_class[one])))
-        path = np.cumsum(np.concatenate([np.zeros((1, whole.shape[2])), steps[one, :half], steps[other, half:]]), axis=0)
+        path = np.cumsum(
+            np.concatenate([np.zeros((1, whole.shape[2])), steps[one, :half], steps[other, half:]]), axis=0
+        )
         ways = ways_of(path)
         drawn.append(at_equal_way(path, ways, np.zeros(1), ways[-1:]))
     costs = Pieces.of(np.concatenate(drawn)).costs(pieces)
@@ -414,15 +424,11 @@ def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbe
 
 
 def _elsewhere(cut: Sequence[_Cut], of_class: NDArray[np.intp], begun: Pieces) -> Numbers:
-    """Give the limit of each motion's first part by the whole of other classes' motions, shape (motions,)."""
-    limits = np.full(len(cut), np.inf)
-    for place in np.unique(of_class):
-        own = of_class == place
-        longest = max((len(each.points) - 1) * STEP for each in cut)
-        others = [each.points for each, is_own in zip(cut, own, strict=True) if not is_own]
-        read = [windows_of(each, _counts(longest), _MAX_WINDOWS // len(others)) for each in others]
-        limits[own] = _least(Pieces(*(each[own] for each in begun)), np.concatenate(read))
-    return limits
+    """Give the limit of each motion's first part by all parts of other classes' motions, shape (motions,)."""
+    counts, each_most = _counts(max(len(each.points) - 1 for each in cut) * STEP), -(-_MAX_OTHERS // len(cut))
+    read = [windows_of(each.points, counts, each_most) for each in cut]
+    others = np.repeat(of_class, [len(each) for each in read])
+    return _least(begun, np.concatenate(read), of_class[:, None] != others)
 
 
 # --- everyday movement ------------------------------------------------------------------------------------------------

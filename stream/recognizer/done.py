@@ -214,7 +214,9 @@ class DoneFollower:
         ways, begin = self._ways[: self._count], int(begins[free][window])
         gone = ways[-1] - ways[begin]
         first, last = np.searchsorted(ways[begin:], ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY]))
-        start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(int(first) - 1, 0), int(last)))
+        start, end = (
+            self.time - (self._count - 1 - begin - place) * STEP for place in (max(int(first) - 1, 0), int(last))
+        )
         place = int(np.searchsorted(courses.starts, motion, side="right")) - 1
         seconds, amplitude = float(courses.seconds[motion]), gone / float(pieces.lengths[motion])
         speed = seconds / max(end - start, STEP)

@@ -503,9 +503,7 @@ class Recognizer:
     def _done_of(self, performer: str, found: Found) -> Done:
         seconds = found.end - found.start
         index = self.classes.index(found.class_name)
-        return Done(
-            performer, found.class_name, index, found.start, seconds, found.score, found.speed, found.amplitude
-        )
+        return Done(performer, found.class_name, index, found.start, seconds, found.score, found.speed, found.amplitude)
 
     def end(self) -> Event | None:
         """End the motion that goes on, because no frame will come, or none came for `MAX_PAUSE` seconds.

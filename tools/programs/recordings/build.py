@@ -24,8 +24,8 @@ from kinespace.library.recordings import (
     segments_beside,
 )
 from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
-from kinespace.library.windows.segments import mirrored
 from kinespace.library.windows.courses import without_course
+from kinespace.library.windows.segments import mirrored
 from kinespace.tools.cli.arguments import (
     BUILT_IN,
     add_labels,

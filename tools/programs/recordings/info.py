@@ -16,8 +16,8 @@ import numpy as np
 
 from kinespace.library import distance_rows, find_recordings, kernels
 from kinespace.library.recordings import instead_of_recording, is_recording, labelled
-from kinespace.library.windows.index import opened
 from kinespace.library.windows.courses import without_course
+from kinespace.library.windows.index import opened
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.recording import decoded

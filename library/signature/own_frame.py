@@ -80,7 +80,7 @@ def averaged(rows: NDArray[np.floating], steps: int) -> NDArray[np.float64]:
 
 
 def at_steps(
-    times: NDArray[np.float64], positions: NDArray[np.floating], steps: NDArray[np.float64]
+    times: NDArray[np.floating], positions: NDArray[np.floating], steps: NDArray[np.floating]
 ) -> NDArray[np.float64]:
     """Give the body at some times, on straight lines between frames.
 

@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -359,7 +359,7 @@ def _most(crossed: Numbers) -> float:
 
 
 def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton) -> Numbers:
-    """Give what everyday movement costs the parts of each motion: the mean of their least costs; infinite for unknown."""
+    """Give what everyday movement costs the parts of each motion, the mean of their least; infinite for unknown."""
     typical, begins = everyday(skeleton), np.linspace(0.0, 1.0 - 1 / _PARTS, 2 * _PARTS - 1)
     if typical is None:
         return np.full(len(cut), np.inf)
@@ -395,12 +395,13 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
     return at_equal_way(points, ways, begin[some], end[some])
 
 
-def _least(pieces: Pieces, unwanted: Numbers | None, counts: NDArray[np.bool_] | Literal[True] = True) -> Numbers:
+def _least(pieces: Pieces, unwanted: Numbers | None, counts: NDArray[np.bool_] | None = None) -> Numbers:
     """Give the limit of each piece by windows that must not be said, or those that count: shape (pieces,)."""
     if unwanted is None or not len(unwanted):
         return np.full(len(pieces.lengths), np.inf)
     windows = Pieces.of(unwanted)
-    costs = np.where(pieces.as_far(windows) & counts, pieces.costs(windows), np.inf)
+    alike = pieces.as_far(windows) if counts is None else pieces.as_far(windows) & counts
+    costs = np.where(alike, pieces.costs(windows), np.inf)
     least: Numbers = _OF_OTHERS * costs.min(axis=1).astype(np.float64)
     return least
 

@@ -122,7 +122,8 @@ class DoneFollower:
         self._points, self._ways = np.zeros((_ROOM * self._longest, width)), np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
         lengths = np.concatenate([courses.whole.lengths, courses.begun.lengths])
-        self._least, self._most = (lengths.min() / MAX_WAY, lengths.max() * MAX_WAY) if len(lengths) else (0.0, 0.0)
+        self._least = float(lengths.min()) / MAX_WAY if len(lengths) else 0.0
+        self._most = float(lengths.max()) * MAX_WAY if len(lengths) else 0.0
         self.clear()
 
     def clear(self) -> None:
@@ -213,10 +214,9 @@ class DoneFollower:
         window, motion = divmod(int(costs.argmin()), costs.shape[1])
         ways, begin = self._ways[: self._count], int(begins[free][window])
         gone = ways[-1] - ways[begin]
-        first, last = np.searchsorted(ways[begin:], ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY]))
-        start, end = (
-            self.time - (self._count - 1 - begin - place) * STEP for place in (max(int(first) - 1, 0), int(last))
-        )
+        moves = ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY])
+        first, last = np.searchsorted(ways[begin:], moves).tolist()
+        start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))
         place = int(np.searchsorted(courses.starts, motion, side="right")) - 1
         seconds, amplitude = float(courses.seconds[motion]), gone / float(pieces.lengths[motion])
         speed = seconds / max(end - start, STEP)
@@ -230,7 +230,7 @@ class DoneFollower:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()
         seen = starts or done
         # What was moving when a class was said to begin is the same motion still.
-        is_new = bool(seen) and seen.start >= self._said.get(seen.class_name, -math.inf)
-        if is_new:
-            self._said[seen.class_name] = self.time
-        return Look(done, seen, is_new)
+        if seen is None or seen.start < self._said.get(seen.class_name, -math.inf):
+            return Look(done, seen)
+        self._said[seen.class_name] = self.time
+        return Look(done, seen, begins=True)

@@ -236,7 +236,7 @@ class Decision:
         guess, lead = self._follow(distances, classes, elapsed)
         known, evidence = True, None
         if weighing.judges:
-            evidence = Evidence.of(comparer.alone, classes.index(guess), noise)
+            evidence = Evidence.of(comparer.judged, classes.index(guess), noise)
             rejection = index.rejection
             known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN

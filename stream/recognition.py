@@ -129,6 +129,28 @@ class Progress:
     cycles: int
 
 
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """A motion whose course was seen (`stream.recognizer.done`): its first part, or all of it.
+
+    Attributes
+    ----------
+    class_name
+        Its class.
+    score
+        1 for the very motion of the library, 0.5 at the limit.
+    seconds
+        How long the nearest motion of the library lasts.
+    begins
+        Whether it has begun just now: its movement is no part of a motion of its class that was seen before.
+    """
+
+    class_name: str
+    score: float
+    seconds: float
+    begins: bool
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Recognition:
     """The answer to one window of one performer.
@@ -173,6 +195,10 @@ class Recognition:
         Names of the joints that cannot be believed; the class is named without them.
     done
         The motion that was found just now to have been done; None for none.
+    seen
+        The motion whose course was seen just now; None for none.
+    by_course
+        Whether the guess's class has a course, so that it starts where its course is seen.
     ended_at
         When a motion that went on ended before this window, seconds: its body stood elsewhere, or the feed paused; else
         None.
@@ -195,6 +221,8 @@ class Recognition:
     events: tuple[Event, ...] = ()
     doubted: tuple[str, ...] = ()
     done: Done | None = None
+    seen: Seen | None = None
+    by_course: bool = False
     ended_at: float | None = None
 
     @property

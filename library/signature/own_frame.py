@@ -69,7 +69,8 @@ def own_points(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[n
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     lengths = np.sqrt(np.einsum("tc,tc->t", vectors, vectors))
-    return vectors / np.maximum(lengths, _TINY)[:, None]
+    unit: NDArray[np.float64] = vectors / np.maximum(lengths, _TINY)[:, None]
+    return unit
 
 
 def averaged(rows: NDArray[np.floating], steps: int) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.signature.parts import Part
     from kinespace.library.windows.comparison import Comparison, Group
+    from kinespace.library.windows.likelihood import Likelihood
     from kinespace.library.windows.metric import Metric
 
     Numbers = NDArray[np.float64]
@@ -141,6 +142,8 @@ class Comparer:
         How windows are compared, and the library's windows.
     pairs, directions
         Numbers of a distance row, and directions of the basis.
+    likelihood
+        What judges the guess in place of the distances by each group; None for nothing.
 
     Attributes
     ----------
@@ -151,20 +154,23 @@ class Comparer:
     logs
         The result: for each of the weighing's `weights` and each class the log distance of the nearest window, as the
         mean over the two nearest persons, shape (weights, classes).
-    named, alone
-        The log distance of each class for naming (`Weighing.named`), shape (classes,); and by each group alone, a view
-        of `logs`, shape (groups, classes).
+    named, judged
+        The log distance of each class for naming (`Weighing.named`), shape (classes,); and the numbers by which a guess
+        is judged: the log distances by each group alone, a view of `logs`, shape (groups, classes), or by `likelihood`,
+        shape (1, classes).
     scores
         The result for the leading eigenvector alone: each class's best |inner product| (Le Naour et al. 2012, section
         3), 0 to 1, shape (classes,); where persons agree by products, the mean over the two nearest.
     """
 
-    def __init__(self, comparison: Comparison, laid: Laid, pairs: int, directions: int) -> None:
+    def __init__(
+        self, comparison: Comparison, laid: Laid, pairs: int, directions: int, likelihood: Likelihood | None = None
+    ) -> None:
         weighing, classes, room = comparison.weighing, len(laid.starts) - 1, laid.lengths.shape[1]
         found = min(weighing.eigenvectors, directions)
         self.eigenvectors = np.zeros((found, directions))
         self.logs, self.scores = np.zeros((len(laid.weights), classes)), np.zeros(classes)
-        self.named, self.alone = np.zeros(classes), weighing.alone(self.logs)
+        self.named, self.judged = np.zeros(classes), weighing.alone(self.logs)
         sizes = laid.groups[:, 0] * np.maximum(laid.groups[:, 1], 1)
         vectors = np.zeros(int(sizes.sum()))
         of_groups = dict(zip(weighing.groups, np.split(vectors, np.cumsum(sizes)[:-1]), strict=True))
@@ -191,6 +197,9 @@ class Comparer:
         products = np.zeros((len(laid.weights), room), dtype=np.float32)
         how = weighing.nearest, weighing.by_products, len(weighing.views)
         self._steps.append(bind("compare", *laid[:6], vectors, products, self.logs, self.named, *how))
+        if likelihood:
+            self.judged = np.zeros((1, classes))
+            self._steps.append(likelihood.bound(vectors, self.judged[0]))
         leading = self.eigenvectors[0]
         if weighing.by_products:
             self._steps.append(lambda: np.copyto(self.named, weighing.named(self.logs)))

@@ -51,6 +51,8 @@ _TAUGHT_AXES = 32
 #: products.
 _PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}
 _GROUP_SHRINKAGE = 0.2
+#: Mean squared distance of HDM05's windows from their middle, where two people in the same motion are at 1.
+_APART = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +218,8 @@ class Comparison:
                 groups.append(None)
                 continue
             joined = np.concatenate([placed[part] for part in group], axis=-1, dtype=np.float64)
-            groups.append(learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES))
+            metric = learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES, apart=_APART)
+            groups.append(metric)
         return cls(weighing, parts, tuple(groups))
 
     def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:

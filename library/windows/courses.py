@@ -104,8 +104,7 @@ class Pieces(NamedTuple):
         directions = steps / np.maximum(lengths, _TINY)[:, :, None]
         courses = np.matmul(_blur(), directions).reshape(len(points), -1)
         ways, widths = np.abs(steps).sum(axis=1), np.ptp(points, axis=1)
-        unit = (each / np.maximum(np.linalg.norm(each, axis=1), _TINY)[:, None] for each in (courses, ways, widths))
-        return cls(*(each.astype(np.float32) for each in unit), lengths.sum(axis=1).astype(np.float32))
+        return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1).astype(np.float32))
 
     def costs(self, others: Pieces) -> Floats:
         """Compare with other pieces: shape (pieces, others)."""
@@ -121,6 +120,11 @@ class Pieces(NamedTuple):
 
 
 _TINY = 1e-9
+
+
+def _unit(rows: NDArray[np.floating]) -> Floats:
+    unit: Floats = (rows / np.maximum(np.linalg.norm(rows, axis=1), _TINY)[:, None]).astype(np.float32)
+    return unit
 
 
 @cache
@@ -193,7 +197,8 @@ class Courses:
         cut = sorted(_cut(motions), key=lambda each: (each.class_name, len(each.points)))
         if not cut:
             none = Pieces.of(np.zeros((0, POINTS, 1)))
-            return cls((), np.zeros(0, dtype=np.intp), none, none, np.zeros((2, 0), np.float32), *np.zeros((2, 0)), ())
+            empty = np.zeros(0)
+            return cls((), np.zeros(0, dtype=np.intp), none, none, np.zeros((2, 0), np.float32), empty, empty, ())
         names = [each.class_name for each in cut]
         classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
         whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
@@ -342,8 +347,9 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
     crossed = np.full(len(cut), np.nan)
     for place in np.unique(of_class):
         own = np.flatnonzero(of_class == place)
-        several = len({cut[each].actor for each in own}) > 1
-        whose = np.array([cut[each].actor if several else str(cut[each].clip) for each in own])
+        pieces_of = [cut[each] for each in own.tolist()]
+        several = len({each.actor for each in pieces_of}) > 1
+        whose = np.array([each.actor if several else str(each.clip) for each in pieces_of])
         some = Pieces(*(each[own] for each in pieces))
         costs = np.where((whose[:, None] != whose) & some.as_far(some), some.costs(some), np.inf)
         if costs.size:

@@ -22,6 +22,7 @@ from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LAB
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
 from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
+from kinespace.library.windows.likelihood import Likelihood
 from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.remembered import remembered
@@ -148,6 +149,12 @@ class WindowIndex:
     def laid(self) -> Laid:
         """The windows as they are compared, for all comparers."""
         return Laid.of(self.comparison, self.vectors, self.eigenvectors, self._whose)
+
+    @cached_property
+    def likelihood(self) -> Likelihood | None:
+        """What judges a guess where the library cannot learn what is unknown; else None."""
+        judged = self.comparison.weighing.judges and self.rejection.by_likelihood
+        return Likelihood.of(self.vectors, self.laid.starts) if judged else None
 
     @cached_property
     def rejection(self) -> Rejection:
@@ -333,11 +340,12 @@ class WindowIndex:
 
     def comparer(self) -> Comparer:
         """Give a comparer for the windows of one performer."""
-        return Comparer(self.comparison, self.laid, *self.basis.directions.shape)
+        pairs, directions = self.basis.directions.shape
+        return Comparer(self.comparison, self.laid, pairs, directions, self.likelihood)
 
     def prepared(self) -> Self:
         """Compute now what is otherwise computed at first use, so that the first hop need not wait; give itself."""
-        _ = self.laid, self.segments, self.courses, self.rejection if self.comparison.weighing.judges else None
+        _ = self.laid, self.segments, self.courses, self.likelihood
         return self
 
     def asking(self) -> Callable[[int, NDArray[np.bool_]], NDArray[np.float64]]:

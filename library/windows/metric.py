@@ -70,7 +70,9 @@ class Lessons(NamedTuple):
         return [own for own in each if len(np.unique(self.people[own])) > 1]
 
 
-def learned_metric(numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage: float, kept: int) -> Metric:
+def learned_metric(
+    numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage: float, kept: int, apart: float = 1.0
+) -> Metric:
     """Learn a metric from windows of several people.
 
     Parameters
@@ -83,6 +85,8 @@ def learned_metric(numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage:
         0 to 1; at 1 the scatter is not used.
     kept
         How many axes to keep at most.
+    apart
+        The mean squared distance of windows from their middle where no two persons share a class.
 
     Returns
     -------
@@ -99,7 +103,7 @@ def learned_metric(numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage:
             axes = _whitened_axes(differences, reduced, shrinkage, kept)
             differences = _differences(reduced @ axes, reduced, lessons, shared)
     square = float(np.square(differences @ axes).sum(axis=1).mean())
-    axes = axes / np.sqrt(square) if square > 0 else axes
+    axes = axes * np.sqrt((1.0 if shared else apart) / square) if square > 0 else axes
     # Axes of half precision: the compiled loops then read half as much, and numpy uses the same numbers.
     return Metric(origin.astype(np.float32), (back @ axes).astype(np.float16).astype(np.float32))
 

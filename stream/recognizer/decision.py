@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.rejection import Rejection
     from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer.done import Look
     from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 
 #: The lead after which a class becomes the guess.
@@ -184,11 +183,6 @@ class Decision:
         The start of a motion that goes on already.
     stillness
         As in `stream.recognizer.settings.Settings`.
-
-    Attributes
-    ----------
-    with_course
-        The classes whose motions are seen by their course (`stream.recognizer.done`).
     """
 
     def __init__(self, lead: float, going_on: Event | None = None, stillness: float = 0.0) -> None:
@@ -196,7 +190,6 @@ class Decision:
         self._active, self._stillness = going_on, stillness
         self._event.current = going_on.label if going_on else None
         self._decided_at = self._event_at = math.nan
-        self.with_course: Collection[str] = ()
         self._seen_until = -math.inf
 
     @property
@@ -252,7 +245,7 @@ class Decision:
         guess, lead = self._follow(distances, classes, elapsed)
         known, evidence = True, None
         if weighing.judges:
-            evidence = Evidence.of(comparer.alone, classes.index(guess), noise)
+            evidence = Evidence.of(comparer.judged, classes.index(guess), noise)
             rejection = index.rejection
             known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
@@ -275,7 +268,7 @@ class Decision:
             guess = self._guess.current = leader
         return guess, ahead if guess == leader else nearest - listed[classes.index(guess)]
 
-    def events(self, recognition: Recognition, look: Look) -> tuple[Event, ...]:
+    def events(self, recognition: Recognition) -> tuple[Event, ...]:
         """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start.
 
         A class with a course starts when the course of its motions has been seen, and ends when it has not been seen
@@ -286,15 +279,16 @@ class Decision:
         self._event_at = recognition.time
         if not 0 <= elapsed <= _MAX_HOP:
             elapsed = _MAX_HOP if elapsed > 0 else 0.0
-        if seen := look.seen:
+        if seen := recognition.seen:
             goes_on = self._active is not None and self._active.label == seen.class_name
-            if goes_on or look.begins:
+            if goes_on or seen.begins:
                 self._seen_until = recognition.time + max(_SEEN, seen.seconds)
-            if look.begins and not goes_on:
-                return (*before, *self._starts(recognition, recognition.classes.index(seen.class_name)))
+            if seen.begins and not goes_on:
+                index = recognition.classes.index(seen.class_name)
+                return (*before, *self._starts(recognition, index, seen.score))
         named = recognition.class_name or _NONE
         pace = min(max(recognition.lead, 0.0), _MAX_EVENT_PACE)
-        if named in self.with_course:
+        if named and recognition.by_course:
             is_seen = self._active and self._active.label == named and recognition.time < self._seen_until
             named = named if is_seen else _NONE
         if named == _NONE:
@@ -303,11 +297,14 @@ class Decision:
             return before
         return (*before, *self._starts(recognition, recognition.class_index if named else -1))
 
-    def _starts(self, recognition: Recognition, index: int) -> tuple[Event, ...]:
-        """End the motion that goes on, and start another; -1 starts none."""
+    def _starts(self, recognition: Recognition, index: int, score: float | None = None) -> tuple[Event, ...]:
+        """End the motion that goes on, and start another, with a score of its own; -1 starts none."""
         self._event.current = recognition.classes[index] if index >= 0 else _NONE
         ended = [_event(EventKind.END, recognition, self._active.index)] if self._active else []
-        self._active = _event(EventKind.START, recognition, index) if index >= 0 else None
+        self._active = None
+        if index >= 0:
+            started = _event(EventKind.START, recognition, index)
+            self._active = started if score is None else replace(started, score=score)
         return (*ended, *([self._active] if self._active else []))
 
     def ends(self, recognition: Recognition) -> tuple[Event, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points
 from kinespace.library.windows.courses import MAX_WAY, Pieces, at_equal_way, share_at
+from kinespace.stream.recognition import Seen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,21 +63,10 @@ class Found(NamedTuple):
 
 
 class Look(NamedTuple):
-    """The result of a look.
-
-    Attributes
-    ----------
-    done
-        The motion that was done; None for none.
-    seen
-        The motion that was done, or of which the first part was seen; None for none.
-    begins
-        Whether that motion has begun just now: its movement is no part of a motion of its class that was seen before.
-    """
+    """The motion that was done, and the motion whose course was seen; None for none."""
 
     done: Found | None = None
-    seen: Found | None = None
-    begins: bool = False
+    seen: Seen | None = None
 
 
 class _Streak:
@@ -228,9 +218,11 @@ class DoneFollower:
         starts = begun if self._begun.sees(begun.class_name if begun else "") else None
         if done:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()
-        seen = starts or done
+        found = starts or done
+        if found is None:
+            return Look()
         # What was moving when a class was said to begin is the same motion still.
-        if seen is None or seen.start < self._said.get(seen.class_name, -math.inf):
-            return Look(done, seen)
-        self._said[seen.class_name] = self.time
-        return Look(done, seen, begins=True)
+        begins = found.start >= self._said.get(found.class_name, -math.inf)
+        if begins:
+            self._said[found.class_name] = self.time
+        return Look(done, Seen(found.class_name, found.score, found.seconds, begins))

@@ -184,7 +184,7 @@ class Recognizer:
         """Answer with the classes of an index, in an order."""
         classes = index.classes
         self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
-        self._decision.with_course = index.courses.classes if self._done else ()
+        self._by_course = frozenset(index.courses.classes) if self._done else frozenset[str]()
         # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes
@@ -470,6 +470,7 @@ class Recognizer:
         looks = frame.time >= self._fitting.due and outcome is not Outcome.STILL
         if looks and (newest := self._joints.newest) is not None:
             self._fitting.look(frame.time, newest)
+        look, self._look = self._look or Look(), None
         recognition = Recognition(
             performer=frame.performer,
             time=frame.time,
@@ -486,18 +487,19 @@ class Recognizer:
             gap=seen.gap,
             evidence=decided.evidence,
             doubted=doubted,
+            done=self._done_of(frame.performer, look.done) if look.done else None,
+            seen=look.seen,
+            by_course=decided.guess in self._by_course,
             ended_at=self._ended_at,
         )
-        look, self._look = self._look or Look(), None
-        events, self._ended_at = self._decision.events(recognition, look), None
+        events, self._ended_at = self._decision.events(recognition), None
         progress = None
         if self._progress:
             going_on = self._decision.going_on
             motion = recognition.class_name or (going_on.label if going_on else None)
             progress = self._progress.push(frame.time, self._windows.place(), motion)
-        if events or progress or look.done:
-            done = self._done_of(frame.performer, look.done) if look.done else None
-            return replace(recognition, events=events, progress=progress, done=done)
+        if events or progress:
+            return replace(recognition, events=events, progress=progress)
         return recognition
 
     def _done_of(self, performer: str, found: Found) -> Done:

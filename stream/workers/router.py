@@ -375,16 +375,19 @@ def _is_whole(answer: Answered) -> bool:
     """Say whether an answer has a score for each class, names none but these, and its numbers are finite."""
     given, known = answer.recognition, answer.long_ago
     classes, progress, evidence, done = len(given.classes), given.progress, given.evidence, given.done
+    seen = given.seen
     numbers = (
         *(given.time, given.ended_at or 0.0, given.movement, given.eigenvector_score, given.share, given.gap),
         *((known.factor, known.tremble, known.last_jump or 0.0) if known else ()),
         *((progress.phase, progress.scrub, progress.speed, progress.amplitude, progress.sure) if progress else ()),
         *((*evidence.distances, *evidence.leads, evidence.noise) if evidence else ()),
         *((done.start, done.duration, done.score, done.speed, done.amplitude) if done else ()),
+        *((seen.score, seen.seconds) if seen else ()),
         *(answer.carried.joints if answer.carried else ()),
         *given.scores.tolist(),
     )
     named = progress is None or progress.class_name in given.classes
+    named = named and (seen is None or seen.class_name in given.classes)
     named = named and (done is None or given.classes[done.index : done.index + 1] == (done.label,))
     # The only class of a library leads infinitely.
     is_known = named and not math.isnan(given.lead) and all(map(math.isfinite, numbers))

@@ -289,6 +289,23 @@ def logit(  # noqa: PLR0913 - all that a judgement knows
     return weighed + offset + bias + slope * sum(leads) / len(leads)
 
 
+def ratio(one: Sequence[float], other: Sequence[float]) -> float:
+    """Say how much likelier two vectors are the same motion by two people than any two movements, as a logarithm.
+
+    By the densities themselves. Along each axis two windows of any two movements vary by t each, and independently;
+    two of the same motion share t − w of it.
+    """
+    total = 0.0
+    for place, both in enumerate(zip(one, other, strict=True), start=1):
+        whole = 0.05 / math.sqrt(place)
+        shared = whole - min(1 / 128, 0.8 * whole)
+        pair = np.array(both)
+        same, apart = np.array([[whole, shared], [shared, whole]]), np.diag([whole, whole])
+        for sign, covariance in ((1, same), (-1, apart)):
+            total -= sign * float(pair @ np.linalg.inv(covariance) @ pair + math.log(np.linalg.det(covariance))) / 2
+    return total
+
+
 def evidence(groups: Matrix, guess: int) -> tuple[list[float], list[float]]:
     """Give distance and lead of a guess by each group, from log distances (groups, classes)."""
     leads = [min((row[c] for c in range(len(row)) if c != guess), default=math.inf) - row[guess] for row in groups]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from naive_windows import NaiveComparison, NaiveMetric, body_of, nearest, numbers_of
+from naive_windows import NaiveComparison, NaiveMetric, body_of, nearest, numbers_of, ratio
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -54,6 +55,14 @@ class Twin:
         """Read all parts off the rows up to a time."""
         parts = [(str(part.kind), part.seconds) for part in self.index.comparison.weighing.parts]
         return numbers_of(parts, ends, times, rows, self.index.basis.directions, self.body)
+
+    def unlikelihoods(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
+        """Give for each class its least negative ratio, the mean over the groups and in fives: (1, classes)."""
+        asked, best = self.comparison.place(numbers), dict[str, float]()
+        for window, name in enumerate(self.labels[0]):
+            ratios = [ratio(one, others[window]) for one, others in zip(asked, self.windows, strict=True)]
+            best[name] = max(sum(ratios) / len(ratios), best.get(name, -math.inf))
+        return np.array([[-best[name] / 5 for name in sorted(best)]])
 
     def log_distances(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
         """Compare with every window, one at a time: (views, classes)."""

@@ -23,7 +23,7 @@ from kinespace.library import NOTHING, Clip, MotionLibrary
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.index import WindowIndex, keeping_lessons
-from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, stand_in, typical_evidence
+from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
@@ -75,6 +75,10 @@ _COLUMNS = (
     ("starts a minute", "{starts_per_minute:.1f}"),
     ("takes whose motion is named", "{takes_found:.0%}"),
 )
+
+_SHAPE = 2 * len(ACROSS_LABORATORIES.groups)
+#: The numbers of a library that is only asked for evidence.
+_NOTHING_LEARNED = Rejection(np.zeros(_SHAPE + 1), 0.0, {}, {}, np.zeros(len(RATES)), np.zeros(_SHAPE))
 
 #: The evidence and the guess of some windows.
 Evidenced = list[tuple[Evidence, str]]
@@ -219,7 +223,7 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
         by_joints[tuple(name for name in everyone if name in take.clip.skeleton.joints)].append(take)
     most = max(map(len, by_joints))
     # Guests are compared where there are numbers for few joints, whatever they are.
-    guesting = replace(library, learned=replace(stand_in(groups), joints=most).kept(few=True))
+    guesting = replace(library, learned=replace(_NOTHING_LEARNED, joints=most).kept(few=True))
     bodies = [_Body.of(guesting.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
 
     shown = [[*body.courses, *body.fewer] for body in bodies]
@@ -251,7 +255,7 @@ def _relative(windows: Evidenced, typical: NDArray[np.float64]) -> Evidenced:
 def _index(library: MotionLibrary) -> WindowIndex:
     """Open a library for asking; its rejection is not used yet."""
     index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
-    return replace(index, judged_by=stand_in(len(ACROSS_LABORATORIES.groups)))
+    return replace(index, judged_by=_NOTHING_LEARNED)
 
 
 def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:

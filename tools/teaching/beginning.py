@@ -124,10 +124,6 @@ def _base(
     if library:
         return opened(library.restricted_to(joints) if taught else library)
     builtin = MotionLibrary.builtin()
-    if without:
-        builtin = builtin.without(actors=without)
-    # The numbers learned from the built-in motions make opening quick; those of other motions are left out.
-    builtin = replace(builtin, learned=builtin.learned and builtin.learned.of_these_motions())
     wanted = builtin.skeleton.joints
     joints = joints or wanted
     left_out = [name for name in joints if name not in wanted]
@@ -137,7 +133,9 @@ def _base(
         return None
     if left_out:
         say(f"taught motions are compared by {shared} of {len(joints)} joints, without {', '.join(left_out)}")
-    return opened(builtin.restricted_to(joints))
+    # One motion is no teacher of its own: as in a library's file, the built-in persons' metrics compare, by all axes.
+    one = replace(builtin, motions=builtin.motions[:1], guests=(), learned=None).restricted_to(joints)
+    return WindowIndex.of(one, builtin.without(actors=without).restricted_to(joints)) if without else opened(one)
 
 
 def _any_motion(joints: Sequence[str]) -> MotionLibrary:

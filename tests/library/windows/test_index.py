@@ -20,7 +20,7 @@ from kinespace.library.windows.comparer import Comparer, Laid
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
-from kinespace.library.windows.rejection import RATES, learned_rejection, stand_in
+from kinespace.library.windows.rejection import RATES, Rejection, learned_rejection
 from kinespace.tools.feeding.joint_sets import joints_of
 
 if TYPE_CHECKING:
@@ -331,7 +331,9 @@ def test_guests_are_compared_with_bodies_of_few_joints(people: MotionLibrary) ->
 
 
 def _few_numbers() -> dict[str, np.ndarray]:
-    numbers = replace(stand_in(len(ACROSS_LABORATORIES.groups)), thresholds=np.full(len(RATES), 4.0))
+    groups = len(ACROSS_LABORATORIES.groups)
+    weights = np.repeat([-2.0 / groups, 2.0 / groups, 0.0], [groups, groups, 1])
+    numbers = Rejection(weights, 0.0, {}, {}, np.full(len(RATES), 4.0), np.zeros(2 * groups))
     return {**numbers.kept().named, **replace(numbers, joints=5).kept(few=True).named}
 
 

@@ -16,9 +16,9 @@ from kinespace.library.windows.rejection import (
     USUAL_OVER,
     Evidence,
     Rejection,
+    by_likelihood,
     learned_rejection,
     most_of_few,
-    stand_in,
     typical_evidence,
 )
 
@@ -146,14 +146,23 @@ def test_a_library_learns_from_its_own_motions(learning: WindowIndex) -> None:
 
 
 def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
-    """A library of one motion, or of one class, is judged by numbers that stand in."""
+    """A library of one motion, or of one class, is judged by likelihood ratios."""
     alone = WindowIndex.of(replace(sticks, motions=sticks.motions[:1]))
     for index in (alone, WindowIndex.of(sticks.without(classes=sticks.classes[1:]))):
-        assert np.array_equal(learned_rejection(index).weights, stand_in(2).weights)
+        assert index.rejection.by_likelihood
+        assert index.likelihood is not None
         assert index.rejection.held == HELD_ONE
     assert np.array_equal(typical_evidence(alone), np.zeros(4))
-    near, far = (alone.rejection.logit(EVIDENCE._replace(distances=(each, each)), "") for each in (-1.0, 2.0))
+    near, far = (alone.rejection.logit(Evidence((each,), (0.0,)), "") for each in (-3.0, 0.0))
     assert near > alone.rejection.threshold_at(0.05) > far
+
+
+def test_of_many_classes_a_guess_needs_more() -> None:
+    """Among n classes by log n, because some is like any movement by chance; the only class leads clearly."""
+    evidence = Evidence((-3.0,), (MAX_LEAD,))
+    among = [by_likelihood(count).logit(evidence, "") for count in (2, 8)]
+    assert among[0] - among[1] == pytest.approx(np.log(4))
+    assert by_likelihood(1).logit(Evidence((-3.0,), (0.0,)), "") == pytest.approx(3.0 + MAX_LEAD)
 
 
 @pytest.mark.slow

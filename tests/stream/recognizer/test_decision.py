@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinespace.library.windows.rejection import stand_in
+from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
 from kinespace.stream.recognizer.limits import index_for
@@ -103,7 +103,7 @@ def test_a_guess_is_known_by_averaged_evidence(
     course: list[tuple[float, float]], threshold: float, over: float, held: float
 ) -> None:
     """The average over some seconds, whatever the hops, is against a threshold that is lower for what is known."""
-    rejection = replace(stand_in(2), over=over, held=held)
+    rejection = replace(by_likelihood(2), over=over, held=held)
     judgement, times = Judgement(), np.cumsum([elapsed for _, elapsed in course]).tolist()
     assert math.isnan(judgement.average)
     expected = naive_stream.known(times, [logit for logit, _ in course], threshold, over, held)

@@ -16,12 +16,14 @@ from programs import LOOPBACK, PATIENCE, builtin_library, started, wait_until_re
 from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.osc import OscReceiver, OscSender
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.osc.packet import decode_packet, encode_message
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.tools.teaching.beginning import open_taught
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -215,3 +217,17 @@ def test_three_gestures_are_taught_and_recognised(tmp_path: Path) -> None:
     assert {"waiting", "recording", "checking", "done"} <= {*states}
     assert tuple(GESTURES) in [tuple(each.arguments) for each in heard if each.address == "/motion/classes"]
     assert set(MotionLibrary.load(file).classes) == set(GESTURES)
+
+
+def test_a_file_answers_the_same_taught_and_as_a_library(builtin: MotionLibrary) -> None:
+    """One example of three classes, opened as by `--library X` and by `--teach X --library none`: the same answers."""
+    first = {motion.class_name: motion for motion in reversed(builtin.motions) if motion.actor == "bd"}
+    library = MotionLibrary.of_clips([first[name] for name in builtin.classes[:3]])
+    names, indices = set[Outcome](), (opened(library), open_taught(library))
+    for asked in [each for each in builtin.motions if each.actor == "mm"][::20]:
+        frames = [Frame("p", *each) for each in zip(asked.times.tolist(), asked.positions, strict=True)]
+        both = [pushed(Recognizer(index), frames) for index in indices]
+        for one, other in zip(*both, strict=True):
+            assert (one.label, one.evidence) == (other.label, other.evidence)
+            names.add(one.outcome)
+    assert {Outcome.NAMED, Outcome.UNKNOWN} <= names

@@ -14,6 +14,7 @@ from naive_stream import NaiveFeed
 from naive_windows import evidence, logit
 from twins import Twin
 
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome
 from kinespace.stream.recognizer import Recognizer, Settings
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 
     from naive_stream import NaiveHop
 
+    from kinespace.library import MotionLibrary
     from kinespace.library.clip import Clip
-    from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.recognition import Recognition
 
 
@@ -85,11 +86,14 @@ def _assert_alike(answer: Recognition, hop: NaiveHop, twin: Twin) -> None:
     """Hold one answer against the twin's: time, distances of all classes, evidence, and how much moves."""
     index = twin.index
     assert answer.time == hop.time
-    views = twin.log_distances(twin.numbers(hop.time, hop.times, hop.rows))
+    numbers = twin.numbers(hop.time, hop.times, hop.rows)
+    views = twin.log_distances(numbers)
     expected = views[: len(index.comparison.weighing.views)].min(axis=0)
     assert np.abs(_distances(answer) - expected).max() <= SAME
     assert answer.evidence is not None
-    distances, leads = evidence(views[len(index.comparison.weighing.views) :], answer.guess)
+    by_groups = views[len(index.comparison.weighing.views) :]
+    judged = twin.unlikelihoods(numbers) if index.rejection.by_likelihood else by_groups
+    distances, leads = evidence(judged, answer.guess)
     assert answer.evidence.distances == pytest.approx(distances, abs=SAME)
     assert answer.evidence.leads == pytest.approx(leads, abs=2 * SAME)
     assert answer.evidence.noise == pytest.approx(hop.noise, rel=1e-6, abs=1e-9)
@@ -213,3 +217,12 @@ def test_another_library_and_its_weights(clips: list[Clip], builtin_index: Windo
     twin = Twin(builtin_index.of_some(kept))
     assert len(twin.index.comparison.weighing.views) == 2
     assert _count(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))) > 15
+
+
+def test_one_example_of_each_class(clips: list[Clip], builtin: MotionLibrary) -> None:
+    """A library that cannot learn what is unknown judges likelihood ratios, as the twin does by densities."""
+    first = {motion.class_name: motion for motion in builtin.motions if motion.actor == "bd"}
+    twin = Twin(WindowIndex.of(replace(builtin, motions=tuple(first.values())[:3], learned=None, guests=())))
+    assert twin.index.rejection.by_likelihood
+    (course,) = _compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))
+    assert len(course.answers) > 15

@@ -73,7 +73,7 @@ _MOST, _OF_CROSSED, _CROSSED_QUANTILE = (0.55, 0.45), 1.3, 0.8
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
 #: Windows of a motion called `nothing`, and of all other classes, that set limits, at most.
-_MAX_WINDOWS, _MAX_OTHERS = 4000, 800
+_MAX_WINDOWS, _MAX_OTHERS = 4000, 6000
 #: False alarms an hour, and the share of the limits at which so many are said.
 _PROMISED, _SHARES = (1.0, 6.0, 60.0, 600.0), (0.85, 1.0, 1.25, 1.6)
 
@@ -102,7 +102,7 @@ class Pieces(NamedTuple):
         steps = np.diff(points, axis=1)
         lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
         directions = steps / np.maximum(lengths, _TINY)[:, :, None]
-        courses = np.matmul(_blur(), directions).reshape(len(points), -1)
+        courses = np.matmul(_blur(), directions).reshape(len(points), (POINTS - 1) * points.shape[2])
         ways, widths = np.abs(steps).sum(axis=1), np.ptp(points, axis=1)
         return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1).astype(np.float32))
 
@@ -113,10 +113,10 @@ class Pieces(NamedTuple):
         costs: Floats = (1 - self.courses @ others.courses.T) / products
         return costs
 
-    def as_far(self, others: Pieces) -> NDArray[np.bool_]:
-        """Say which pieces go about as far as which others, shape (pieces, others)."""
+    def as_far(self, others: Pieces, most: float = MAX_WAY) -> NDArray[np.bool_]:
+        """Say which pieces go at most so much farther or less far than which others, shape (pieces, others)."""
         shares = np.maximum(self.lengths, _TINY)[:, None] / np.maximum(others.lengths, _TINY)
-        return (shares < MAX_WAY) & (shares > 1 / MAX_WAY)
+        return (shares < most) & (shares > 1 / most)
 
 
 _TINY = 1e-9
@@ -206,19 +206,13 @@ class Courses:
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
         most = np.array([_most(crossed[of_class == place]) for place in range(len(classes))])[of_class]
-        typical, nothing = _everyday_costs(cut, motions[0].skeleton), _nothing(motions, seconds)
-        limits = np.array(
-            [
-                np.minimum.reduce(
-                    [np.maximum(most, highest), np.maximum(typical - below, _LEAST), _least(each, nothing)]
-                )
-                for each, highest, below in zip(pieces, _MOST, _BELOW_EVERYDAY, strict=True)
-            ],
-            dtype=np.float32,
-        )
+        typical, (unwanted, counts_for) = _everyday_costs(cut, motions[0].skeleton), _unwanted(motions, cut, of_class)
+        limits = np.zeros((2, len(cut)), dtype=np.float32)
+        for limit, each, highest, below in zip(limits, pieces, _MOST, _BELOW_EVERYDAY, strict=True):
+            unlike = np.minimum(np.maximum(typical - below, _LEAST), _least(each, unwanted, counts_for))
+            limit[:] = np.minimum(np.maximum(most, highest), unlike)
         if len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
-            limits[1] = np.minimum(limits[1], _elsewhere(cut, of_class, pieces[1]))
         counts = _counts(float(seconds.max()))
         return cls(tuple(classes.tolist()), starts, *pieces, limits, seconds, crossed / limits[0], counts)
 
@@ -378,11 +372,18 @@ def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton) -> Numbers:
     return costs
 
 
-def _nothing(motions: Sequence[Clip], seconds: Numbers) -> Numbers | None:
-    """Give windows of the motions called `nothing`, at equal way: (windows, POINTS, numbers); None for none."""
-    counts = _counts(float(seconds.max()))
-    found = [windows_of(path_of(clip), counts) for clip in motions if clip.class_name == NOTHING and clip.frames > 1]
-    return np.concatenate(found) if found else None
+def _unwanted(
+    motions: Sequence[Clip], cut: Sequence[_Cut], of_class: NDArray[np.intp]
+) -> tuple[Pieces, NDArray[np.bool_]]:
+    """Give windows that must not be said, and for which motions: (motions, windows).
+
+    These are the windows of motions called `nothing`, and for each motion the windows of other classes' motions.
+    """
+    counts, most = _counts(max(len(each.points) - 1 for each in cut) * STEP), -(-_MAX_OTHERS // len(cut))
+    paths = [path_of(clip) for clip in motions if clip.class_name == NOTHING and clip.frames > 1]
+    read = [windows_of(each.points, counts, most) for each in cut] + [windows_of(path, counts) for path in paths]
+    whose = np.repeat([*of_class.tolist(), *[-1] * len(paths)], [len(each) for each in read])
+    return Pieces.of(np.concatenate(read)), of_class[:, None] != whose
 
 
 def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS) -> Numbers:
@@ -391,7 +392,7 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
     ends: list[Numbers] = []
     begins: list[Numbers] = []
     for count in counts:
-        places = np.arange(count, len(points), max(1, count // 8))
+        places = np.arange(count, len(points), max(1, count // 16))
         begins.append(ways[places - count])
         ends.append(ways[places])
     begin, end = np.concatenate(begins), np.concatenate(ends)
@@ -401,14 +402,12 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
     return at_equal_way(points, ways, begin[some], end[some])
 
 
-def _least(pieces: Pieces, unwanted: Numbers | None, counts: NDArray[np.bool_] | None = None) -> Numbers:
-    """Give the limit of each piece by windows that must not be said, or those that count: shape (pieces,)."""
-    if unwanted is None or not len(unwanted):
-        return np.full(len(pieces.lengths), np.inf)
-    windows = Pieces.of(unwanted)
-    alike = pieces.as_far(windows) if counts is None else pieces.as_far(windows) & counts
+def _least(pieces: Pieces, windows: Pieces, counts_for: NDArray[np.bool_]) -> Numbers:
+    """Give the limit of each piece by windows that must not be said, shape (pieces,)."""
+    # A live window may go a little farther, with the rest of a movement behind it.
+    alike = pieces.as_far(windows, 1.5 * MAX_WAY) & counts_for
     costs = np.where(alike, pieces.costs(windows), np.inf)
-    least: Numbers = _OF_OTHERS * costs.min(axis=1).astype(np.float64)
+    least: Numbers = _OF_OTHERS * costs.min(axis=1, initial=np.inf).astype(np.float64)
     return least
 
 
@@ -430,20 +429,12 @@ def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbe
     return quantile
 
 
-def _elsewhere(cut: Sequence[_Cut], of_class: NDArray[np.intp], begun: Pieces) -> Numbers:
-    """Give the limit of each motion's first part by all parts of other classes' motions, shape (motions,)."""
-    counts, each_most = _counts(max(len(each.points) - 1 for each in cut) * STEP), -(-_MAX_OTHERS // len(cut))
-    read = [windows_of(each.points, counts, each_most) for each in cut]
-    others = np.repeat(of_class, [len(each) for each in read])
-    return _least(begun, np.concatenate(read), of_class[:, None] != others)
-
-
 # --- everyday movement ------------------------------------------------------------------------------------------------
 
 
 @cache
 def _everyday() -> Floats | None:
-    path = FilePath(__file__).parents[1] / "everyday.npz"
+    path = FilePath(__file__).with_name("everyday.npz")
     if not path.exists():
         return None
     with np.load(path, allow_pickle=False) as file:

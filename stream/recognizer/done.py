@@ -203,7 +203,7 @@ class DoneFollower:
             return None
         window, motion = divmod(int(costs.argmin()), costs.shape[1])
         ways, begin = self._ways[: self._count], int(begins[free][window])
-        gone = ways[-1] - ways[begin]
+        gone = float(ways[-1] - ways[begin])
         moves = ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY])
         first, last = np.searchsorted(ways[begin:], moves).tolist()
         start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))

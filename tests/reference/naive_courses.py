@@ -1,0 +1,75 @@
+"""Courses by definition: one step, one joint, one pair of directions at a time."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+#: The definition's constants: points, the blur, the least product, and how much longer one way may be.
+POINTS, BLUR, LEAST, LONGER = 12, 0.8, 0.01, 1 / 0.6
+
+
+def mean_of_last(rows: list[np.ndarray], place: int, count: int) -> np.ndarray:
+    """Average a row with those before it; before the first the body stood as in it."""
+    return sum((rows[max(each, 0)] for each in range(place - count + 1, place + 1)), np.zeros_like(rows[0])) / count
+
+
+def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.ndarray:
+    """Give how far each joint lies to the left of, above and in front of the hips, step by step."""
+    one, other, left_hip, right_hip = corners
+    lefts = [frame[one] - frame[other] + frame[left_hip] - frame[right_hip] for frame in body]
+    ups = [frame[one] + frame[other] - frame[left_hip] - frame[right_hip] for frame in body]
+    points = []
+    for place, frame in enumerate(body):
+        up = mean_of_last(ups, place, 15)
+        up = up / math.sqrt(up @ up)
+        left = mean_of_last(lefts, place, 15)
+        left = left - (left @ up) * up
+        left = left / math.sqrt(left @ left)
+        front = np.cross(left, up)
+        middle = (frame[left_hip] + frame[right_hip]) / 2
+        points.append(np.concatenate([[(joint - middle) @ axis for axis in (left, up, front)] for joint in frame]))
+    return np.array([mean_of_last(points, place, 5) for place in range(len(points))])
+
+
+def at_equal_way_of(path: np.ndarray) -> np.ndarray:
+    """Walk along a path, and stop at so many points."""
+    lengths = [float(np.linalg.norm(after - before)) for before, after in pairwise(path)]
+    total, points = sum(lengths), []
+    for number in range(POINTS):
+        left, place = total * number / (POINTS - 1), 0
+        while place < len(lengths) - 1 and left > lengths[place]:
+            left, place = left - lengths[place], place + 1
+        share = min(left / lengths[place], 1.0) if lengths[place] > 0 else 0.0
+        points.append(path[place] + share * (path[place + 1] - path[place]))
+    return np.array(points)
+
+
+def course_of(points: np.ndarray) -> np.ndarray:
+    """Give the unit directions, each averaged with its neighbours, together of length 1."""
+    directions = []
+    for before, after in pairwise(points):
+        step = after - before
+        directions.append(step / max(float(np.linalg.norm(step)), 1e-9))
+    blurred = [
+        sum(math.exp(-0.5 * ((place - other) / BLUR) ** 2) * each for other, each in enumerate(directions))
+        for place in range(len(directions))
+    ]
+    course = np.concatenate(blurred)
+    return course / np.linalg.norm(course)
+
+
+def cost_of(one: np.ndarray, other: np.ndarray) -> float:
+    """Give the cost of one piece at equal way by another."""
+    product = float(course_of(one) @ course_of(other))
+    ways = [sum(abs(after - before) for before, after in pairwise(each)) for each in (one, other)]
+    widths = [each.max(axis=0) - each.min(axis=0) for each in (one, other)]
+    shared = [max(float(a @ b / np.linalg.norm(a) / np.linalg.norm(b)), LEAST) for a, b in (ways, widths)]
+    return (1 - product) / (shared[0] * shared[1])
+
+
+def way_of(points: np.ndarray) -> float:
+    """Give how far a path goes."""
+    return sum(float(np.linalg.norm(after - before)) for before, after in pairwise(points))

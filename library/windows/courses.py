@@ -49,7 +49,7 @@ _LEAST_PRODUCT = 0.01
 #: A window's way is at most so much longer or shorter than the motion's.
 MAX_WAY = 1 / 0.6
 #: Seconds of the shortest motion with a course, and of the shortest window; how much longer the next window is.
-SHORTEST, _SHORTEST_WINDOW, _LONGER = 0.45, 0.3, 1.25
+SHORTEST, _SHORTEST_WINDOW, _LONGER = 0.45, 0.3, 1.4
 #: The share of a motion's way, at either end, that is left out: still ends.
 _STILL_WAY = 0.02
 #: The share of a motion's way by which its start is known.

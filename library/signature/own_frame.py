@@ -28,6 +28,8 @@ _FRAME_STEPS, _POINT_STEPS = 15, 5
 HISTORY = _FRAME_STEPS + _POINT_STEPS - 2
 #: Left and right shoulder, left and right hip: the first joint that a skeleton has.
 _CORNERS = (("lclavicle", "lhumerus"), ("rclavicle", "rhumerus"), ("lhipjoint", "lfemur"), ("rhipjoint", "rfemur"))
+#: The axes after and before each axis, for cross products.
+_AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]
 #: A length in metres that divides nothing by 0.
 _TINY = 1e-6
 
@@ -62,7 +64,8 @@ def own_points(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[n
     left = averaged(left_shoulder - right_shoulder + left_hip - right_hip, _FRAME_STEPS)
     up = _unit(averaged(left_shoulder + right_shoulder - left_hip - right_hip, _FRAME_STEPS))
     left = _unit(left - np.einsum("tc,tc->t", left, up)[:, None] * up)
-    axes = np.stack([left, up, np.cross(left, up)], axis=2)
+    front = left[:, _AFTER] * up[:, _BEFORE] - left[:, _BEFORE] * up[:, _AFTER]
+    axes = np.stack([left, up, front], axis=2)
     own = (positions - ((left_hip + right_hip) / 2)[:, None]) @ axes
     return averaged(own.reshape(len(own), -1), _POINT_STEPS)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from kinespace.library.kernels.plain import Call
 
 #: Raised when a kernel's arguments change.
-VERSION = 8
+VERSION = 9
 
 
 def _built() -> ModuleType | None:

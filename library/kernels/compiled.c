@@ -21,7 +21,7 @@
 #endif
 
 /* As in `kernels/__init__.py`. */
-#define VERSION 8
+#define VERSION 9
 /* Frames measured side by side. */
 #define TOGETHER 4
 /* Sizes for which the stack has room; larger ones are left to numpy. */
@@ -59,9 +59,6 @@
 #define MAX_BINS 64
 /* A squared distance above all others. */
 #define FARTHEST 1e30F
-/* A length that divides nothing by 0, and a variance whose logarithm is that of stillness. */
-#define TINY 1e-9F
-#define SMALLEST 1e-6
 
 /* A number in half precision, because reading half as much is quicker. */
 typedef uint16_t Half;
@@ -103,7 +100,7 @@ typedef uint16_t Half;
 typedef double Kernel(void *const *array, const Py_ssize_t *n, const double *x);
 #define KERNELS(X)                                                                                                      \
     X(distances) X(follow) X(follow_products) X(read_parts) X(read_eigen) X(eigenpairs) X(place) X(compare) X(scores)   \
-     X(follow_phase) X(whole) X(moving) X(steps)
+     X(follow_phase) X(moving) X(steps)
 #if defined(WIDE_REGISTERS)
 #define OF_EACH_KIND(name) {#name, {name##_any, name##_avx2, name##_avx512}},
 #else

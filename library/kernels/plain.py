@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 #: Rounding of a number, relative to it.
 EPSILON = float(np.finfo(np.float64).eps)
-#: A length that divides nothing by 0, and a variance whose logarithm is that of stillness.
-TINY, SMALLEST = 1e-9, 1e-6
 #: Frames whose distances are measured at once: more would not fit into the processor's cache.
 _FRAMES = 8
 
@@ -399,101 +397,6 @@ def scores(windows: Floats, products: Floats, starts: Indices, eigenvector: Numb
         return 0.0
 
     return call
-
-
-# --- whole motions -----------------------------------------------------------------------------------------------
-
-
-def whole(  # noqa: PLR0913, PLR0917 - a kernel's arguments
-    path: Numbers,
-    sizes: Numbers,
-    counts: Indices,
-    curves: Floats,
-    origin: Floats,
-    axes: Floats,
-    courses: Floats,
-    spreads: Floats,
-    facts: Numbers,
-    ranges: Indices,
-    weights: Numbers,
-    relative: Floats,
-    course: Floats,  # noqa: ARG001 - only the compiled kernel needs room
-    vector: Floats,  # noqa: ARG001
-    found: Numbers,
-    *constants: float,
-) -> Call:
-    """Judge every class by windows of several lengths that end with the newest point (`WholeMotions.judging`)."""
-    nearest_course, nearest_spread, most_lead, most_size, floor, level, step = constants
-    longest, every = len(relative), np.arange(courses.shape[1])
-    starts = ranges[:, :, 0].min(axis=0)
-    of_class = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(every)))
-    fits = (ranges[:, of_class, 0] <= every) & (every < ranges[:, of_class, 1])
-    # For each class its motions, the last one again and again up to as many as the largest class has.
-    most = np.diff(starts, append=len(every)).max()
-    places = np.minimum(starts[:, None] + np.arange(most), np.append(starts[1:], len(every))[:, None] - 1)
-    squares = [np.where(fits, np.square(each).sum(axis=0), np.float32(np.inf)) for each in (courses, spreads)]
-    means = ((np.arange(longest) >= longest - counts[:, None]) / counts[:, None]).astype(np.float32)
-    seconds = np.log((counts - 1) * step)[:, None]
-    flat, mapping = curves.reshape(-1, longest), axes.reshape(-1, axes.shape[2])
-
-    def call(end: float) -> float:
-        count = int(end)
-        if not count:
-            return 0.0
-        some = slice(max(count - longest, 0), count)
-        size = float(sizes[some].mean())
-        relative[:] = 0.0
-        relative[max(longest - count, 0) :] = (path[some] - path[count - 1]) / (size if size > 0 else np.inf)
-        numbers = (flat @ relative).reshape(len(counts), -1)
-        numbers /= np.sqrt(np.square(numbers).sum(axis=1))[:, None] + TINY
-        vectors = (numbers - origin.ravel()) @ mapping
-        variances = np.maximum(means @ np.square(relative) - np.square(means @ relative), 0.0)
-        logs = np.log(np.sqrt(variances) + np.float32(floor))
-        logs -= level * logs.mean(axis=1, keepdims=True)
-        unseen = np.where(counts > count, np.inf, 0.0)[:, None]
-        away = squares[0] - (2 * vectors) @ courses
-        nearest = away[:, places].argmin(axis=2) + starts
-        least = np.take_along_axis(away, nearest, axis=1) + np.square(vectors).sum(axis=1)[:, None]
-        apart = np.log(least_of(logs, spreads, squares[1], starts) + nearest_spread) + unseen
-        there = np.isfinite(apart)
-        nearest[~there] = 0
-        close = np.log(np.where(there, np.maximum(least, 0.0), 0.0) + nearest_course)
-        larger = 0.5 * np.log(variances.sum(axis=1) + SMALLEST)[:, None] - facts[1, nearest]
-        evidence = weights[0] + weights[1] * close + weights[2] * np.where(there, apart, 0.0)
-        evidence += weights[3] * leads(apart, apart.min(axis=0), most_lead)
-        evidence += weights[4] * np.abs(facts[0, nearest] - seconds)
-        evidence += weights[5] * np.minimum(np.abs(larger), most_size)
-        found[:] = np.where(there, evidence, -np.inf), apart, nearest, np.where(there, larger, 0.0)
-        return 0.0
-
-    return call
-
-
-def least_of(vectors: NDArray[np.floating], columns: Floats, squares: NDArray[np.floating], starts: Indices) -> Numbers:
-    """Give each class's least squared distance, (vectors, classes).
-
-    Parameters
-    ----------
-    vectors, columns
-        Shape (vectors, axes), and the motions' vectors, shape (axes, motions).
-    squares
-        The motions' squared lengths, infinite where a motion is not compared, shape (vectors, motions).
-    starts
-        Where each class starts, shape (classes,).
-    """
-    least: Numbers = np.minimum.reduceat(squares - (2 * vectors) @ columns, starts, axis=1).astype(np.float64)
-    least += np.square(vectors).sum(axis=1)[:, None]
-    return np.maximum(least, 0.0)
-
-
-def leads(apart: Numbers, least: Numbers, most: float) -> Numbers:
-    """Say by how much the least number of the other classes is larger, (..., classes), from -`most` to `most`."""
-    order = np.sort(least, axis=-1)
-    if order.shape[-1] < 2:
-        return np.zeros_like(apart)
-    others = np.where(least > order[..., :1], order[..., :1], order[..., 1:2])
-    found: Numbers = np.clip(others - np.where(np.isfinite(apart), apart, 0.0), -most, most)
-    return found
 
 
 # --- how far a motion is -----------------------------------------------------------------------------------------

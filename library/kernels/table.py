@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LANE = 64
 #: Vectors that `read_eigen` takes over from one window to the next.
 BLOCK = 8
-#: Numbers that `follow_phase` and `whole` need in addition to those of the moments or motions: a register of floats.
+#: Numbers that `follow_phase` needs in addition to those of the moments: a register of floats.
 REGISTER = 16
 #: A number without a limit of its own.
 _UNLIMITED = 1e15
@@ -138,12 +138,6 @@ KERNELS = {
     "follow_phase": Kernel.of(
         "course:4n indices:2n.i starts:r.i<n vectors:an.f lengths:n.f expected:kn constants:8 live:a.f belief:n! "
         "after:n! room:m.f! found:t!"
-    ),
-    "whole": Kernel.of(
-        "path:pd sizes:p counts:l.i<=p curves:low.f origin:od.f axes:oda.f courses:am.f spreads:dm.f facts:2m "
-        "ranges:lk2.i<=m weights:6 relative:wd.f! course:od.f! vector:a.f! found:4lk!",
-        "nearest_course nearest_spread most_lead most_size floor level step",
-        "end<p",
     ),
     "moving": Kernel.of("points:pd_ whitening:wa live:a.f! found:2!", "factor", "begin<p end<p back"),
     "steps": Kernel.of("positions:fj3 last:j3 steps:fj3! farthest:1!", numbers="frames<f"),

@@ -234,37 +234,6 @@ def _follow_phase(generator: Generator) -> Case:
     return Case(arrays, calls=[()] * 6, tolerance=2e-3, own=("after", "room"))
 
 
-def _whole(generator: Generator) -> Case:
-    size, orders, classes = generator.integers(1, [33, 8, 6])
-    counts = np.unique(generator.integers(2, 60, size=generator.integers(1, 6)))
-    longest, lengths = int(counts[-1]), generator.integers(1, 40, size=classes)
-    starts = np.concatenate([[0], lengths.cumsum()])
-    motions = int(starts[-1]) + REGISTER
-    curves = generator.normal(size=(len(counts), orders, longest)).astype(np.float32)
-    for own, count in zip(curves, counts, strict=True):
-        own[:, : longest - count] = 0.0
-    # Every class has its first motion compared by the first window; elsewhere perhaps none.
-    ranges = np.sort(starts[:-1, None] + generator.integers(0, lengths[:, None] + 1, (len(counts), classes, 2)), axis=2)
-    ranges[0] = np.stack([starts[:-1], np.maximum(ranges[0, :, 1], starts[:-1] + 1)], axis=1)
-    path = np.cumsum(generator.normal(size=(longest + 30, size)), axis=0)
-    arrays = {
-        "path": path,
-        "sizes": generator.uniform(0.0, 2.0, size=len(path)) * generator.integers(0, 4),
-        "counts": counts,
-        "curves": curves,
-        "origin": generator.normal(size=(orders, size)).astype(np.float32) / 10,
-        "axes": generator.normal(size=(orders, size, LANE * generator.integers(1, 3))).astype(np.float32),
-    }
-    arrays["courses"] = generator.normal(size=(arrays["axes"].shape[2], motions)).astype(np.float32) * 5
-    arrays |= {"spreads": generator.normal(size=(size, motions)).astype(np.float32)}
-    arrays |= {"facts": generator.normal(size=(2, motions)), "ranges": ranges, "weights": generator.normal(size=6)}
-    arrays |= {"relative": _zeros(longest, size, kind=np.float32), "course": _zeros(orders, size, kind=np.float32)}
-    arrays |= {"vector": _zeros(arrays["axes"].shape[2], kind=np.float32), "found": _zeros(4, len(counts), classes)}
-    calls = [(end,) for end in (0, 1, longest // 2, longest, len(path))]
-    constants = (0.02, 0.5, 2.0, 2.0, 1 / 60, 0.5, 1 / 15)
-    return Case(arrays, constants, calls, tolerance=2e-3, own=("course", "vector", "relative"))
-
-
 def _moving(generator: Generator) -> Case:
     points, size, axes = generator.integers(1, [90, 33, 65])
     arrays = {"points": generator.normal(size=(points, size)), "whitening": generator.normal(size=(2 * size, axes))}

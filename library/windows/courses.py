@@ -102,7 +102,7 @@ class Pieces(NamedTuple):
         steps = np.diff(points, axis=1)
         lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
         directions = steps / np.maximum(lengths, _TINY)[:, :, None]
-        courses = np.matmul(_blur(), directions).reshape(len(points), -1)
+        courses = np.matmul(_blur(), directions).reshape(len(points), directions.shape[1] * directions.shape[2])
         ways, widths = np.abs(steps).sum(axis=1), np.ptp(points, axis=1)
         return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1).astype(np.float32))
 
@@ -443,7 +443,7 @@ def _elsewhere(cut: Sequence[_Cut], of_class: NDArray[np.intp], begun: Pieces) -
 
 @cache
 def _everyday() -> Floats | None:
-    path = FilePath(__file__).parents[1] / "everyday.npz"
+    path = FilePath(__file__).with_name("everyday.npz")
     if not path.exists():
         return None
     with np.load(path, allow_pickle=False) as file:

@@ -208,7 +208,7 @@ class DoneFollower:
         first, last = np.searchsorted(ways[begin:], moves).tolist()
         start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))
         place = int(np.searchsorted(courses.starts, motion, side="right")) - 1
-        seconds, amplitude = float(courses.seconds[motion]), gone / float(pieces.lengths[motion])
+        seconds, amplitude = float(courses.seconds[motion]), float(gone / pieces.lengths[motion])
         speed = seconds / max(end - start, STEP)
         return Found(courses.classes[place], start, end, 1 - least / 2, speed, amplitude, seconds)
 

@@ -55,7 +55,7 @@ def _told(events: Iterable[Event]) -> list[tuple[str, str, str]]:
 )
 def test_what_is_promised_and_missed(sticks: MotionLibrary, settings: Settings, promised: float) -> None:
     """The promise of the settings, and the library's own motions that it misses; nothing where none is said."""
-    missed = opened(sticks).whole.missed_at(6.0) if promised else None
+    missed = opened(sticks).courses.missed_at(6.0) if promised else None
     assert Performers(sticks, settings).promise == (promised, missed)
 
 

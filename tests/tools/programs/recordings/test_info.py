@@ -47,7 +47,7 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         f"licence: {library.licence}",
         f"attribution: {library.attribution}",
         "guests: 40, for bodies of few joints",
-        f"done, ≤ 6/h false: {opened(library).whole.missed_at(6.0):.0%} of these motions missed",
+        f"done, ≤ 6/h false: {opened(library).courses.missed_at(6.0):.0%} of these motions missed",
     ):
         assert f"\n{line}\n" in printed
 

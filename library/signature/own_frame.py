@@ -70,6 +70,24 @@ def own_points(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[n
     return averaged(own.reshape(len(own), -1), _POINT_STEPS)
 
 
+def size_of(positions: NDArray[np.floating], skeleton: Skeleton) -> float:
+    """Give a body's size, metres: the mean distance of the middles of its shoulders and hips, else of all joints.
+
+    Parameters
+    ----------
+    positions
+        The body, shape (steps, joints, 3), metres.
+    skeleton
+        Its joints.
+    """
+    corners = corners_of(skeleton)
+    if corners is None:
+        return max(float(distance_rows(positions, skeleton).mean()), _TINY)
+    left_shoulder, right_shoulder, left_hip, right_hip = positions[:, corners].astype(np.float64).transpose(1, 0, 2)
+    up = (left_shoulder + right_shoulder - left_hip - right_hip) / 2
+    return max(float(np.sqrt(np.einsum("tc,tc->t", up, up)).mean()), _TINY)
+
+
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     lengths = np.sqrt(np.einsum("tc,tc->t", vectors, vectors))
     unit: NDArray[np.float64] = vectors / np.maximum(lengths, _TINY)[:, None]

@@ -27,7 +27,7 @@ import numpy as np
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.naming import hdm05
-from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_points
+from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_points, size_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,7 +88,7 @@ class Pieces(NamedTuple):
     ways, widths
         How far each number goes, and how far it swings: shape (pieces, numbers), of unit length.
     lengths
-        The way of each piece, shape (pieces,).
+        The way of each piece, relative to the body's size where its points are; shape (pieces,).
     """
 
     courses: Floats
@@ -289,12 +289,12 @@ def _cut(motions: Sequence[Clip]) -> list[_Cut]:
 
 
 def path_of(clip: Clip) -> Numbers:
-    """Give the points of a clip's path, every `STEP`."""
-    steps = np.arange(math.floor(clip.duration / STEP + 1e-6) + 1) * STEP
-    positions = (
-        at_steps(clip.times, clip.positions, np.minimum(steps, clip.times[-1])) if clip.frames > 1 else clip.positions
-    )
-    return own_points(positions, clip.skeleton)
+    """Give the points of a clip's path, every `STEP`, relative to the body's size."""
+    positions = clip.positions
+    if clip.frames > 1:
+        steps = np.arange(math.floor(clip.duration / STEP + 1e-6) + 1) * STEP
+        positions = at_steps(clip.times, positions, np.minimum(steps, clip.times[-1]))
+    return own_points(positions, clip.skeleton) / size_of(positions, clip.skeleton)
 
 
 def _shown(clip: Clip) -> tuple[Numbers, int] | None:

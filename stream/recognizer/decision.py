@@ -52,7 +52,7 @@ _ENDED_AFTER = {
     Outcome.AMBIGUOUS: 0.4,
     Outcome.IMPLAUSIBLE: 0.8,
 }
-#: Seconds after which a motion that is not seen again may have ended, at least.
+#: Seconds after which a motion that is not seen again may have ended, beside one and a half times its length.
 _SEEN = 0.5
 #: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
 _SMALLEST_GAP = 0.02
@@ -282,7 +282,7 @@ class Decision:
         if seen := recognition.seen:
             goes_on = self._active is not None and self._active.label == seen.class_name
             if goes_on or seen.begins:
-                self._seen_until = recognition.time + max(_SEEN, seen.seconds)
+                self._seen_until = recognition.time + _SEEN + 1.5 * seen.seconds
             if seen.begins and not goes_on:
                 index = recognition.classes.index(seen.class_name)
                 return (*before, *self._starts(recognition, index, seen.score))

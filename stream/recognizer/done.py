@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points
+from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points, size_of
 from kinespace.library.windows.courses import MAX_WAY, Pieces, at_equal_way, share_at
 from kinespace.stream.recognition import Seen
 
@@ -121,7 +121,7 @@ class DoneFollower:
         self._count, self.time, self._over = 0, math.nan, -math.inf
         self._times: list[NDArray[np.float64]] = []
         self._positions: list[NDArray[np.float64]] = []
-        self._body = np.zeros((0, len(self._skeleton.joints), 3))
+        self._body, self._size = np.zeros((0, len(self._skeleton.joints), 3)), 1.0
         self._whole, self._begun = _Streak(), _Streak()
         #: When each class was last seen to begin, seconds.
         self._said: dict[str, float] = {}
@@ -157,6 +157,7 @@ class DoneFollower:
             body = np.concatenate([body, at_steps(times, positions, self.time + STEP * np.arange(1, steps + 1))])
             self.time += steps * STEP
         self._body = np.concatenate([self._body[-HISTORY:], body]) if len(self._body) > 1 else body
+        self._size = size_of(self._body, self._skeleton)
         self._extend(own_points(self._body, self._skeleton)[len(self._body) - len(body) :])
 
     def _extend(self, points: NDArray[np.float64]) -> None:
@@ -177,13 +178,14 @@ class DoneFollower:
         last, ways = self._count - 1, self._ways[: self._count]
         counts = self._counts[self._counts <= last]
         begins = last - counts
-        gone = ways[last] - ways[begins]
+        gone = (ways[last] - ways[begins]) / self._size
         some = (gone > max(self._least, 0.0)) & (gone < self._most)
         counts, begins = counts[some], begins[some]
         if not len(counts):
             return self._sees(None, None)
         ends = np.full(len(counts), ways[last])
         windows = Pieces.of(at_equal_way(self._points[: self._count], ways, ways[begins], ends))
+        windows = windows._replace(lengths=windows.lengths / np.float32(self._size))
         return self._sees(
             self._nearest(windows, begins, counts, whole=True), self._nearest(windows, begins, counts, whole=False)
         )
@@ -208,7 +210,7 @@ class DoneFollower:
         first, last = np.searchsorted(ways[begin:], moves).tolist()
         start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))
         place = int(np.searchsorted(courses.starts, motion, side="right")) - 1
-        seconds, amplitude = float(courses.seconds[motion]), gone / float(pieces.lengths[motion])
+        seconds, amplitude = float(courses.seconds[motion]), float(gone / self._size / pieces.lengths[motion])
         speed = seconds / max(end - start, STEP)
         return Found(courses.classes[place], start, end, 1 - least / 2, speed, amplitude, seconds)
 

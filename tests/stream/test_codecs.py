@@ -212,7 +212,7 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
     }
     topic, encoded = zeromq.encode_recognition(recognition)
     assert topic == f"class/{recognition.performer}/".encode()
-    unsaid = {"time", "classes", "events", "lead", "evidence", "done", "ended_at"}
+    unsaid = {"time", "classes", "events", "lead", "evidence", "done", "seen", "by_course", "ended_at"}
     assert {each.name for each in fields(Recognition)} - unsaid <= set(expected)
     assert list(json.loads(encoded).items()) == list(json.loads(json.dumps(expected)).items())
 

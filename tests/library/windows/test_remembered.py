@@ -51,7 +51,7 @@ def _opened() -> WindowIndex:
 
 
 def _numbers(opened: WindowIndex) -> list[np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
-    whole, segments = opened.whole, opened.segments
+    courses, segments = opened.courses, opened.segments
     return [
         *opened.vectors,
         opened.eigenvectors,
@@ -60,9 +60,9 @@ def _numbers(opened: WindowIndex) -> list[np.ndarray[tuple[int, ...], np.dtype[n
         *(metric.axes for metric in opened.comparison.parts.values()),
         opened.rejection.typical,
         opened.rejection.weights,
-        whole.courses,
-        whole.spreads,
-        whole.metric.axes,
+        courses.whole.courses,
+        courses.begun.ways,
+        courses.limits,
         segments.mean,
         segments.builds,
     ]

@@ -55,7 +55,7 @@ def test_frames_go_in_and_answers_come_out(small_library: MotionLibrary, tmp_pat
             frame = {"performer": "ann", "t": cue.frame.time, "positions": cue.frame.positions.tolist(), **named}
             client.send(json.dumps(frame))
         for each in (client, other):
-            assert until(each, "event", performer="ann", event="start")["class"] == "squat1Reps"
+            assert until(each, "event", performer="ann", event="start", **{"class": "squat1Reps"})
         assert until(client, "status")["inputs"]["foreign"] == 1
         assert program.interrupt() == 0
 

@@ -26,6 +26,7 @@ from kinespace.stream.recognizer import Settings
 from kinespace.tools.camera.joints import film_clip
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
+from kinespace.tools.evaluation.gestures.stage import facing
 from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.takes import takes_of
 
@@ -49,6 +50,8 @@ MAX_PICTURE, COLOURS = 120_000, 256
 SQUAT, KICK, ARMS, GRAB = "squat1Reps", "kickLFront1Reps", "rotateArmsBothBackward1Reps", "grabHighR"
 #: Frames a second; the motions have 30, and are shown half as fast again, so that nobody waits long.
 SENT = 45.0
+#: Seconds in which the performer comes to a motion's first posture: no body jumps, and no example begins with a jump.
+COMES = 0.4
 #: Metres by which the joints of one picture's body may differ, on average; bodies that must be so alike.
 ALIKE, FEW = 0.05, 5
 MOTIONS = "kinespace.performers.get('ann').motions.values()"
@@ -64,6 +67,7 @@ class Performer:
     def __init__(self, port: int) -> None:
         self._sender = OscSender(LOOPBACK, port)
         self._motion = takes(SQUAT)[0]
+        self._posture = self._from = self._motion[0]
         self._begun = -1e9
         #: Whether another performer sends too few joints.
         self.bob = False
@@ -74,7 +78,9 @@ class Performer:
 
     def show(self, motion: NDArray[np.float64]) -> None:
         """Begin a motion."""
-        self._motion, self._begun = motion, time.monotonic()
+        root = builtin_library().skeleton.joints.index("root")
+        self._from, self._begun = self._posture, time.monotonic()
+        self._motion = facing(self._from, motion, root)
 
     def _perform(self) -> None:
         while not self._ended.wait(1 / SENT):
@@ -82,8 +88,11 @@ class Performer:
             if self.away:
                 continue
             moment = time.monotonic()
-            place = min(int((moment - self._begun) * SENT), len(self._motion) - 1)
-            self._sender.send(encode_frame(Frame("ann", moment, self._motion[place])))
+            since = moment - self._begun
+            place = min(max(int((since - COMES) * SENT), 0), len(self._motion) - 1)
+            share = min(since / COMES, 1.0)
+            self._posture = (1 - share) * self._from + share * self._motion[place]
+            self._sender.send(encode_frame(Frame("ann", moment, self._posture)))
             if self.bob:
                 self._sender.send(encode_frame(Frame("bob", moment, self._motion[0, :7])))
 
@@ -265,6 +274,8 @@ def _wave() -> bytes:
 
 def teaches(page: Page, performer: Performer) -> None:
     """Switch a class off, teach its motion by another name, see it recognised, and say that a bar was wrong."""
+    # A lesson begins standing: else the way from the kick's last posture to the squat would be part of the example.
+    performer.show(takes(SQUAT)[0][:1])
     page.click("#classes button:has-text('squat')")
     page.uncheck("#enabled")
     page.click("#class button:has-text('Close')")

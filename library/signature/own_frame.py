@@ -9,6 +9,7 @@ where the body stands and which way it faces.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,7 @@ _AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]
 _TINY = 1e-6
 
 
+@lru_cache(maxsize=64)
 def corners_of(skeleton: Skeleton) -> list[int] | None:
     """Find the left and right shoulder and the left and right hip; None for a skeleton that lacks one."""
     places = {name: place for place, name in enumerate(skeleton.joints)}

@@ -72,6 +72,8 @@ _OF_HALVES, _QUANTILE, _DRAWN = 0.85, 0.05, 200
 _MOST, _OF_CROSSED, _CROSSED_QUANTILE = (0.55, 0.45), 1.3, 0.8
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
+#: Directions by which pieces are screened.
+_SCREENS = 64
 #: Windows of a motion called `nothing`, and of all other classes, that set limits, at most.
 _MAX_WINDOWS, _MAX_OTHERS = 4000, 6000
 #: False alarms an hour, and the share of the limits at which so many are said.
@@ -117,6 +119,43 @@ class Pieces(NamedTuple):
         """Say which pieces go at most so much farther or less far than which others, shape (pieces, others)."""
         shares = np.maximum(self.lengths, _TINY)[:, None] / np.maximum(others.lengths, _TINY)
         return (shares < most) & (shares > 1 / most)
+
+
+class Screen(NamedTuple):
+    """Says quickly which pieces cost too much, by some directions of courses.
+
+    Two courses' inner product is at most the product within these directions, and what lies beside them.
+
+    Attributes
+    ----------
+    axes
+        The directions, shape (numbers of a course, directions), orthonormal.
+    within, beside
+        The pieces' courses along the directions, shape (pieces, directions), and how long they are beside them.
+    """
+
+    axes: Floats
+    within: Floats
+    beside: Floats
+
+    @classmethod
+    def of(cls, courses: Floats) -> Self:
+        """Take the directions of some of the pieces' courses."""
+        some = np.linspace(0, len(courses) - 1, min(len(courses), _SCREENS)).astype(np.intp)
+        axes = np.linalg.qr(courses[some].T)[0]
+        return cls(axes, *cls._split(courses, axes))
+
+    @staticmethod
+    def _split(courses: Floats, axes: Floats) -> tuple[Floats, Floats]:
+        within = courses @ axes
+        beside = np.sqrt(np.maximum(1 - np.einsum("pa,pa->p", within, within), 0))
+        return within, beside
+
+    def costs_at_least(self, courses: Floats) -> Floats:
+        """Give what each piece costs others at least, by their courses: shape (others, pieces)."""
+        within, beside = self._split(courses, self.axes)
+        least: Floats = 1 - within @ self.within.T - beside[:, None] * self.beside
+        return least
 
 
 _TINY = 1e-9

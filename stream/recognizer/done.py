@@ -8,12 +8,13 @@ when all of it is. The next motion may begin where this one ended.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points, size_of
-from kinespace.library.windows.courses import MAX_WAY, Pieces, at_equal_way, share_at
+from kinespace.library.windows.courses import MAX_WAY, Pieces, Screen, at_equal_way, share_at
 from kinespace.stream.recognition import Seen
 
 if TYPE_CHECKING:
@@ -82,6 +83,13 @@ class _Streak:
         return bool(name) and self._count >= _LOOKS
 
 
+@lru_cache(maxsize=8)
+def _screened(courses: Courses) -> tuple[Pieces, Screen]:
+    """Give a library's whole motions and behind them their first parts, for all performers the same."""
+    pieces = Pieces(*map(np.concatenate, zip(courses.whole, courses.begun, strict=True)))
+    return pieces, Screen.of(pieces.courses)
+
+
 class DoneFollower:
     """Finds the motions that one performer begins, and has done.
 
@@ -111,7 +119,9 @@ class DoneFollower:
         width = courses.whole.ways.shape[1]
         self._points, self._ways = np.zeros((_ROOM * self._longest, width)), np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        lengths = np.concatenate([courses.whole.lengths, courses.begun.lengths])
+        self._pieces, self._screen = _screened(courses)
+        self._limits = self._share * courses.limits.ravel()
+        lengths = self._pieces.lengths
         self._least = float(lengths.min()) / MAX_WAY if len(lengths) else 0.0
         self._most = float(lengths.max()) * MAX_WAY if len(lengths) else 0.0
         self.clear()
@@ -149,14 +159,14 @@ class DoneFollower:
         if math.isnan(self.time):
             # The body stood before it was seen first.
             self.time = float(times[0])
-            self._body, body = positions[:1], positions[:1]
+            body = positions[:1]
         else:
             body = np.zeros((0, *positions.shape[1:]))
         steps = int((times[-1] - self.time) / STEP + _ROUNDING)
         if steps and len(times) > 1:
             body = np.concatenate([body, at_steps(times, positions, self.time + STEP * np.arange(1, steps + 1))])
             self.time += steps * STEP
-        self._body = np.concatenate([self._body[-HISTORY:], body]) if len(self._body) > 1 else body
+        self._body = np.concatenate([self._body[-HISTORY:], body])
         self._size = size_of(self._body, self._skeleton)
         self._extend(own_points(self._body, self._skeleton)[len(self._body) - len(body) :])
 
@@ -186,25 +196,37 @@ class DoneFollower:
         ends = np.full(len(counts), ways[last])
         windows = Pieces.of(at_equal_way(self._points[: self._count], ways, ways[begins], ends))
         windows = windows._replace(lengths=windows.lengths / np.float32(self._size))
-        return self._sees(
-            self._nearest(windows, begins, counts, whole=True), self._nearest(windows, begins, counts, whole=False)
-        )
-
-    def _nearest(
-        self, windows: Pieces, begins: NDArray[np.intp], counts: NDArray[np.intp], *, whole: bool
-    ) -> Found | None:
-        """Give the motion of which a window shows the whole, or the first part; None where no window does."""
-        courses, share = self._courses, self._share
-        pieces, limits = (courses.whole, courses.limits[0]) if whole else (courses.begun, courses.limits[1])
         # A window must lie behind the motion before.
         free = self.time - counts * STEP >= self._over - _ROUNDING
-        if whole:
-            free &= counts * STEP >= _SHORTEST
-        costs = np.where(windows.as_far(pieces), windows.costs(pieces), np.inf)[free] / (share * limits)
+        costs, motions = self._costs(windows, free), len(self._courses.seconds)
+        costs[counts * STEP < _SHORTEST, :motions] = np.inf
+        return self._sees(
+            self._nearest(costs[:, :motions], begins, whole=True),
+            self._nearest(costs[:, motions:], begins, whole=False),
+        )
+
+    def _costs(self, windows: Pieces, free: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Give each window's cost, relative to the limits, by whole motions and by first parts: (windows, pieces).
+
+        Infinite where no window is below the limit, or where it is not free.
+        """
+        likely = windows.as_far(self._pieces) & (self._screen.costs_at_least(windows.courses) < self._limits)
+        some = np.flatnonzero((likely & free[:, None]).any(axis=0))
+        costs = np.full(likely.shape, np.inf, dtype=np.float32)
+        if len(some):
+            pieces = Pieces(*(each[some] for each in self._pieces))
+            costs[:, some] = windows.costs(pieces) / self._limits[some]
+        costs[~likely | ~free[:, None]] = np.inf
+        return costs
+
+    def _nearest(self, costs: NDArray[np.float32], begins: NDArray[np.intp], *, whole: bool) -> Found | None:
+        """Give the motion of which a window shows the whole, or the first part; None where no window does."""
+        courses = self._courses
+        pieces = courses.whole if whole else courses.begun
         if not costs.size or not (least := float(costs.min())) < 1:
             return None
         window, motion = divmod(int(costs.argmin()), costs.shape[1])
-        ways, begin = self._ways[: self._count], int(begins[free][window])
+        ways, begin = self._ways[: self._count], int(begins[window])
         gone = float(ways[-1] - ways[begin])
         moves = ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY])
         first, last = np.searchsorted(ways[begin:], moves).tolist()

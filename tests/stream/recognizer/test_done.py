@@ -165,9 +165,7 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
             over, streaks = step, {True: ("", 0), False: ("", 0)}
     assert looks == pytest.approx(len(positions) / 3, abs=1)
     assert len(expected) >= 3
-    # How far a window goes is relative to the body's size at the look, which decides at the edge of what is compared.
-    assert len(done) >= len(expected) - 1
-    assert all(any(name == other and abs(step - when) <= 6 for when, other in expected) for step, name in done)
+    assert done == expected
     # Each motion begins before it is done.
     assert {name for _, name in done} <= {name for _, name in begun}
 

@@ -152,6 +152,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("takes: expected some in which nothing known happens, got none")
     if options.everyday:
         np.savez_compressed(options.everyday, windows=everyday_of([take.clip for take in takes if not take.labels]))
+    _require_others(library)
     whole = [take for take in takes if set(library.skeleton.joints) <= set(take.clip.skeleton.joints)]
     own, index = _own_courses(library), _index(library)
     courses = [_Course(take, _windows(index, take.clip)) for take in progress(whole, "Strangers", len(whole))]
@@ -185,6 +186,17 @@ def run(options: argparse.Namespace) -> int:
     )
     print_scores(rows, _COLUMNS, title=title, names=0)
     return 0
+
+
+def _require_others(library: MotionLibrary) -> None:
+    """Require two motions of each class where one person made them all: each is asked about by the others."""
+    names = [each.class_name for each in library.motions if each.class_name != NOTHING]
+    alone = sorted(name for name in set(names) if names.count(name) < 2)
+    if len(library.actors) < 2 and alone:
+        raise ValueError(
+            f"library: expected two motions or more of each class of a single person, got one of {', '.join(alone)}; "
+            "single examples are judged against everyday movement without learning"
+        )
 
 
 def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
@@ -317,18 +329,24 @@ def _index(library: MotionLibrary) -> WindowIndex:
 def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
     """Let each person's motions be recognised by the others', with noise and without, perhaps behind another, too.
 
-    Behind another motion they teach bodies of few joints to name the unknown (tests/TRIED.md).
+    The motions of a single person are recognised by this person's other motions. Behind another motion they teach
+    bodies of few joints to name the unknown (tests/TRIED.md).
     """
-    found = list[_Own]()
-    for actor in progress(library.actors, "Motions", len(library.actors)):
-        index = _index(library.without(actors=[actor]))
-        own = [(place, each) for place, each in enumerate(library.motions) if each.actor == actor]
-        for name in set(index.classes) - {NOTHING}:
+    found, whole = list[_Own](), _index(library)
+    groups = [[place for place, each in enumerate(library.motions) if each.actor == actor] for actor in library.actors]
+    if len(groups) < 2:
+        groups = [[place] for group in groups for place in group]
+    for group in progress(groups, "Motions", len(groups)):
+        single = len(library.actors) < 2
+        actors = {library.motions[place].actor for place in group}
+        index = whole.without(group) if single else _index(library.without(actors=actors))
+        own = [(place, library.motions[place]) for place in group]
+        for name in {each.class_name for _, each in own} - {NOTHING}:
             left = index.without(
                 [place for place in set(index.motions.tolist()) if index.compared[place].class_name == name]
             )
             asking = [place for place, each in own if each.class_name == name]
-            others = [each for _, each in own if follow and each.class_name != name]
+            others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]
             for place, noise in product(asking, _NOISES):
                 clip = library.motions[place]
                 windows, following = _windows(index, clip, noise, place), Evidenced()

@@ -126,6 +126,27 @@ def test_learn_keeps_its_numbers_in_the_library(
     assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
 
 
+def test_a_library_of_one_person_is_taught_by_its_other_motions(
+    small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its own motions are named, strangers' sneaking is named as seldom as a rate says; single examples are refused."""
+    several = MotionLibrary.load(small_file)
+    own = several.without(actors=several.actors[1:])
+    arguments = ["learn", str(tmp_path / "own.npz"), "--takes", str(takes_file), "--json", "-o"]
+    own.save(tmp_path / "own.npz")
+    assert main.main([*arguments, str(tmp_path / "learned.npz")]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
+    learned = MotionLibrary.load(tmp_path / "learned.npz")
+    assert learned.actors == several.actors[:1]
+    assert learned.learned is not None
+    assert printed[-1]["takes_found"] == 1
+    single = own.without(motions=[each for each in own.motions if each.class_name == _CLASSES[0]][1:])
+    single.save(tmp_path / "own.npz")
+    assert main.main([*arguments, str(tmp_path / "single.npz")]) == 2
+    assert f"got one of {_CLASSES[0]}" in capsys.readouterr().err
+
+
 def test_takes_with_fewer_joints_teach_numbers_for_few_joints(
     small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -64,12 +64,14 @@ _MIN_MOVEMENT, _SHOWN = 0.02, 16
 #: Limits lie so far below what everyday movement costs the parts of a motion, but not below the least: limits of whole
 #: motions, and of their first parts.
 _BELOW_EVERYDAY, _LEAST = (0.11, 0.14), 0.06
-#: A limit is this share of the least cost of a motion called `nothing`, or of another class.
-_OF_OTHERS = 0.85
+#: A limit is this share of the least cost of a motion called `nothing`, or of another class; the limit of a whole motion
+#: of a class with several motions is less.
+_OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 #: And this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
 _OF_HALVES, _QUANTILE, _DRAWN = 0.85, 0.05, 200
-#: Limits are at most this, or this times what 80 % of a class's motions cost each other.
-_MOST, _OF_CROSSED, _CROSSED_QUANTILE = (0.55, 0.45), 1.3, 0.8
+#: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions at most
+#: what 80 % of them cost each other, or `_MOST_CROSSED` if that is more.
+_MOST, _MOST_CROSSED, _CROSSED_QUANTILE = (0.55, 0.45), 0.45, 0.8
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
 #: Directions by which pieces are screened.
@@ -247,9 +249,11 @@ class Courses:
         most = np.array([_most(crossed[of_class == place]) for place in range(len(classes))])[of_class]
         typical, (unwanted, counts_for) = _everyday_costs(cut, motions[0].skeleton), _unwanted(motions, cut, of_class)
         limits = np.zeros((2, len(cut)), dtype=np.float32)
-        for limit, each, highest, below in zip(limits, pieces, _MOST, _BELOW_EVERYDAY, strict=True):
-            unlike = np.minimum(np.maximum(typical - below, _LEAST), _least(each, unwanted, counts_for))
-            limit[:] = np.minimum(np.maximum(most, highest), unlike)
+        numbers = zip(limits, pieces, _MOST, _BELOW_EVERYDAY, _OF_OTHERS_CROSSED, strict=True)
+        for limit, each, highest, below, crossing in numbers:
+            unlike = np.where(most > 0, crossing, _OF_OTHERS) * _least(each, unwanted, counts_for)
+            unlike = np.minimum(np.maximum(typical - below, _LEAST), unlike)
+            limit[:] = np.minimum(np.where(most > 0, np.maximum(most, _MOST_CROSSED), highest), unlike)
         if len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
         counts = _counts(float(seconds.max()))
@@ -394,7 +398,7 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
 def _most(crossed: Numbers) -> float:
     """Give what a class's motions may differ by; 0 where that is not known."""
     known = crossed[np.isfinite(crossed)]
-    return _OF_CROSSED * float(np.quantile(known, _CROSSED_QUANTILE)) if len(known) else 0.0
+    return float(np.quantile(known, _CROSSED_QUANTILE)) if len(known) else 0.0
 
 
 def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton) -> Numbers:
@@ -442,11 +446,11 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
 
 
 def _least(pieces: Pieces, windows: Pieces, counts_for: NDArray[np.bool_]) -> Numbers:
-    """Give the limit of each piece by windows that must not be said, shape (pieces,)."""
+    """Give the least cost of each piece by windows that must not be said, shape (pieces,)."""
     # A live window may go a little farther, with the rest of a movement behind it.
     alike = pieces.as_far(windows, 1.5 * MAX_WAY) & counts_for
     costs = np.where(alike, pieces.costs(windows), np.inf)
-    least: Numbers = _OF_OTHERS * costs.min(axis=1, initial=np.inf).astype(np.float64)
+    least: Numbers = costs.min(axis=1, initial=np.inf).astype(np.float64)
     return least
 
 

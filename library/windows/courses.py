@@ -64,8 +64,8 @@ _MIN_MOVEMENT, _SHOWN = 0.02, 16
 #: Limits lie so far below what everyday movement costs the parts of a motion, but not below the least: limits of whole
 #: motions, and of their first parts.
 _BELOW_EVERYDAY, _LEAST = (0.11, 0.14), 0.06
-#: A limit is this share of the least cost of a motion called `nothing`, or of another class; less where a whole motion's
-#: class has several motions.
+#: A limit is this share of the least cost of a motion called `nothing`, or of another class; of a whole motion whose
+#: class has several motions less.
 _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 #: And this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
 _OF_HALVES, _QUANTILE, _DRAWN = 0.85, 0.05, 200

@@ -186,16 +186,21 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     assert (tmp_path / "mine.npz").is_symlink()
 
 
-def test_a_performer_who_is_taught_may_be_muted(stage: Stage) -> None:
-    """From the countdown to the end of the lesson, and only where this is asked for."""
+def test_a_performer_who_is_taught_fires_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the countdown until a motion shown last cannot be said any more, unless lessons are to be loud."""
     _show(stage, 0, "kickLFront1Reps")
+    now = time.monotonic()
+    monkeypatch.setattr(stage.lessons, "_clock", lambda: now)
     assert stage.lessons.muted == ""
-    for quiet, muted in ((False, ""), (True, "ann")):
-        stage.lessons.is_quiet = quiet
+    for loud, muted in ((True, ""), (False, "ann")):
+        stage.lessons.is_loud = loud
         stage.command(commands.Teach("", "wave"))
         assert stage.lessons.muted == muted
         stage.command(commands.Cancel())
-        assert stage.lessons.muted == ""
+        now += 0.4
+        assert stage.lessons.muted == muted
+    now += 0.2
+    assert stage.lessons.muted == ""
 
 
 class Slow(TaughtWindows):

@@ -7,12 +7,15 @@ computed once, even if the roster changes often.
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.windows.courses import Pieces, path_of, windows_of
+from kinespace.library.windows.courses import _least as limit_by
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import mirrored
 
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
+    from kinespace.library.windows.courses import Courses
     from kinespace.library.windows.rejection import Rejection
 
 #: Examples in a roster, at most.
@@ -33,6 +37,8 @@ EVERY = 0.1
 _GOOD, _ALIKE = 0.05, 0.5
 #: An unlike example is so many times as far from its class's other examples as these from each other.
 _UNLIKE = 2.0
+#: What makes two classes differ.
+_CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
 #: Examples from which on what is unknown is learned again only when their number has changed by more than this share.
 _MANY, _FEW = 200, 0.05
 #: Examples that were undone and keep their windows, at least.
@@ -164,6 +170,8 @@ class TaughtWindows:
         self._known: dict[tuple[str, float, float, int], tuple[Clip, ...]] = {}
         #: What is unknown, as so many examples taught it.
         self._judged: tuple[int, Rejection | None] = 0, None
+        #: The motions of the last courses, those called `nothing`, and the courses.
+        self._cut: tuple[Sequence[Clip], Sequence[Clip], Courses | None] = (), (), None
 
     @property
     def base_classes(self) -> tuple[str, ...]:
@@ -210,7 +218,24 @@ class TaughtWindows:
         index = self._everything.of_some(places, learns=not self._with_base)
         if not self._with_base:
             index = replace(index, judged_by=self._learned(index, len(enabled)))
+        index.__dict__["courses"] = self._courses(index)
         return index.prepared()
+
+    def _courses(self, index: WindowIndex) -> Courses:
+        """Give an index's courses; further examples of `nothing` lower limits and change no more, which is quick."""
+        compared = index.compared
+        motions = [compared[place] for place in np.unique(index.motions % len(compared)).tolist()]
+        named = [each for each in motions if each.class_name != NOTHING]
+        unwanted = [each for each in motions if each.class_name == NOTHING]
+        before, known, courses = self._cut
+        is_same = len(before) == len(named) and all(map(operator.is_, before, named))
+        new = [each for each in unwanted if not any(each is other for other in known)]
+        if courses is None or not is_same or len(unwanted) - len(new) < len(known):
+            courses = index.courses
+        elif new:
+            courses = lowered(courses, new)
+        self._cut = named, unwanted, courses
+        return courses
 
     def _learned(self, index: WindowIndex, examples: int) -> Rejection:
         """Learn what is unknown from so many examples; learning is slow, and among many a few more do not matter."""
@@ -219,6 +244,17 @@ class TaughtWindows:
             rejection = index.rejection
             self._judged = examples, rejection
         return rejection
+
+
+def lowered(courses: Courses, unwanted: Sequence[Clip]) -> Courses:
+    """Lower the limits of courses by further motions that must not be said, as `Courses.of` all of them does."""
+    paths = [path_of(clip) for clip in unwanted if clip.frames > 1]
+    if not courses.counts or not paths:
+        return courses
+    windows = Pieces.of(np.concatenate([windows_of(path, courses.counts) for path in paths]))
+    least = [limit_by(each, windows, np.ones((1, 1), dtype=bool)) for each in (courses.whole, courses.begun)]
+    limits = np.minimum(courses.limits, np.array(least, dtype=np.float32))
+    return replace(courses, limits=limits, crossed=courses.crossed * courses.limits[0] / limits[0])
 
 
 def _taught_as(motion: Clip) -> str:
@@ -253,15 +289,15 @@ class Check(NamedTuple):
     @property
     def words(self) -> str:
         """The result in words."""
+        is_near, is_alike = (bool(self.nearest) and self.share_at_risk > share for share in (_GOOD, _ALIKE))
+        change = f": {_CHANGE}" if is_alike else ""
         if self.is_first:
-            near = f"; the nearest class is {self.nearest}" if self.nearest and self.share_at_risk > _GOOD else ""
+            near = f"; the nearest class is {self.nearest}{change}" if is_near else ""
             return f"good so far: show it again to be sure{near}"
-        if self.nearest and self.share_at_risk > _ALIKE:
-            return f"cannot be told from {self.nearest}"
-        if self.nearest and self.share_at_risk > _GOOD:
-            return f"close to {self.nearest}"
+        if is_near:
+            return f"cannot be told from {self.nearest}{change}" if is_alike else f"close to {self.nearest}"
         if self.to_own > _UNLIKE:
-            return "unlike your other examples"
+            return "unlike your other examples: show it as you will do it, or undo it"
         return "good"
 
 

@@ -116,7 +116,7 @@ class NativeLayout(Layout):
         return answers.encode_status(status)
 
     def notice(self, notice: Notice) -> bytes | None:
-        """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i`."""
+        """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i i f`."""
         return wire.encode(notice)
 
 

@@ -326,7 +326,7 @@ class Service:
         return len(events) - answers.count(None)
 
     def _as_answered(self, recognition: Recognition) -> Recognition:
-        """Give an answer as listeners get it: nothing is known before anything is taught, or in a quiet lesson."""
+        """Give an answer as listeners get it: nothing is known before anything is taught, or in a lesson."""
         if self._control is None or (self._control.answers and recognition.performer != self._control.muted):
             return recognition
         ends = tuple(each for each in recognition.events if each.kind is EventKind.END)

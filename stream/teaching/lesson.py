@@ -1,4 +1,7 @@
-"""One lesson: countdown, waiting for movement, recording, stopped by stillness, trimmed; or recorded while held."""
+"""One lesson: countdown, waiting for movement, recording, stopped by stillness, trimmed; or recorded while held.
+
+A lesson of `nothing` waits for no movement and for no stillness: the performer moves at will for some seconds.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from kinespace.library.motion_library import NOTHING
 from kinespace.library.teaching.movement import (
     ENDS_AFTER,
     MIN_SECONDS,
@@ -23,10 +27,14 @@ if TYPE_CHECKING:
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
+#: Seconds of movement at will that a lesson of `nothing` records.
+AT_WILL = 20.0
 #: Seconds at the end of a countdown that show how much the performer trembles while standing.
 _STANDING = 1.0
 #: Seconds between two notices of how much a performer moves who is waited for, and after which a way out is said.
 _SAID_EVERY, _WAY_OUT = 1.0, 5.0
+#: Frames a second that show movement, also where they come a little unevenly.
+_LEAST_RATE = 8
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
 #: Seconds kept before the movement, so that undoing the trim shows them.
@@ -67,13 +75,15 @@ class Lesson:
     def __init__(self, asked: Teach, performer: str, now: float, stillness: float = STILLNESS) -> None:
         self.class_name, self.performer = asked.class_name, performer
         self.left = asked.repetitions
+        self._at_will = asked.class_name == NOTHING
+        self._longest = AT_WILL if self._at_will else MAX_RECORDING
         self.step = Step.COUNTDOWN
         self._go = now + asked.countdown
         self._counted = math.inf
         self._stillness, self._finder = stillness, StretchFinder(stillness)
         #: The movement at the end of the countdown; the most since the last notice, and when that was.
         self._standing: deque[tuple[float, Movement]] = deque()
-        self._most, self._said = 0.0, math.nan
+        self._most, self._said, self._came = -1.0, math.nan, 0
         self._armed = self._began = self._newest = math.nan
 
     def tick(self, now: float) -> State | None:
@@ -107,45 +117,52 @@ class Lesson:
             return None
         if math.isnan(self._armed):
             self._arm(time)
-        found = None if movement is None else self._finder.push(time, movement)
+        found = None if movement is None or self._at_will else self._finder.push(time, movement)
         if self.step is Step.WAITING:
-            return self._waited(time, max(movement or (0.0,)))
+            return self._waited(time, max(movement or (-1.0,)))
         if found:
             return self._recorded(found, by_hand=False)
-        return self.stop(by_hand=True) if time - self._began >= MAX_RECORDING else None
+        return self.stop(by_hand=True) if time - self._began >= self._longest else None
 
     def _arm(self, time: float) -> None:
         self._armed = self._said = time
-        self._most = 0.0
+        self._most, self._came = -1.0, 0
         still = stillness_of(self._standing, self._stillness)
         if still < self._stillness:
             self._finder = StretchFinder(still)
 
     def _waited(self, time: float, movement: float) -> State | None:
+        if self._at_will:
+            self.step, self._began = Step.RECORDING, self._armed
+            return State(self.performer, Step.RECORDING, 0.0, f"move as you will for {AT_WILL:g} s")
         if self._finder.began is not None:
             self.step = Step.RECORDING
             self._began = max(self._finder.began, self._armed)
             return State(self.performer, Step.RECORDING)
         if time - self._armed >= MAX_WAITING:
             return State(self.performer, Step.REFUSED, MAX_WAITING, f"stood still for {MAX_WAITING:g} s")
-        self._most = max(self._most, movement)
+        self._most, self._came = max(self._most, movement), self._came + 1
         if time - self._said < _SAID_EVERY - _TIE:
             return None
         reason = f"movement {self._most / self._finder.needed:.0%} of what is needed"
+        if self._most < 0:
+            rate = self._came / (time - self._said)
+            reason = f"{rate:.0f} frames a second show no movement: send {_LEAST_RATE} or more"
         if time - self._armed >= _WAY_OUT - _TIE:
             reason += "; or show it and ask for /motion/teach/last"
-        self._most, self._said = 0.0, time
+        self._most, self._said, self._came = -1.0, time, 0
         return State(self.performer, Step.WAITING, 0.0, reason)
 
     def stop(self, *, by_hand: bool) -> State | Recorded:
         """End the recording by a command, because it has its maximal length, or because no frames come for now."""
         if self.step is not Step.RECORDING:
             return State(self.performer, Step.REFUSED, 0.0, "nothing was recorded")
-        return self._recorded(self._finder.end() or Stretch(self._began, self._newest), by_hand=by_hand)
+        found = None if self._at_will else self._finder.end()
+        return self._recorded(found or Stretch(self._began, self._newest), by_hand=by_hand)
 
     def _recorded(self, found: Stretch, *, by_hand: bool) -> State | Recorded:
         begin = max(found.start, self._armed)
-        kept = Stretch(begin, min(found.end, self._newest, begin + MAX_RECORDING))
+        kept = Stretch(begin, min(found.end, self._newest, begin + self._longest))
         whole = Stretch(begin - BEFORE, min(kept.end + ENDS_AFTER, self._newest))
         self._armed = math.nan
         self._finder.clear()

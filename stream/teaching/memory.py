@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.library.teaching.movement import MovementMeter
+from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
+from kinespace.library.teaching.movement import MovementMeter, Stretch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 #: Seconds that are remembered, and frames per second.
 REMEMBERED = 300.0
 FRAME_RATE = 30.0
+#: Frames per second below which an example has too few for a window: straight lines give it more.
+_TOO_FEW = 9.5
 #: Share of a frame's time by which a frame may come early and still be kept.
 _EARLY = 0.2
 #: Seconds by which a frame may be older than the one before; an older one is of a sender that began again.
@@ -39,10 +42,13 @@ class Remembered(NamedTuple):
         Times in seconds on the sender's clock, and positions (joints, 3), metres.
     skeleton
         The skeleton of the positions.
+    shown
+        When examples of the class that is to be tried on them were shown, on the same clock.
     """
 
     frames: Sequence[tuple[float, NDArray[np.float32]]]
     skeleton: Skeleton
+    shown: Sequence[Stretch] = ()
 
     def clip(self) -> Clip:
         """Give the frames at even times."""
@@ -50,7 +56,7 @@ class Remembered(NamedTuple):
         positions = np.array([positions for _, positions in self.frames], dtype=np.float64)
         often = (len(times) - 1) / (times[-1] - times[0])
         # A slower feed keeps its rate; a faster one was thinned unevenly and is resampled at even times.
-        rate = FRAME_RATE if often > 0.9 * FRAME_RATE else None
+        rate = None if _TOO_FEW <= often <= 0.9 * FRAME_RATE else FRAME_RATE
         return evened(times, positions, rate=rate).clip(self.skeleton)
 
 
@@ -101,6 +107,15 @@ class Memory:
         """Give the frames between two moments on the sender's clock; None for less than three frames."""
         gathered = self.gathered(begin, end)
         return gathered.clip() if gathered else None
+
+    def unbroken(self, span: Stretch, moment: float) -> Stretch:
+        """Narrow a span to the part around a moment in which no frame is missing for long."""
+        for before, after in pairwise(time for time, _ in self._frames if span.start <= time <= span.end):
+            if after - before > MAX_GAP and before >= moment:
+                return Stretch(span.start, before)
+            if after - before > MAX_GAP:
+                span = Stretch(after, span.end)
+        return span
 
     def gathered(self, begin: float, end: float) -> Remembered | None:
         """Gather what `between` makes a clip of, which takes its time."""

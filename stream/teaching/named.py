@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 _BEFORE = 0.8
 #: Seconds that a person needs to see a start event: what is said sooner is said about the motion before.
 _REACTION = 0.4
+#: Seconds before and after a motion that was named wrongly, which must not be named, either.
+_AROUND = 1.5
 
 
 @dataclass(slots=True)
@@ -30,20 +33,21 @@ class NamedMotion:
         Its class.
     started, ended
         The times of its events, seconds on the sender's clock; no end while it goes on.
-    after
-        The end of the motion before.
+    after, until
+        The end of the motion before, and the beginning of the next one.
     number
         The number of the example that it became; 0 for none.
-    judgement
-        Whether it was right, while it is to be taken when it has ended; None where nothing was said.
+    is_right
+        Whether it was right, while it is to be taken when it has ended.
     """
 
     class_name: str
     started: float
     ended: float | None = None
     after: float = -float("inf")
+    until: float = float("inf")
     number: int = 0
-    judgement: bool | None = None
+    is_right: bool = False
 
     def span(self, newest: float) -> Stretch:
         """Give the time in which it was performed, `MAX_LAST` seconds at most; `newest` is the time of the last frame.
@@ -52,6 +56,11 @@ class NamedMotion:
         """
         end = newest if self.ended is None else self.ended
         return Stretch(max(self.started - _BEFORE, self.after, end - MAX_LAST), end)
+
+    def around(self, newest: float) -> Stretch:
+        """Give the time of a motion that nobody did, as far as it was seen, and what surrounds it; as `span`."""
+        end = min(newest, self.until, math.inf if self.ended is None else self.ended + _AROUND)
+        return Stretch(max(self.started - _AROUND, self.after, end - MAX_LAST), end)
 
 
 class NamedMotions:
@@ -67,6 +76,8 @@ class NamedMotions:
         self._motions[event.performer] = motions
         if event.kind is EventKind.START:
             after = motions[-1].ended if motions else None
+            for before in motions[-1:]:
+                before.until = max(event.time - _BEFORE, before.started if after is None else after)
             begun = NamedMotion(event.label, event.time, after=-float("inf") if after is None else after)
             # A sender's clock that begins again knows no motion before.
             self._motions[event.performer] = [*motions[-1:], begun]
@@ -86,11 +97,11 @@ class NamedMotions:
             return motions[-2]
         return motions[-1] if motions else None
 
-    def take_judged(self, performer: str, newest: float) -> NamedMotion | None:
-        """Give a motion that was judged and is over, or has gone on for as long as an example may last."""
+    def confirmed(self, performer: str, newest: float) -> NamedMotion | None:
+        """Give a motion that was right and is over, or has gone on for as long as an example may last."""
         for motion in self._motions.get(performer, ()):
             is_over = motion.ended is not None or newest - motion.started >= MAX_LAST
-            if motion.judgement is not None and is_over:
+            if motion.is_right and is_over:
                 return motion
         return None
 

@@ -16,10 +16,10 @@ from kinespace.library.teaching.examples import MAX_EXAMPLES, Example, Roster
 from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Stretch, moved_at_all
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.lesson import HeldLesson, Lesson, Recorded
+from kinespace.stream.teaching.lesson import AT_WILL, HeldLesson, Lesson, Recorded
 from kinespace.stream.teaching.memory import REMEMBERED, Memory
 from kinespace.stream.teaching.named import NamedMotion, NamedMotions
-from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught
+from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught, Tried
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -37,6 +37,8 @@ _GONE = 5.0
 _STOPPED = 0.5
 #: Seconds by which a recording must be longer than its kept part to count as trimmed.
 _TRIMMED = 0.15
+#: What is said after an example, until there is one of `nothing`.
+OFFER = f"next: move as you will for {AT_WILL:g} s, without your gestures (/motion/teach <performer> nothing, or key m)"
 
 
 class Teacher:
@@ -75,8 +77,8 @@ class Teacher:
         self.named = NamedMotions()
         self._undone: list[Roster] = []
         self._before: list[Roster] = []
-        #: The performers of the examples that are being checked, and the times on their clocks.
-        self._checking: dict[int, tuple[str, float]] = {}
+        #: The performers of the examples shown here, and when, on their clocks.
+        self._shown: dict[int, tuple[str, Stretch]] = {}
         self._number = roster.next_number
         #: The last tick, and the first one after we were stopped.
         self._ticked = self._woke = -math.inf
@@ -99,7 +101,7 @@ class Teacher:
             self._woke = now
         self._ticked = now
         for performer, memory in self._memories.items():
-            if motion := self.named.take_judged(performer, memory.newest):
+            if motion := self.named.confirmed(performer, memory.newest):
                 return self._take_judged(performer, motion)
         lesson = self.lesson
         if lesson is None:
@@ -150,30 +152,35 @@ class Teacher:
             case _:
                 return []
 
-    def checked(self, number: int, check: Check | None, would_have_started: int) -> list[Notice | Changed]:
-        """Report the check of an example that was opened with the library, or was undone before."""
-        performer, _ = self._checking.pop(number, ("", 0.0))
+    def checked(self, number: int, check: Check | None, tried: Tried) -> list[Notice | Changed]:
+        """Report the check of an example that was opened with the library, or was undone before.
+
+        Where there is no example of `nothing` yet, the next lesson is offered.
+        """
+        performer, _ = self._shown.get(number, ("", None))
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
             return [_refused(performer, "undone before it was checked")]
         words = check.words if check and example.class_name != NOTHING else "good"
-        taught = Taught(
-            example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, would_have_started
-        )
-        return [taught, State(performer, Step.DONE, example.seconds, words)]
+        taught = Taught(example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, tried)
+        offer = "" if NOTHING in self.roster.classes else f"; {OFFER}"
+        return [taught, State(performer, Step.DONE, example.seconds, words + offer)]
 
     def failed(self, number: int, reason: str) -> list[Notice | Changed]:
         """Undo an example that cannot be compared."""
-        performer, _ = self._checking.pop(number, ("", 0.0))
+        performer, _ = self._shown.get(number, ("", None))
         kept = tuple(each for each in self.roster.examples if each.number != number)
         self.roster = replace(self.roster, examples=kept)
         return [State(performer, Step.REFUSED, 0.0, reason), Changed(self.roster)]
 
     def recent(self, number: int) -> Remembered | None:
         """Give the performer's last minutes before an example that is being checked; None when they are not known."""
-        performer, began = self._checking.get(number, ("", 0.0))
+        performer, whole = self._shown.get(number, ("", Stretch(0.0, 0.0)))
         memory = self._memories.get(performer)
-        return memory.gathered(began - REMEMBERED, began) if memory else None
+        gathered = memory.gathered(whole.start - REMEMBERED, whole.start) if memory else None
+        names = {each.number: each.class_name for each in self.roster.examples}
+        same = [of for each, of in self._shown.items() if names.get(each) == names.get(number) and of[0] == performer]
+        return gathered and gathered._replace(shown=[span for _, span in same])
 
     def take(self, clip: Clip, class_name: str) -> list[Notice | Changed]:
         """Take a motion of a recording, over the skeleton's joints, as an example; it is trimmed."""
@@ -194,12 +201,12 @@ class Teacher:
         self.lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
 
-    def _take(self, performer: str, class_name: str, whole: Stretch) -> list[Notice | Changed]:
-        """Take the movement in a remembered span as an example."""
+    def _take(self, performer: str, class_name: str, whole: Stretch, *, trims: bool = True) -> list[Notice | Changed]:
+        """Take the movement in a remembered span as an example, or without trimming all of the span."""
         clip = self._memories[performer].between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{whole.duration:g} s have not been seen")]
-        return self._add(performer, class_name, clip, whole)
+        return self._add(performer, class_name, clip, whole, None if trims else Stretch(0.0, clip.duration))
 
     def _judged(self, asked: str, now: float, *, is_right: bool) -> list[Notice | Changed]:
         """Take the last named motion as an example of its class, or of `nothing`; once, until that is undone."""
@@ -209,17 +216,20 @@ class Teacher:
             return [_refused(asked, "no motion was named")]
         if motion.number in {each.number for each in self.roster.examples}:
             return [_refused(performer, f"{motion.class_name} was judged already: undo it first")]
-        motion.judgement = is_right
-        if motion.ended is None:
+        motion.is_right = is_right
+        if is_right and motion.ended is None:
             return [State(performer, Step.CHECKING, 0.0, f"{motion.class_name}: taken when it ends")]
         return self._take_judged(performer, motion)
 
     def _take_judged(self, performer: str, motion: NamedMotion) -> list[Notice | Changed]:
-        """Take a motion that was judged as an example of its class, or of `nothing`."""
-        class_name, number = motion.class_name if motion.judgement else NOTHING, self._number
-        motion.judgement = None
-        notices = self._take(performer, class_name, motion.span(self._memories[performer].newest))
-        motion.number = number if self._number > number else 0
+        """Take a motion that was judged as an example of its class, or with what surrounds it of `nothing`."""
+        memory, number = self._memories[performer], self._number
+        if motion.is_right:
+            notices = self._take(performer, motion.class_name, motion.span(memory.newest))
+        else:
+            around = memory.unbroken(motion.around(memory.newest), motion.started)
+            notices = self._take(performer, NOTHING, around, trims=False)
+        motion.is_right, motion.number = False, number if self._number > number else 0
         return notices
 
     def _went(self, lesson: Lesson | HeldLesson, step: State | Recorded | None) -> list[Notice | Changed]:
@@ -254,7 +264,7 @@ class Teacher:
         number, self._number = self._number, self._number + 1
         recording = replace(clip, actor=performer)
         example = Example(number, class_name, recording, kept.start, kept.end)
-        self._checking[number] = performer, whole.start
+        self._shown[number] = performer, whole
         cut = clip.duration - example.seconds
         trimming = f"{kept.start:.2f} to {kept.end:.2f} of {clip.duration:.2f} s kept" if cut > _TRIMMED else ""
         self._remember()

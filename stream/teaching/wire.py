@@ -7,7 +7,7 @@ in JSON: `{"do": "teach", "performer": "ann", "class": "wave"}`.
 from __future__ import annotations
 
 import json
-from dataclasses import MISSING, astuple, fields
+from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
@@ -102,7 +102,8 @@ def encode(notice: Notice) -> bytes:
     """Give a notice as an OSC message."""
     if isinstance(notice, State):
         return encode_message(f"{TEACH}/state", notice.performer, str(notice.step), notice.seconds, notice.reason)
-    return encode_message(f"{TEACH}/taught", *astuple(notice))
+    taught, tried = (notice.class_name, notice.examples, notice.seconds, notice.words), notice.tried
+    return encode_message(f"{TEACH}/taught", *taught, tried.started, tried.done, tried.seconds)
 
 
 def as_json(notice: Notice) -> dict[str, object]:
@@ -116,7 +117,10 @@ def as_json(notice: Notice) -> dict[str, object]:
         "examples": notice.examples,
         "seconds": seconds,
         "check": notice.words,
-        "would_have_started": notice.would_have_started,
+        "would_have_started": notice.tried.started,
+        "would_have_been_done": notice.tried.done,
+        "tried_seconds": round(notice.tried.seconds, 1),
+        "tried": notice.tried.words,
     }
 
 
@@ -127,5 +131,5 @@ def as_line(notice: Notice) -> str:
         seconds = f" {notice.seconds:.1f} s" if notice.seconds else ""
         return f"teaching{whose}: {notice.step}{seconds}{f': {notice.reason}' if notice.reason else ''}"
     kept = f"examples: {notice.examples}, {notice.seconds:.1f} s kept"
-    starts = f"starts it would have had in the last minutes: {notice.would_have_started}"
-    return f"taught {notice.class_name}: {notice.words}; {kept}; {starts}"
+    tried = f"; it would have been {notice.tried.words}" if notice.tried.words else ""
+    return f"taught {notice.class_name}: {notice.words}; {kept}{tried}"

@@ -288,6 +288,7 @@ def teaches(page: Page, performer: Performer) -> None:
     until(page, f"{LESSON}.textContent.startsWith('move now')")
     performer.show(takes(SQUAT)[0])
     until(page, "kinespace.control.taught['my squat'] === 1 && document.querySelector('#name').value === ''")
+    moves_at_will(page, performer)
     # Another example, by the button of the class and by the key.
     for again in (lambda: page.click("[aria-label='another example of my squat']"), lambda: page.keyboard.press("a")):
         again()
@@ -320,11 +321,26 @@ def teaches(page: Page, performer: Performer) -> None:
     page.wait_for_timeout(1500)
     page.keyboard.up("h")
     until(page, "kinespace.control.taught.statue === 1")
+    page.click("#teach button:has-text('Undo')")
+    until(page, "!('statue' in kinespace.control.taught)")
     teaches_the_past(page, performer)
     # A refusal is told in words, for some seconds.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
     until(page, "document.querySelector('#said').textContent === ''")
+
+
+def moves_at_will(page: Page, performer: Performer) -> None:
+    """Take the lesson of nothing that is offered after the first gesture, until there is an example."""
+    page.click("#at-will")
+    until(page, f"{LESSON}.textContent.startsWith('recording · move as you will')")
+    performer.show(takes(KICK)[2])
+    assert page.evaluate("document.querySelector('#at-will').hidden") is False
+    page.wait_for_timeout(1000)
+    page.click("#teach button:has-text('Stop')")
+    until(page, "kinespace.control.taught.nothing === 1 && document.querySelector('#at-will').hidden")
+    page.click("#teach button:has-text('Undo')")
+    until(page, "!('nothing' in kinespace.control.taught) && !document.querySelector('#at-will').hidden")
 
 
 def teaches_the_past(page: Page, performer: Performer) -> None:

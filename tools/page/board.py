@@ -89,6 +89,7 @@ class _Notice(msgspec.Struct):
     reason: str = ""
     taught: str = ""
     check: str = ""
+    tried: str = ""
     examples: int = 0
 
 

@@ -6,6 +6,7 @@ import sys
 import threading
 from typing import TYPE_CHECKING, Self
 
+from kinespace.library.motion_library import NOTHING
 from kinespace.stream.teaching import Asked, commands
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 _LOOK = 0.1
 HINT = (
     "t teach a new motion · a another example · h hold: record now, h again ends it · y the last name was right · "
-    "n it was wrong · space stop · x cancel · u undo · r redo · s save"
+    "n it was wrong · m move as you will: nothing · space stop · x cancel · u undo · r redo · s save"
 )
 _PLAIN: dict[str, Command] = {
     " ": commands.Stop(),
@@ -27,6 +28,7 @@ _PLAIN: dict[str, Command] = {
     "s": commands.Save(),
     "y": commands.Right(),
     "n": commands.Wrong(),
+    "m": commands.Teach("", NOTHING),
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import time
 from dataclasses import replace
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from kinespace.stream.teaching import Notice, Teacher
     from kinespace.stream.workers.gateway import Recognising
     from kinespace.tools.teaching.roster_file import RosterFile
+
+#: Seconds after a lesson in which its performer is still not answered: a motion is done some tenths after its end.
+_MUTED_AFTER = 0.5
 
 
 class Lessons(Sink):
@@ -52,8 +56,8 @@ class Lessons(Sink):
         The classes of the answers; a class keeps its index once it was known.
     answers
         Whether performers are answered: not without a library.
-    is_quiet
-        Whether a performer who is being taught is not answered meanwhile.
+    is_loud
+        Whether a performer who is being taught is answered meanwhile.
     sinks
         The sinks for notices, for the classes when they change, and for the ends of motions whose class is gone.
     """
@@ -73,7 +77,9 @@ class Lessons(Sink):
         self.classes = self._places.of(teacher.roster)
         self.answers = bool(windows.base_classes or teacher.roster.examples)
         self.sinks: Sequence[Sink] = ()
-        self.is_quiet = False
+        self.is_loud = False
+        #: Who is not answered during a lesson, and until when: what was shown last fires nothing behind it, either.
+        self._muted = "", -math.inf
         self._file, self._opener = file, RosterOpener(windows, teacher, self._exchange)
         self._recordings = RecordingsFolder(recordings, teacher.skeleton)
         self._waiting: queue.SimpleQueue[Asked] = queue.SimpleQueue()
@@ -116,9 +122,12 @@ class Lessons(Sink):
 
     @property
     def muted(self) -> str:
-        """The performer who is not answered during a lesson; empty for nobody."""
-        lesson = self._teacher.lesson
-        return lesson.performer if lesson and self.is_quiet else ""
+        """The performer who is not answered during a lesson and shortly after it; empty for nobody."""
+        lesson, now = self._teacher.lesson, self._clock()
+        if lesson and not self.is_loud:
+            self._muted = lesson.performer, now + _MUTED_AFTER
+        name, until = self._muted
+        return name if now < until else ""
 
     def tend(self, now: float) -> None:
         """Do the work that is due by the clock, and take what was opened."""

@@ -14,6 +14,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.teaching import State, Step
+from kinespace.stream.teaching.notices import Tried
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from kinespace.stream.teaching import Changed, Notice, Teacher
     from kinespace.stream.teaching.memory import Remembered
 
-#: Seconds between two answers when an example is tried on the last minutes: enough to count starts.
+#: Seconds between two answers when an example is tried on the last minutes: enough to count what is said.
 _TRIED_EVERY = 0.1
 #: Frames after which the thread pauses for other threads.
 _FRAMES_AT_ONCE = 6
@@ -135,23 +136,29 @@ class RosterOpener:
             if each.number and not self._ending.is_set():
                 known = index if each.number in numbers else None
                 check = checked(known, each.number) if known else None
-                starts = self._starts(each, known) if known else 0
-                self._results.put(partial(self._teacher.checked, each.number, check, starts))
+                tried = self._tried(each, known) if known else Tried()
+                self._results.put(partial(self._teacher.checked, each.number, check, tried))
         return True
 
-    def _starts(self, change: Change, index: WindowIndex) -> int:
-        """Count how often the new class would have started in the performer's last minutes."""
-        if change.before is None:
-            return 0
+    def _tried(self, change: Change, index: WindowIndex) -> Tried:
+        """Count how often the new class would have been said in the performer's last minutes.
+
+        Neither the end of the program nor another change, which somebody wants to see at once, waits for a count.
+        """
         name = next((each.class_name for each in change.roster.examples if each.number == change.number), NOTHING)
+        if change.before is None or name == NOTHING:
+            return Tried()
         recognizer = Recognizer(index, replace(change.settings, hop=_TRIED_EVERY))
-        starts = 0
-        before = change.before.clip()
+        before, begin = change.before.clip(), change.before.frames[0][0]
+        started, done = list[float](), list[float]()
         for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
-            # The end of the program does not wait for a count.
-            if place % _FRAMES_AT_ONCE == 0 and self._ending.wait(_PAUSE):
-                break
+            if place % _FRAMES_AT_ONCE == 0 and (self._ending.wait(_PAUSE) or not self._changes.empty()):
+                return Tried()
             recognition = recognizer.push(Frame("before", moment, positions))
             for event in recognition.events if recognition else ():
-                starts += event.kind is EventKind.START and event.label == name
-        return starts
+                started += [event.time] * (event.kind is EventKind.START and event.label == name)
+            if recognition and recognition.done and recognition.done.label == name:
+                done.append(recognition.done.start + recognition.done.duration / 2)
+        own = [(each.start - begin, each.end - begin) for each in change.before.shown]
+        starts, ends = (sum(not any(a <= at <= b for a, b in own) for at in times) for times in (started, done))
+        return Tried(starts, ends, before.duration)

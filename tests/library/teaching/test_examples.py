@@ -10,10 +10,14 @@ from synthetic import stick_clip, stick_clips
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching import examples
 from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWindows, checked
+from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.index import WindowIndex
 
 if TYPE_CHECKING:
     from kinespace.library import Clip
+
+#: What is said of two classes that cannot be told apart.
+CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
 
 
 @cache
@@ -61,6 +65,28 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
     assert [(each.begin, each.end) for each in again.examples] == [
         (0.0, each.recording.duration) for each in again.examples
     ]
+
+
+@pytest.mark.parametrize(("with_base", "either_side"), [(False, False), (True, True)])
+def test_what_must_not_be_said_only_lowers_limits(*, with_base: bool, either_side: bool) -> None:
+    """Courses that are kept from change to change are those of a library opened anew; undone examples count no more."""
+    windows = TaughtWindows(_base(), with_base=with_base, either_side=either_side)
+    first = _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0))
+    second = first.with_example(_example(3, "nothing", _motions("squat1Reps")[1]))
+    third = second.with_example(_example(4, "nothing", _motions("kickLFront1Reps")[1]))
+    more = third.with_example(_example(5, "kick", _motions("kickLFront1Reps")[2]))
+    for roster in (first, second, third, first, third, more):
+        index = windows.index_of(roster)
+        assert index is not None
+        compared = [index.compared[place] for place in np.unique(index.motions % len(index.compared)).tolist()]
+        anew = Courses.of(compared)
+        assert index.courses.classes == anew.classes
+        assert index.courses.limits == pytest.approx(anew.limits)
+        assert index.courses.crossed == pytest.approx(anew.crossed, nan_ok=True)
+    low, high = (windows.index_of(each) for each in (third, first))
+    assert low is not None
+    assert high is not None
+    assert low.courses.limits.min() < 0.9 * high.courses.limits.min()
 
 
 def test_trimming_cuts_the_motion() -> None:
@@ -181,7 +207,7 @@ def test_a_check_names_the_class_that_an_example_resembles() -> None:
     assert check is not None
     assert check.nearest == "squat1Reps"
     assert check.share_at_risk > 0.5
-    assert check.words == "good so far: show it again to be sure; the nearest class is squat1Reps"
+    assert check.words == f"good so far: show it again to be sure; the nearest class is squat1Reps: {CHANGE}"
     assert checked(index, 7) is None
 
 
@@ -210,10 +236,10 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
         (Check(0.0, "a", float("nan")), "good"),
         (Check(0.05, "a", 1.0), "good"),
         (Check(0.06, "a", 9.0), "close to a"),
-        (Check(0.51, "a", 1.0), "cannot be told from a"),
+        (Check(0.51, "a", 1.0), f"cannot be told from a: {CHANGE}"),
         (Check(0.05, "a", float("nan"), is_first=True), "good so far: show it again to be sure"),
         (Check(0.0, "", float("nan"), is_first=True), "good so far: show it again to be sure"),
-        (Check(0.0, "a", 2.1), "unlike your other examples"),
+        (Check(0.0, "a", 2.1), "unlike your other examples: show it as you will do it, or undo it"),
         (Check(1.0, "", 1.0), "good"),
     ],
 )

@@ -482,3 +482,4 @@ def test_an_end_is_said_if_the_start_was(
         service.stop()
         service.run()
     assert [str(event.kind) for event in sink.events] == kinds
+    assert any(isinstance(each, Done) for each in sink.told) is bool(kinds)

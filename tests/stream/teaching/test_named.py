@@ -7,6 +7,8 @@ from kinespace.library.teaching.examples import Check
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.teaching import State, Step, Taught, commands
 from kinespace.stream.teaching.named import NamedMotions
+from kinespace.stream.teaching.notices import Tried
+from kinespace.stream.teaching.teacher import OFFER
 
 
 def _event(kind: EventKind, time: float, label: str = "squat1Reps", performer: str = "ann") -> Event:
@@ -27,16 +29,17 @@ def _performed(stage: Stage, *, going_on: bool = False) -> float:
 
 
 @pytest.mark.parametrize(
-    ("command", "class_name"), [(commands.Right("ann"), "squat1Reps"), (commands.Wrong(), "nothing")]
+    ("command", "class_name", "around"),
+    [(commands.Right("ann"), "squat1Reps", 0.0), (commands.Wrong(), "nothing", 1.8)],
 )
-def test_the_last_named_motion_becomes_an_example(command: commands.Command, class_name: str) -> None:
-    """It becomes one of its class, or of nothing, once; undone it may be judged again."""
+def test_the_last_named_motion_becomes_an_example(command: commands.Command, class_name: str, around: float) -> None:
+    """It becomes one of its class, or with what surrounds it of nothing, once; undone it may be judged again."""
     stage = Stage()
     seconds = _performed(stage)
     assert [each.step for each in stage.ask(command) if isinstance(each, State)] == [Step.CHECKING]
     (example,) = stage.teacher.roster.examples
     assert example.class_name == class_name
-    assert example.motion.duration == pytest.approx(seconds, abs=0.45)
+    assert example.motion.duration == pytest.approx(seconds + around, abs=0.45)
     stage.ask(command)
     assert stage.reason() == "squat1Reps was judged already: undo it first"
     stage.ask(commands.Undo())
@@ -46,29 +49,28 @@ def test_the_last_named_motion_becomes_an_example(command: commands.Command, cla
 
 
 @pytest.mark.parametrize(
-    ("command", "words"),
+    ("command", "words", "offer"),
     [
-        (commands.Right(), "good so far: show it again to be sure; the nearest class is kick"),
-        (commands.Wrong(), "good"),
+        (commands.Right(), "good so far: show it again to be sure; the nearest class is kick", f"; {OFFER}"),
+        (commands.Wrong(), "good", ""),
     ],
 )
-def test_nobody_is_asked_to_show_again_what_was_wrong(command: commands.Command, words: str) -> None:
+def test_nobody_is_asked_to_show_again_what_was_wrong(command: commands.Command, words: str, offer: str) -> None:
     """An example of nothing resembles a class by nature; a class's first example had better be shown again."""
     stage = Stage()
     _performed(stage)
     stage.ask(command)
     (example,) = stage.teacher.roster.examples
-    taught, done = stage.teacher.checked(example.number, Check(0.3, "kick", float("nan"), is_first=True), 0)
+    taught, done = stage.teacher.checked(example.number, Check(0.3, "kick", float("nan"), is_first=True), Tried())
     assert isinstance(taught, Taught)
     assert isinstance(done, State)
-    assert (taught.words, done.reason) == (words, words)
+    assert (taught.words, done.reason) == (words, words + offer)
 
 
 def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:
-    """Its example has all of it, and the last word counts; one that goes on and on is taken after fifteen seconds."""
+    """Its example has all of it; one that goes on and on is taken after fifteen seconds."""
     stage = Stage()
     _performed(stage, going_on=True)
-    stage.ask(commands.Wrong("ann"))
     stage.ask(commands.Right("ann"))
     assert stage.reason() == "squat1Reps: taken when it ends"
     motion = stage.library.motions[40]
@@ -83,6 +85,44 @@ def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:
     stage.ask(commands.Right("ann"))
     stage.show([*motion.positions, *motion.positions[::-1]] * 6)
     assert [each.class_name for each in stage.teacher.roster.examples] == ["squat1Reps"] * 2
+
+
+@pytest.mark.parametrize("lasts", [0.1, 0.5, None])
+def test_a_false_start_is_taken_at_once_whatever_its_length(lasts: float | None) -> None:
+    """With a second and a half before it and up to now, though hardly anything moved, and though it goes on."""
+    stage = Stage()
+    stage.stand(3.0)
+    stage.teacher.named.push(_event(EventKind.START, 100 + stage.now))
+    stage.stand(lasts or 0.5)
+    if lasts:
+        stage.teacher.named.push(_event(EventKind.END, 100 + stage.now))
+    stage.ask(commands.Wrong())
+    (example,) = stage.teacher.roster.examples
+    assert (example.class_name, example.seconds) == ("nothing", pytest.approx(1.5 + (lasts or 0.5), abs=0.1))
+    stage.stand(1.0)
+    assert len(stage.teacher.roster.examples) == 1
+
+
+def test_what_surrounds_a_false_start_ends_where_other_motions_or_pauses_are() -> None:
+    """The motion before it and the one behind it were right, and a pause in the feed is no movement."""
+    stage = Stage()
+    stage.stand(4.0)
+    for kind, moment in (("start", 101.0), ("end", 102.0), ("start", 102.5), ("end", 102.7), ("start", 103.8)):
+        stage.teacher.named.push(_event(EventKind(kind), moment))
+    stage.ask(commands.Wrong())
+    (example,) = stage.teacher.roster.examples
+    assert example.seconds == pytest.approx(1.0, abs=0.1)
+    stage.wait(1.0)
+    stage.stand(1.0)
+    stage.teacher.named.push(_event(EventKind.START, 105.5))
+    stage.stand(0.5)
+    stage.ask(commands.Wrong())
+    assert stage.teacher.roster.examples[1].seconds == pytest.approx(1.5, abs=0.1)
+    stage.wait(1.0)
+    stage.stand(0.5)
+    stage.ask(commands.Undo())
+    stage.ask(commands.Wrong())
+    assert stage.teacher.roster.examples[1].seconds == pytest.approx(1.5, abs=0.1)
 
 
 def test_without_a_named_motion_nothing_is_taken() -> None:

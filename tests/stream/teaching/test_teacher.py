@@ -10,8 +10,10 @@ from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Example, Roster
 from kinespace.stream.frame import Frame
 from kinespace.stream.teaching import Changed, State, Step, Taught, Teacher, commands
-from kinespace.stream.teaching.lesson import MAX_RECORDING, MAX_WAITING
+from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
 from kinespace.stream.teaching.memory import Memory
+from kinespace.stream.teaching.notices import Tried
+from kinespace.stream.teaching.teacher import OFFER
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -97,8 +99,8 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
     assert "s kept" in stage.reason()
     (changed,) = [each for each in stage.told if isinstance(each, Changed)]
     assert changed.number == 1
-    notices = stage.teacher.checked(1, Check(0.3, "squat", float("nan")), 4)
-    assert notices[0] == Taught("wave", 1, example.seconds, "close to squat", 4)
+    notices = stage.teacher.checked(1, Check(0.3, "squat", float("nan")), Tried(4, 2, 60.0))
+    assert notices[0] == Taught("wave", 1, example.seconds, "close to squat", Tried(4, 2, 60.0))
     assert stage.teacher.lesson is None
 
 
@@ -106,7 +108,7 @@ def test_an_example_that_is_undone_before_its_check_is_told() -> None:
     """Whoever showed it waits for an end of the lesson."""
     stage = _taught()
     stage.ask(commands.Undo())
-    assert stage.teacher.checked(1, None, 0) == [State("ann", Step.REFUSED, 0.0, "undone before it was checked")]
+    assert stage.teacher.checked(1, None, Tried()) == [State("ann", Step.REFUSED, 0.0, "undone before it was checked")]
 
 
 def test_the_example_holds_the_motion_that_was_shown() -> None:
@@ -185,6 +187,14 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     recent = stage.teacher.recent(1)
     assert recent is not None
     assert recent.clip().duration == pytest.approx(10.3, abs=0.4)
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage.perform()
+    stage.ask(commands.Last("ann", 1.0, "bow"))
+    again = stage.teacher.recent(2)
+    assert again is not None
+    spans = [(each.start, each.end) for each in again.shown]
+    assert len(spans) == 2
+    assert spans[0] == pytest.approx((110.2, 112.5), abs=0.5)
 
 
 def test_a_recording_ends_after_fifteen_seconds() -> None:
@@ -292,6 +302,53 @@ def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:
     assert 10 < max(shares) < 100
 
 
+@pytest.mark.parametrize(("every", "told"), [(12, "5 frames a second show no movement: send 8 or more"), (7, "")])
+def test_a_feed_that_is_too_slow_to_show_movement_is_told_so(every: int, told: str) -> None:
+    """Five frames a second show none; eight and a half teach."""
+    stage = Stage()
+    motion = stage.library.motions[0].positions
+    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    frames = [*[motion[0]] * 60, *motion, *[motion[-1]] * 90]
+    for place, positions in enumerate(frames):
+        stage.now += 1 / RATE
+        if place % every == 0:
+            stage.told += stage.teacher.push(Frame("ann", 100 + stage.now, positions), stage.now)
+            if stage.teacher.lesson is None and not stage.teacher.roster.examples:
+                stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+        stage.told += stage.teacher.tick(stage.now)
+    assert len(stage.teacher.roster.examples) == (not told)
+    assert told in {each.reason for each in stage.told if isinstance(each, State)}
+
+
+def test_a_lesson_of_nothing_records_movement_at_will() -> None:
+    """It waits for no movement, no stillness ends it, and all of it is kept; a command may end it sooner."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "nothing", 1, 1.0))
+    stage.stand(2.0)
+    stage.perform()
+    stage.stand(AT_WILL)
+    assert stage.steps() == [Step.COUNTDOWN, Step.WAITING, Step.RECORDING, Step.CHECKING]
+    assert "move as you will for 20 s" in {each.reason for each in stage.told if isinstance(each, State)}
+    stage.ask(commands.Teach("ann", "nothing", 1, 0.0))
+    stage.perform()
+    stage.ask(commands.Stop())
+    lasted = stage.library.motions[40].duration + 1
+    seconds = [each.seconds for each in stage.teacher.roster.of("nothing")]
+    assert seconds == pytest.approx([AT_WILL, lasted], abs=0.1)
+
+
+def test_a_lesson_of_nothing_is_offered_until_it_was_given() -> None:
+    """After each example of a gesture, in words."""
+    stage = _taught()
+    assert stage.teacher.checked(1, None, Tried())[1] == State(
+        "ann", Step.DONE, pytest.approx(1.3, abs=0.3), f"good; {OFFER}"
+    )
+    stage.ask(commands.Last("ann", 2.0, "nothing"))
+    for number in (1, 2):
+        assert getattr(stage.teacher.checked(number, None, Tried())[1], "reason", "") == "good"
+
+
 def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
     """Who stands in the countdown without trembling begins with a small movement of the head alone."""
     stage = Stage()
@@ -384,8 +441,8 @@ def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
 
 
 def test_a_slower_feed_keeps_its_rate() -> None:
-    """Of a feed of 120 Hz every fourth frame is remembered; one of 15 Hz is remembered as it is."""
-    for rate, kept in ((120.0, 30.0), (15.0, 15.0)):
+    """Of 120 Hz every fourth frame is remembered; 15 Hz are as they are; 8 Hz have straight lines between."""
+    for rate, kept in ((120.0, 30.0), (15.0, 15.0), (8.0, 30.0)):
         stage, memory = Stage(), Memory(MotionLibrary.builtin().skeleton)
         for number in range(round(2 * rate)):
             memory.push(number / rate, stage.library.motions[0].positions[0], 0.0)

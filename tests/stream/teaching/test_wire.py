@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 from kinespace.stream.osc.packet import decode_packet, encode_bundle, encode_message
 from kinespace.stream.teaching import State, Step, Taught, commands, wire
 from kinespace.stream.teaching.commands import CommandError
+from kinespace.stream.teaching.notices import Tried
+
+TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
 
 
 @pytest.mark.parametrize(
@@ -123,7 +126,7 @@ def test_no_bytes_break_a_decoder(some: bytes) -> None:
 
 def test_notices() -> None:
     """Every notice has its OSC message and its JSON."""
-    state, taught = State("ann", Step.REFUSED, 1.5, "why"), Taught("wave", 2, 1.25, "good", 3)
+    state, taught = State("ann", Step.REFUSED, 1.5, "why"), Taught("wave", 2, 1.25, "good", Tried(3, 2, 180.0))
     assert wire.as_json(State("ann", Step.WAITING, 1.23456)) == {
         "performer": "ann",
         "state": "waiting",
@@ -132,6 +135,36 @@ def test_notices() -> None:
     assert wire.as_line(state) == "teaching ann: refused 1.5 s: why"
     assert wire.as_line(State("", Step.DONE)) == "teaching: done"
     assert decode_packet(wire.encode(state)) == [("/motion/teach/state", ["ann", "refused", 1.5, "why"])]
-    assert decode_packet(wire.encode(taught)) == [("/motion/teach/taught", ["wave", 2, 1.25, "good", 3])]
+    assert decode_packet(wire.encode(taught)) == [("/motion/teach/taught", ["wave", 2, 1.25, "good", 3, 2, 180.0])]
     assert wire.as_json(state) == {"performer": "ann", "state": "refused", "seconds": 1.5, "reason": "why"}
-    assert "taught wave" in wire.as_line(taught)
+    tried = f"done 2 times in your last 3 minutes (40 an hour); {TOO_OFTEN}"
+    kept = "taught wave: good; examples: 2, 1.2 s kept"
+    assert wire.as_line(taught) == f"{kept}; it would have been {tried}"
+    assert wire.as_line(Taught("wave", 2, 1.25, "good")) == kept
+    assert wire.as_json(taught) == {
+        "taught": "wave",
+        "examples": 2,
+        "seconds": 1.25,
+        "check": "good",
+        "would_have_started": 3,
+        "would_have_been_done": 2,
+        "tried_seconds": 180.0,
+        "tried": tried,
+    }
+
+
+@pytest.mark.parametrize(
+    ("tried", "words"),
+    [
+        (Tried(), ""),
+        (Tried(4, 0, 300.0), "done not once in your last 5 minutes"),
+        (Tried(0, 0, 42.0), "done not once in your last 42 s"),
+        (
+            Tried(0, 1, 42.0),
+            f"done once in your last 42 s; {TOO_OFTEN}",
+        ),
+    ],
+)
+def test_how_often_a_class_would_have_been_said(tried: Tried, words: str) -> None:
+    """In words, by the hour where it was seen for a minute, and what to do where it is too often."""
+    assert tried.words == words

@@ -117,7 +117,7 @@ def test_a_lesson_becomes_a_bar() -> None:
         (5.0, State("ann", Step.COUNTDOWN, 3.0)),
         (8.0, State("ann", Step.RECORDING)),
         (10.0, State("ann", Step.CHECKING, 1.8)),
-        (10.5, Taught("wave", 1, 1.8, "good", 0)),
+        (10.5, Taught("wave", 1, 1.8, "good")),
     ):
         board.take(_notice(notice), moment)
     told = _told(board)[0]
@@ -133,8 +133,8 @@ def test_examples_that_are_checked_together_have_a_bar_each() -> None:
             State("ann", Step.CHECKING, 0.0, "bow: taken when it ends"),
             State("ann", Step.CHECKING, 1.0),
             State("ann", Step.CHECKING, 3.0),
-            Taught("bow", 1, 1.0, "good", 0),
-            Taught("wave", 1, 3.0, "good", 0),
+            Taught("bow", 1, 1.0, "good"),
+            Taught("wave", 1, 3.0, "good"),
         ),
         start=10,
     ):
@@ -149,7 +149,7 @@ def test_a_span_of_the_past_that_was_taught_has_its_bar_there(refusals: int, spa
     board.take_command({"do": "last", "performer": "ann", "seconds": 2.0, "class": "dip", "ago": 8.0}, 50.0)
     board.take_command({"do": "last", "performer": "bob", "seconds": 2.0, "class": "dip"}, 50.0)
     board.take_command({"do": "last", "performer": "ann", "seconds": "long", "class": "dip"}, 50.0)
-    checked = State("ann", Step.CHECKING, 2.0), Taught("dip", 1, 2.0, "good", 0)
+    checked = State("ann", Step.CHECKING, 2.0), Taught("dip", 1, 2.0, "good")
     for notice in (*[State("ann", Step.REFUSED)] * refusals, *checked):
         board.take(_notice(notice), 50.0)
     assert _told(board)[0]["motions"][0][2:] == ["dip", *span, "taught"]

@@ -17,8 +17,10 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream.frame import Admitted, Announcement, Frame
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
 from kinespace.stream.teaching import Asked, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching.notices import Tried
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.teaching import requests
 from kinespace.tools.teaching.beginning import open_lessons
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Event, Recognition
+    from kinespace.stream.recognition import Recognition
     from kinespace.stream.teaching import Command, Notice
 
 PATIENCE = 60.0
@@ -162,6 +164,26 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     again.lessons.close()
 
 
+@pytest.mark.slow
+def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
+    """It says how often it would have been done, its own examples left out; what was wrong is not said again."""
+    _show(stage, 0, "squat1Reps", 1)
+    _show(stage, 10, "kickLFront1Reps")
+    _show(stage, 20, "squat1Reps", 2)
+    for begin in (30, 40):
+        _teach(stage, begin, "my squat", "squat1Reps")
+        stage.until(lambda heard, many=1 + begin // 40: heard.steps().count(Step.DONE) == many)  # type: ignore[misc]
+    first, second = (each.tried for each in stage.heard.notices if isinstance(each, Taught))
+    assert (first.done, second.done) == (2, 2)
+    assert (first.seconds, second.seconds) == (pytest.approx(30.0, abs=1.5), pytest.approx(40.0, abs=1.5))
+    assert _show(stage, 50, "squat1Reps", 1)[:1] == ["my squat"]
+    stage.lessons.publish_event(Event("ann", EventKind.START, "my squat", 0, 0.9, 52.0))
+    stage.command(commands.Wrong())
+    stage.until(lambda heard: heard.steps().count(Step.DONE) == 3)
+    assert stage.heard.notices[-2] == Taught("nothing", 1, pytest.approx(3.0, abs=1.0), "good", Tried())
+    assert "my squat" not in _show(stage, 60, "squat1Reps", 1)
+
+
 def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A failure to save is reported; the class is known all the same."""
     save = MotionLibrary.save
@@ -186,16 +208,21 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     assert (tmp_path / "mine.npz").is_symlink()
 
 
-def test_a_performer_who_is_taught_may_be_muted(stage: Stage) -> None:
-    """From the countdown to the end of the lesson, and only where this is asked for."""
+def test_a_performer_who_is_taught_fires_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the countdown until a motion shown last cannot be said any more, unless lessons are to be loud."""
     _show(stage, 0, "kickLFront1Reps")
+    now = time.monotonic()
+    monkeypatch.setattr(stage.lessons, "_clock", lambda: now)
     assert stage.lessons.muted == ""
-    for quiet, muted in ((False, ""), (True, "ann")):
-        stage.lessons.is_quiet = quiet
+    for loud, muted in ((True, ""), (False, "ann")):
+        stage.lessons.is_loud = loud
         stage.command(commands.Teach("", "wave"))
         assert stage.lessons.muted == muted
         stage.command(commands.Cancel())
-        assert stage.lessons.muted == ""
+        now += 0.4
+        assert stage.lessons.muted == muted
+    now += 0.2
+    assert stage.lessons.muted == ""
 
 
 class Slow(TaughtWindows):

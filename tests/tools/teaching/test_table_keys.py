@@ -15,4 +15,10 @@ def test_the_commands_of_keys() -> None:
         commands.Hold("", "motion 2"),
         commands.Hold("", "motion 2", on=False),
     ]
-    assert [keys.command_of(key) for key in "ynu?"] == [commands.Right(), commands.Wrong(), commands.Undo(), None]
+    assert [keys.command_of(key) for key in "ynmu?"] == [
+        commands.Right(),
+        commands.Wrong(),
+        commands.Teach("", "nothing"),
+        commands.Undo(),
+        None,
+    ]

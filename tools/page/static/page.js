@@ -303,6 +303,8 @@ const teaches = () => Boolean(page.control?.teaches);
 
 function showControl() {
   byId("teach").toggleAttribute("data-on", teaches());
+  const taught = Object.keys(page.control.taught);
+  byId("at-will").hidden = !taught.length || taught.includes("nothing");
   const { sensitivity } = page.control;
   const slider = byId("sensitivity");
   slider.closest("label").hidden = sensitivity === null;
@@ -321,6 +323,9 @@ function teach(name, repetitions = 1) {
   page.taught = name;
   ask({ do: "teach", performer: page.chosen, class: name, repetitions });
 }
+/** Offered after the first gesture: what a performer does beside it. */
+const teachNothing = () => ask({ do: "teach", performer: page.chosen, class: "nothing" });
+byId("at-will").addEventListener("click", teachNothing);
 for (const button of document.querySelectorAll("[data-do]")) button.addEventListener("click", () => ask({ do: button.dataset.do }));
 /** Say that the last motion of the performer who is chosen was named rightly, or wrongly. */
 const judge = (how) => ask({ do: how, performer: page.chosen });
@@ -341,12 +346,12 @@ document.addEventListener("keyup", (event) => { if (event.key === "h" || event.k
 byId("hold").addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") { event.preventDefault(); hold(true); } });
 byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensitivity", share: Number(target.value) }));
 
-function takeNotice({ at, performer: name, state, seconds, reason, taught, check, examples }) {
+function takeNotice({ at, performer: name, state, seconds, reason, taught, check, tried, examples }) {
   const old = page.now - at > OLD;
-  if (taught && !old) { if (byId("name").value.trim() === taught) byId("name").value = ""; say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}`); return; }
+  if (taught && !old) { if (byId("name").value.trim() === taught) byId("name").value = ""; say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}${tried && `; it would have been ${tried}`}`); return; }
   const performer = page.performers.get(name);
-  // How much a performer moves who is waited for.
-  const goes = state === "waiting" && reason.startsWith("movement");
+  // How much a performer moves who is waited for, or that movement is free.
+  const goes = ["waiting", "recording"].includes(state) && reason;
   const words = { waiting: "move now", recording: "recording", checking: "checking" }[state];
   if (performer) {
     performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : [words, goes && reason].filter(Boolean).join(" · ");
@@ -491,6 +496,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "h" && teaches()) hold(true);
   if (event.key === "y" && teaches()) judge("right");
   if (event.key === "n" && teaches()) judge("wrong");
+  if (event.key === "m" && teaches()) teachNothing();
   if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
 });
 

@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
     text = "taught motions may be done by either side (default: with --camera)"
     parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
-    text = 'answer a performer who is being taught "unknown", without events'
-    parser.add_argument("--quiet-lessons", action="store_true", help=text)
+    text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
+    parser.add_argument("--loud-lessons", action="store_true", help=text)
     text = "let people take examples out of the recordings in this folder"
     parser.add_argument("--recordings", type=Path, metavar="DIR", help=text)
     text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"

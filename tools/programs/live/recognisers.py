@@ -130,7 +130,7 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
         recordings=options.recordings,
         either_side=either_side,
     )
-    lessons.is_quiet = options.quiet_lessons
+    lessons.is_loud = options.loud_lessons
     return lessons
 
 

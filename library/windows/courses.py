@@ -69,9 +69,8 @@ _BELOW_EVERYDAY, _LEAST = (0.11, 0.14), 0.06
 _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 #: And this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
 _OF_HALVES, _QUANTILE, _DRAWN = 0.85, 0.05, 200
-#: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions at most
-#: what 80 % of them cost each other, or `_MOST_CROSSED` if that is more.
-_MOST, _MOST_CROSSED, _CROSSED_QUANTILE = (0.55, 0.45), 0.45, 0.8
+#: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions less.
+_MOST, _MOST_CROSSED = (0.55, 0.45), 0.45
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
 #: Directions by which pieces are screened.
@@ -246,14 +245,14 @@ class Courses:
         pieces = Pieces.of(whole), Pieces.of(begun)
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
-        most = np.array([_most(crossed[of_class == place]) for place in range(len(classes))])[of_class]
+        several = np.isin(of_class, of_class[np.isfinite(crossed)])
         typical, (unwanted, counts_for) = _everyday_costs(cut, motions[0].skeleton), _unwanted(motions, cut, of_class)
         limits = np.zeros((2, len(cut)), dtype=np.float32)
         numbers = zip(limits, pieces, _MOST, _BELOW_EVERYDAY, _OF_OTHERS_CROSSED, strict=True)
         for limit, each, highest, below, crossing in numbers:
-            unlike = np.where(most > 0, crossing, _OF_OTHERS) * _least(each, unwanted, counts_for)
+            unlike = np.where(several, crossing, _OF_OTHERS) * _least(each, unwanted, counts_for)
             unlike = np.minimum(np.maximum(typical - below, _LEAST), unlike)
-            limit[:] = np.minimum(np.where(most > 0, np.maximum(most, _MOST_CROSSED), highest), unlike)
+            limit[:] = np.minimum(np.where(several, _MOST_CROSSED, highest), unlike)
         if len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
         counts = _counts(float(seconds.max()))
@@ -393,12 +392,6 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
             least = costs.min(axis=1)
             crossed[own] = np.where(np.isfinite(least), least, np.nan)
     return crossed
-
-
-def _most(crossed: Numbers) -> float:
-    """Give what a class's motions may differ by; 0 where that is not known."""
-    known = crossed[np.isfinite(crossed)]
-    return float(np.quantile(known, _CROSSED_QUANTILE)) if len(known) else 0.0
 
 
 def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton) -> Numbers:

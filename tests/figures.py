@@ -56,7 +56,6 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "utkinect": ("stream", *_SOME_PERSONS, "--protocol", "leave-one-person-out"),
     "strangers": ("stream", "--takes", "{data}/cmu_takes/takes.csv", "--subjects", *_SOME_STRANGERS),
     **{
-        # Squats of the other persons are in the library.
         sensor: ("stream", f"{{data}}/{sensor}/takes", "--actor-in", "name", "--subjects", "s04", "s05")
         for sensor in ("uiprmd", "uiprmd_kinect")
     },
@@ -71,7 +70,6 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "show": ("show", "--shows", "2", "--minutes", "4"),
     "discover": ("discover", *_OWN_TAKES[:2]),
     "progress": ("progress", "--every", "16"),
-    # Squats of the other persons are in the library.
     "done": ("done", *(f"{{data}}/uiprmd/takes/s0{person}_m01.npz" for person in (4, 5)), "--actor-in", "name"),
     **{
         f"retrieval_{signature}_{protocol}": ("retrieval", "--signature", signature, "--protocol", protocol)

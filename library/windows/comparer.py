@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.signature.parts import Part
     from kinespace.library.windows.comparison import Comparison, Group
+    from kinespace.library.windows.head import Head
     from kinespace.library.windows.likelihood import Likelihood
     from kinespace.library.windows.metric import Metric
 
@@ -163,8 +164,14 @@ class Comparer:
         3), 0 to 1, shape (classes,); where persons agree by products, the mean over the two nearest.
     """
 
-    def __init__(
-        self, comparison: Comparison, laid: Laid, pairs: int, directions: int, likelihood: Likelihood | None = None
+    def __init__(  # noqa: PLR0913, PLR0917 - windows, and what judges and names by them
+        self,
+        comparison: Comparison,
+        laid: Laid,
+        pairs: int,
+        directions: int,
+        likelihood: Likelihood | None = None,
+        head: Head | None = None,
     ) -> None:
         weighing, classes, room = comparison.weighing, len(laid.starts) - 1, laid.lengths.shape[1]
         found = min(weighing.eigenvectors, directions)
@@ -197,6 +204,8 @@ class Comparer:
         products = np.zeros((len(laid.weights), room), dtype=np.float32)
         how = weighing.nearest, weighing.by_products, len(weighing.views)
         self._steps.append(bind("compare", *laid[:6], vectors, products, self.logs, self.named, *how))
+        if head:
+            self._steps.append(head.bound(list(placed.values()), self.named))
         if likelihood:
             self.judged = np.zeros((1, classes))
             self._steps.append(likelihood.bound(vectors, self.judged[0]))

@@ -222,6 +222,10 @@ class Comparison:
             groups.append(metric)
         return cls(weighing, parts, tuple(groups))
 
+    def placed(self, numbers: Mapping[Part, NDArray[np.float64]]) -> dict[Part, NDArray[np.float32]]:
+        """Give the vector of each part that has a metric, for windows or for one window."""
+        return {part: metric.place(_as_vectors(part, numbers)) for part, metric in self.parts.items()}
+
     def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:
         """Give the vector of each group, for windows (windows, numbers) or for one window (numbers,).
 
@@ -230,7 +234,7 @@ class Comparison:
         For each group an array of shape (..., axes); for a group of an eigen part alone its scaled eigenvectors, (...,
         k, directions).
         """
-        placed = {part: metric.place(_as_vectors(part, numbers)) for part, metric in self.parts.items()}
+        placed = self.placed(numbers)
         vectors: list[NDArray[np.float32]] = []
         for group, metric in zip(self.weighing.groups, self.groups, strict=True):
             if _is_eigen(group):

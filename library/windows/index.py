@@ -21,6 +21,7 @@ from kinespace.library.windows.comparer import Comparer, Laid
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
+from kinespace.library.windows.head import Head
 from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
 from kinespace.library.windows.likelihood import Likelihood
 from kinespace.library.windows.metric import Lessons
@@ -29,7 +30,7 @@ from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -47,6 +48,10 @@ _BASIS_AT = 10.0
 _MAX_LESSONS = 10_000
 #: Windows whose numbers are in memory at once, about.
 _PIECE = 4_000
+#: Seconds of another motion before a motion, as long as the longest window, where a head is taught.
+_BEHIND = 2.0
+#: Windows behind other motions that teach a head, at most: they take some tenths of a second.
+_MAX_BEHIND = 1000
 #: Threads of linear algebra: the matrices are small, and threads take the cores from each other. On two busy cores,
 #: opening takes 2 to 7 seconds by numpy's own choice of threads, and .7 by one.
 _THREADS = 1
@@ -74,6 +79,8 @@ class WindowIndex:
     motions
         Index of each window's motion, shape (windows,), below 0 for guests, counted from their end; the windows of a
         class lie together, and in it the windows of a person.
+    head
+        What helps to name the classes that taught it, within one laboratory; else None.
     judged_by
         The rejection of unknown motions; None when it is learned from the motions at first use.
     origin
@@ -87,6 +94,7 @@ class WindowIndex:
     vectors: tuple[NDArray[np.float16], ...] = field(repr=False)
     eigenvectors: NDArray[np.float32] = field(repr=False)
     motions: NDArray[np.intp] = field(repr=False)
+    head: Head | None = field(default=None, repr=False)
     judged_by: Rejection | None = field(default=None, repr=False)
     origin: Origin | None = field(default=None, repr=False)
     _views: dict[tuple[str, ...], WindowIndex] = field(default_factory=dict, init=False, repr=False)
@@ -111,20 +119,23 @@ class WindowIndex:
         """
         weighing = weighing or usual_weighing(library)
         teacher = teacher or teacher_of(library)
-        body, kept, cut = Body.of(teacher.skeleton), kept_of(teacher, weighing), None
+        body, kept, cut, head = Body.of(teacher.skeleton), kept_of(teacher, weighing), None, None
         measured = Measured.of(library, _every(library), weighing.first)
         if kept is None:
             lessons = Measured.of(teacher, _EVERY_SEVERAL, weighing.first).thinned(_MAX_LESSONS)
             basis = learned_basis(teacher, weighted=not weighing.by_products)
             cut = CutWindows(lessons.clips, lessons.ends, body, basis, weighing.parts, weighing.eigenvectors)
             kept = Kept(basis, Comparison.learned(weighing, cut.numbers, _lessons(teacher, lessons.motions)))
+            # Only where all parts have one metric is the library's laboratory that of the feed.
+            if library is teacher and teaches_itself(library) and None not in kept.comparison.groups:
+                head = _learned_head(library, kept, lessons, cut)
         comparison = kept.comparison.of_taught_classes() if library is teacher else kept.comparison
         # Windows that taught are not cut again where all of the library's own did.
         if cut and library is teacher and len(lessons.motions) == len(measured.motions):
             placed = Placed.of(comparison, cut)
         else:
             placed = measured.placed(comparison, body, kept.basis)
-        return cls(library, body, kept.basis, comparison, *placed, measured.motions).with_guests()
+        return cls(library, body, kept.basis, comparison, *placed, measured.motions, head).with_guests()
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -341,7 +352,8 @@ class WindowIndex:
     def comparer(self) -> Comparer:
         """Give a comparer for the windows of one performer."""
         pairs, directions = self.basis.directions.shape
-        return Comparer(self.comparison, self.laid, pairs, directions, self.likelihood)
+        head = self.head and self.head.of_classes(self.classes)
+        return Comparer(self.comparison, self.laid, pairs, directions, self.likelihood, head)
 
     def prepared(self) -> Self:
         """Compute now what is otherwise computed at first use, so that the first hop need not wait; give itself."""
@@ -425,7 +437,7 @@ def _remembered(
     def compute() -> tuple[Any, ...]:
         index = WindowIndex.of(library.restricted_to(joints) if joints else library, weighing=weighing)
         rejection = index.rejection if weighing.judges else None
-        placed = (index.vectors, index.eigenvectors, index.motions, index.judged_by, rejection)
+        placed = (index.vectors, index.eigenvectors, index.motions, index.head, index.judged_by, rejection)
         return (index.body, index.basis, index.comparison, *placed, index.segments, index.courses)
 
     *fields, rejection, segments, courses = remembered(library, weighing, joints, compute)
@@ -556,19 +568,35 @@ class Measured(NamedTuple):
         ends = [each[some] for each, some in zip(self.ends, of_motions, strict=True)]
         return Measured(self.clips, ends, self.motions[kept])
 
+    def behind_others(self) -> Measured:
+        """Give the same windows as if each motion was played right behind another motion of the same person."""
+        clips, ends, before = [*self.clips], [*self.ends], dict[tuple[str, float], "NDArray[np.floating]"]()
+        for place in np.random.default_rng(0).permutation(len(clips)).tolist():
+            clip, own = self.clips[place], self.ends[place]
+            most, key = round(_BEHIND * clip.frame_rate), (clip.actor, clip.frame_rate)
+            # Distances are cut, so the body may stand elsewhere.
+            last = before.get(key, clip.positions)[-most:]
+            clips[place] = replace(clip, positions=np.concatenate([last, clip.positions]))
+            # Later windows hold nothing of the other motion.
+            ends[place] = own[own <= most] + len(last)
+            before[key] = clip.positions
+        return Measured(clips, ends, np.repeat(np.arange(len(clips)), [len(each) for each in ends]))
+
     def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
-        """Compute the windows' vectors, some motions at a time, because their numbers take much more memory."""
-        pieces, begin = list[Placed](), 0
+        """Compute the windows' vectors."""
+        pieces = [Placed.of(comparison, cut) for cut in self.cut(comparison.weighing, body, basis)]
+        vectors, eigenvectors = zip(*pieces, strict=True)
+        return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
+
+    def cut(self, weighing: Weighing, body: Body, basis: Basis) -> Iterator[CutWindows]:
+        """Compute the windows' numbers, some motions at a time, because they take much memory."""
+        begin = 0
         pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
         # With the last motion a piece may be full.
         for end in sorted({*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)}):
-            weighing = comparison.weighing
             some = self.clips[begin:end], self.ends[begin:end]
-            cut = CutWindows(*some, body, basis, weighing.parts, weighing.eigenvectors)
-            pieces.append(Placed.of(comparison, cut))
+            yield CutWindows(*some, body, basis, weighing.parts, weighing.eigenvectors)
             begin = end
-        vectors, eigenvectors = zip(*pieces, strict=True)
-        return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
 
 
 def thinned(clip: Clip, frame_rate: float) -> Clip:
@@ -582,3 +610,12 @@ def _lessons(library: MotionLibrary, motions: NDArray[np.intp]) -> Lessons:
     _, classes = np.unique([clip.class_name for clip in library.motions], return_inverse=True)
     _, people = np.unique([clip.actor for clip in library.motions], return_inverse=True)
     return Lessons(classes[motions], people[motions])
+
+
+def _learned_head(library: MotionLibrary, kept: Kept, lessons: Measured, cut: CutWindows) -> Head:
+    """Learn a head from the windows that taught the metrics, and from the same behind other motions."""
+    behind, weighing = lessons.behind_others().thinned(_MAX_BEHIND), kept.comparison.weighing
+    windows = (cut, *behind.cut(weighing, Body.of(library.skeleton), kept.basis))
+    vectors = [np.concatenate([*kept.comparison.placed(each.numbers).values()], axis=1) for each in windows]
+    motions = np.concatenate([lessons.motions, behind.motions]).tolist()
+    return Head.learned(np.concatenate(vectors), [library.motions[place].class_name for place in motions])

@@ -25,6 +25,7 @@ from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind, Part
 from kinespace.library.windows.comparison import Comparison, Weighing
 from kinespace.library.windows.courses import Courses, Pieces
+from kinespace.library.windows.head import Head
 from kinespace.library.windows.metric import Metric
 from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import Segments
@@ -43,7 +44,7 @@ _MAX_BYTES = 40_000_000
 #: What a file may hold besides arrays, numbers, texts and tuples of them.
 _HELD: dict[str, Callable[..., object]] = {
     each.__name__: each
-    for each in (Basis, Body, Comparison, Kind, Metric, Part, Rejection, Segments, Weighing, Courses, Pieces)
+    for each in (Basis, Body, Comparison, Head, Kind, Metric, Part, Rejection, Segments, Weighing, Courses, Pieces)
 }
 
 

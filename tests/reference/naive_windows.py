@@ -306,6 +306,22 @@ def ratio(one: Sequence[float], other: Sequence[float]) -> float:
     return total
 
 
+def unlikely(one: Matrix, windows: Matrix, names: Sequence[str]) -> dict[str, float]:
+    """Give for each class the negative log probability of a vector, by what known windows of the classes teach.
+
+    By the densities themselves: the classes are equally likely, each spreads as all do in the mean, and a tenth of this
+    spread is equal in all directions.
+    """
+    own = {name: windows[[each == name for each in names]] for name in sorted(set(names))}
+    spreads = [np.mean([np.outer(each, each) for each in some - some.mean(axis=0)], axis=0) for some in own.values()]
+    spread, axes = np.mean(spreads, axis=0), len(one)
+    inverse = np.linalg.inv(0.9 * spread + 0.1 * np.trace(spread) / axes * np.eye(axes))
+    logs = {name: -(one - some.mean(axis=0)) @ inverse @ (one - some.mean(axis=0)) / 2 for name, some in own.items()}
+    most = max(logs.values())
+    whole = most + math.log(sum(math.exp(log - most) for log in logs.values()))
+    return {name: float(whole - log) for name, log in logs.items()}
+
+
 def evidence(groups: Matrix, guess: int) -> tuple[list[float], list[float]]:
     """Give distance and lead of a guess by each group, from log distances (groups, classes)."""
     leads = [min((row[c] for c in range(len(row)) if c != guess), default=math.inf) - row[guess] for row in groups]

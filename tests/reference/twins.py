@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from naive_windows import NaiveComparison, NaiveMetric, body_of, nearest, numbers_of, ratio
+from naive_windows import NaiveComparison, NaiveMetric, as_vector, body_of, nearest, numbers_of, ratio
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -63,6 +63,20 @@ class Twin:
             ratios = [ratio(one, others[window]) for one, others in zip(asked, self.windows, strict=True)]
             best[name] = max(sum(ratios) / len(ratios), best.get(name, -math.inf))
         return np.array([[-best[name] / 5 for name in sorted(best)]])
+
+    def named(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
+        """Give each class's log distance for naming: the least of the views, and what the head that was taught adds."""
+        views = self.log_distances(numbers)[: len(self.index.comparison.weighing.views)]
+        head = self.index.head
+        if head is None:
+            return views.min(axis=0)
+        vectors = [
+            metric.place(as_vector(numbers[part]) if part[0] == "eigen" else numbers[part])
+            for part, metric in self.comparison.parts.items()
+        ]
+        places = [head.classes.index(name) for name in sorted(set(self.labels[0]))]
+        likely = (np.concatenate(vectors) @ head.factors + head.offsets)[places]
+        return views.min(axis=0) + 0.06 * (np.logaddexp.reduce(likely) - likely)
 
     def log_distances(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
         """Compare with every window, one at a time: (views, classes)."""

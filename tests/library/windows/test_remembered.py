@@ -32,7 +32,7 @@ def some() -> MotionLibrary:
     for motion in builtin.motions:
         kept[motion.class_name].append(motion)
     motions = tuple(motion for name in builtin.classes for motion in kept[name][:4])
-    return replace(builtin, motions=motions, guests=builtin.guests[:2])
+    return replace(builtin, motions=motions)
 
 
 @pytest.fixture

@@ -31,7 +31,7 @@ def index() -> WindowIndex:
     """Open three classes of HDM05, without one actor."""
     builtin = MotionLibrary.builtin()
     some = [each for each in builtin.motions if each.class_name in {SQUAT, ARMS, DOWN} and each.actor != "bd"]
-    return opened(replace(builtin, motions=tuple(some), guests=()))
+    return opened(replace(builtin, motions=tuple(some)))
 
 
 def clips_of(class_name: str, actor: str = "bd") -> list[Clip]:

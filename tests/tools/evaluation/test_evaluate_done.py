@@ -23,7 +23,7 @@ def asked() -> Asked:
     some = [each for each in builtin.motions if each.class_name in {SQUAT, ARMS, DOWN} and each.actor != "bd"]
     clip = [each for each in builtin.motions if (each.class_name, each.actor) == (SQUAT, "bd")][3]
     take = Take(clip, (Segment(0.0, clip.duration, SQUAT),))
-    return Asked(take, replace(builtin, motions=tuple(some), guests=()), "")
+    return Asked(take, replace(builtin, motions=tuple(some)), "")
 
 
 def test_a_take_is_judged_as_live(asked: Asked) -> None:

@@ -43,10 +43,9 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         "motions: 288 of 11 classes, 595 s",
         "persons: bd, bk, dg, mm, tr",
         f"joints: 31: {', '.join(hdm05.SKELETON.joints)}",
-        "sources: HDM05, UI-PRMD",
+        "sources: HDM05",
         f"licence: {library.licence}",
         f"attribution: {library.attribution}",
-        "guests: 40, for bodies of few joints",
         f"done, ≤ 6/h false: {opened(library).courses.missed_at(6.0):.0%} of these motions missed",
     ):
         assert f"\n{line}\n" in printed

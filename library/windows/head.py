@@ -1,0 +1,67 @@
+"""A linear head: which class a window belongs to, by linear discriminant analysis of its parts' vectors.
+
+A distance to the nearest window takes all axes alike. The head learns which axes tell the classes apart while a window
+still holds the motion before: it is taught by the library's windows, and by windows of its motions behind other motions
+of the same person. It knows the people and the sensor that taught it, so it only helps within one laboratory
+(tests/TRIED.md).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    Numbers = NDArray[np.float64]
+
+#: Log distance for each unit of a class's negative log probability.
+_SHARE = 0.06
+#: The share of the scatter within classes that is replaced by equal scatter, and how much equal scatter there is at
+#: least: windows of a class may be the same, number for number.
+_SHRINKAGE, _LEAST = 0.1, 1e-6
+
+
+class Head(NamedTuple):
+    """The classes and, for each, the factors of a window's parts and what is added, (axes, classes) and (classes,)."""
+
+    classes: tuple[str, ...]
+    factors: Numbers
+    offsets: Numbers
+
+    @classmethod
+    def learned(cls, vectors: NDArray[np.float32], names: Sequence[str]) -> Self:
+        """Learn from windows: the parts' vectors one after another, (windows, axes), and the class of each window."""
+        classes, own = np.unique(names, return_inverse=True)
+        means = np.array([vectors[own == each].mean(axis=0, dtype=np.float64) for each in range(len(classes))])
+        # Classes weigh the same.
+        apart = (vectors - means[own]) / np.sqrt(np.bincount(own))[own, None]
+        scatter = apart.T @ apart / len(classes)
+        equal = max(_SHRINKAGE * float(scatter.diagonal().mean()), _LEAST)
+        factors = np.linalg.solve((1 - _SHRINKAGE) * scatter + equal * np.eye(len(scatter)), means.T)
+        return cls(tuple(classes.tolist()), factors, -(means.T * factors).sum(axis=0) / 2)
+
+    def of_classes(self, classes: Sequence[str]) -> Head | None:
+        """Give the head of some of the classes, in their order; None if another is among them."""
+        if not set(classes) <= set(self.classes):
+            return None
+        places = [self.classes.index(name) for name in classes]
+        return Head(tuple(classes), self.factors[:, places], self.offsets[places])
+
+    def bound(self, parts: Sequence[Numbers], named: Numbers) -> Callable[[], None]:
+        """Give a function that adds to each class's log distance how unlikely a window's parts say the class is."""
+        factors, offsets = np.ascontiguousarray(self.factors.T), self.offsets
+        asked, likely = np.zeros(len(self.factors)), np.zeros(len(offsets))
+
+        def call() -> None:
+            np.concatenate(parts, out=asked)
+            np.dot(factors, asked, out=likely)
+            np.add(likely, offsets, out=likely)
+            np.subtract(likely, likely.max(), out=likely)
+            named[:] += _SHARE * (np.log(np.exp(likely).sum()) - likely)
+
+        return call

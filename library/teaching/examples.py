@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kinespace.library.motion_library import NOTHING, MotionLibrary
-from kinespace.library.windows.courses import Pieces, path_of, windows_of
-from kinespace.library.windows.courses import _least as limit_by
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import mirrored
 
@@ -233,7 +231,7 @@ class TaughtWindows:
         if courses is None or not is_same or len(unwanted) - len(new) < len(known):
             courses = index.courses
         elif new:
-            courses = lowered(courses, new)
+            courses = courses.lowered(new)
         self._cut = named, unwanted, courses
         return courses
 
@@ -244,17 +242,6 @@ class TaughtWindows:
             rejection = index.rejection
             self._judged = examples, rejection
         return rejection
-
-
-def lowered(courses: Courses, unwanted: Sequence[Clip]) -> Courses:
-    """Lower the limits of courses by further motions that must not be said, as `Courses.of` all of them does."""
-    paths = [path_of(clip) for clip in unwanted if clip.frames > 1]
-    if not courses.counts or not paths:
-        return courses
-    windows = Pieces.of(np.concatenate([windows_of(path, courses.counts) for path in paths]))
-    least = [limit_by(each, windows, np.ones((1, 1), dtype=bool)) for each in (courses.whole, courses.begun)]
-    limits = np.minimum(courses.limits, np.array(least, dtype=np.float32))
-    return replace(courses, limits=limits, crossed=courses.crossed * courses.limits[0] / limits[0])
 
 
 def _taught_as(motion: Clip) -> str:

@@ -16,7 +16,7 @@ everyday movement (`everyday`, and the motions called `nothing`), and halves of 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, NamedTuple, Self
@@ -248,15 +248,26 @@ class Courses:
         several = np.isin(of_class, of_class[np.isfinite(crossed)])
         typical, (unwanted, counts_for) = _everyday_costs(cut, motions[0].skeleton), _unwanted(motions, cut, of_class)
         limits = np.zeros((2, len(cut)), dtype=np.float32)
-        numbers = zip(limits, pieces, _MOST, _BELOW_EVERYDAY, _OF_OTHERS_CROSSED, strict=True)
-        for limit, each, highest, below, crossing in numbers:
-            unlike = np.where(several, crossing, _OF_OTHERS) * _least(each, unwanted, counts_for)
-            unlike = np.minimum(np.maximum(typical - below, _LEAST), unlike)
-            limit[:] = np.minimum(np.where(several, _MOST_CROSSED, highest), unlike)
+        unlike = _of_unwanted(pieces, several, unwanted, counts_for)
+        for limit, highest, below, others in zip(limits, _MOST, _BELOW_EVERYDAY, unlike, strict=True):
+            limit[:] = np.minimum(np.where(several, _MOST_CROSSED, highest), others)
+            limit[:] = np.minimum(limit, np.maximum(typical - below, _LEAST))
         if len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
         counts = _counts(float(seconds.max()))
         return cls(tuple(classes.tolist()), starts, *pieces, limits, seconds, crossed / limits[0], counts)
+
+    def lowered(self, unwanted: Sequence[Clip]) -> Courses:
+        """Lower the limits by further motions that must not be said, as `of` all of them does."""
+        paths = [path_of(clip) for clip in unwanted if clip.frames > 1]
+        if not self.counts or not paths:
+            return self
+        windows = Pieces.of(np.concatenate([windows_of(path, self.counts) for path in paths]))
+        of_class = np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right")
+        several = np.isin(of_class, of_class[np.isfinite(self.crossed)])
+        least = _of_unwanted((self.whole, self.begun), several, windows, np.ones((1, 1), dtype=bool))
+        limits = np.minimum(self.limits, least.astype(np.float32))
+        return replace(self, limits=limits, crossed=self.crossed * self.limits[0] / limits[0])
 
     def missed_at(self, false_alarms: float) -> float:
         """Give the share of the library's own motions that others' do not find; NaN where there are no others."""
@@ -438,13 +449,27 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
     return at_equal_way(points, ways, begin[some], end[some])
 
 
-def _least(pieces: Pieces, windows: Pieces, counts_for: NDArray[np.bool_]) -> Numbers:
-    """Give the least cost of each piece by windows that must not be said, shape (pieces,)."""
-    # A live window may go a little farther, with the rest of a movement behind it.
-    alike = pieces.as_far(windows, 1.5 * MAX_WAY) & counts_for
-    costs = np.where(alike, pieces.costs(windows), np.inf)
-    least: Numbers = costs.min(axis=1, initial=np.inf).astype(np.float64)
-    return least
+def _of_unwanted(
+    pieces: tuple[Pieces, Pieces], several: NDArray[np.bool_], windows: Pieces, counts_for: NDArray[np.bool_]
+) -> Numbers:
+    """Give the limits of whole motions and of first parts by windows that must not be said, shape (2, motions).
+
+    Parameters
+    ----------
+    pieces
+        Whole motions, and first parts.
+    several
+        For each motion whether its class has several.
+    windows, counts_for
+        The windows, and for which motions each counts, (motions, windows).
+    """
+    limits = np.zeros((2, len(several)))
+    for limit, each, crossing in zip(limits, pieces, _OF_OTHERS_CROSSED, strict=True):
+        # A live window may go a little farther, with the rest of a movement behind it.
+        alike = each.as_far(windows, 1.5 * MAX_WAY) & counts_for
+        least = np.where(alike, each.costs(windows), np.inf).min(axis=1, initial=np.inf)
+        limit[:] = np.where(several, crossing, _OF_OTHERS) * least
+    return limits
 
 
 def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbers:

@@ -1,6 +1,6 @@
 """The figures of recognition and retrieval, kept in `figures.toml`.
 
-`make figures` runs every evaluation, which takes minutes, and says what has fallen; `.ci/run` does it, and the tests
+`make figures` runs every evaluation, which takes minutes, and says what has fallen; the tests
 measure the quickest.
 After a change that is meant to move them:
 

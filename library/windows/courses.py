@@ -70,7 +70,7 @@ _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 #: And this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
 _OF_HALVES, _QUANTILE, _DRAWN = 0.85, 0.05, 200
 #: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions less.
-_MOST, _MOST_CROSSED = (0.55, 0.45), 0.45
+_MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
 #: Directions by which pieces are screened.

@@ -9,6 +9,7 @@ windows show and how near the library's are (`windows`), what that means (`decis
 from __future__ import annotations
 
 import math
+from collections import Counter
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
@@ -59,6 +60,9 @@ MAX_PAUSE = 0.8
 _EARLY = 1e-3
 #: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
 _ASKED_AGAIN = 0.5
+#: A class that so many persons show starts by its lead: what is unknown to it was learned; few people's classes start
+#: when their course was seen.
+_LEADING_PERSONS = 3
 _SECOND_THREAD = "a recogniser is used by one thread at a time: expected none, got a second"
 
 
@@ -184,7 +188,7 @@ class Recognizer:
         """Answer with the classes of an index, in an order."""
         classes = index.classes
         self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
-        self._by_course = frozenset(index.courses.classes) if self._done else frozenset[str]()
+        self._by_course = _begun_by_course(index) if self._done else frozenset[str]()
         # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes
@@ -488,7 +492,7 @@ class Recognizer:
             evidence=decided.evidence,
             doubted=doubted,
             done=self._done_of(frame.performer, look.done) if look.done else None,
-            seen=look.seen,
+            seen=look.seen if look.seen and look.seen.class_name in self._by_course else None,
             by_course=decided.guess in self._by_course,
             ended_at=self._ended_at,
         )
@@ -522,6 +526,13 @@ class Recognizer:
     def _end_time(self) -> float:
         """When a motion that goes on ends if nothing more comes, seconds."""
         return self._last if self._ended_at is None else self._ended_at
+
+
+def _begun_by_course(index: WindowIndex) -> frozenset[str]:
+    """Give the classes that start when the course of their motions was seen."""
+    persons = {(motion.class_name, motion.actor) for motion in (*index.framed.motions, *index.framed.guests)}
+    shown = Counter(name for name, _ in persons)
+    return frozenset(name for name in index.courses.classes if shown[name] < _LEADING_PERSONS)
 
 
 def require_order(order: Sequence[str], library: MotionLibrary) -> None:

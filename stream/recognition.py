@@ -138,7 +138,7 @@ class Seen:
     class_name
         Its class.
     score
-        1 for the very motion of the library, 0.5 at the limit.
+        1 for the very motion of the library, 0.5 at the limit; less for a course that is only near.
     seconds
         How long the nearest motion of the library lasts.
     begins

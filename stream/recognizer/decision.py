@@ -52,6 +52,8 @@ _ENDED_AFTER = {
     Outcome.AMBIGUOUS: 0.4,
     Outcome.IMPLAUSIBLE: 0.8,
 }
+#: Seconds for which a course that was near lets a class start that has led for long enough.
+_NEAR_FOR = 0.2
 #: Seconds after which a motion that is not seen again may have ended, beside one and a half times its length.
 _SEEN = 0.5
 #: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
@@ -191,6 +193,7 @@ class Decision:
         self._event.current = going_on.label if going_on else None
         self._decided_at = self._event_at = math.nan
         self._seen_until = -math.inf
+        self._near, self._near_until = "", -math.inf
 
     @property
     def going_on(self) -> Event | None:
@@ -271,7 +274,8 @@ class Decision:
     def events(self, recognition: Recognition) -> tuple[Event, ...]:
         """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start.
 
-        A class with a course starts when the course of its motions has been seen, and ends when it has not been seen
+        A class of few people starts when the course of its motions has been seen, or when it has led for long enough
+        while its course is near (`recognition.seen` with a score below 0.5). It ends when it has not been seen
         for as long as a motion lasts. Other classes start when they have led for long enough.
         """
         before = () if recognition.ended_at is None else self.ends(recognition)
@@ -281,7 +285,8 @@ class Decision:
             elapsed = _MAX_HOP if elapsed > 0 else 0.0
         if seen := recognition.seen:
             goes_on = self._active is not None and self._active.label == seen.class_name
-            if goes_on or seen.begins:
+            self._near, self._near_until = seen.class_name, recognition.time + _NEAR_FOR
+            if (goes_on and seen.score > 0.5) or seen.begins:
                 self._seen_until = recognition.time + _SEEN + 1.5 * seen.seconds
             if seen.begins and not goes_on:
                 index = recognition.classes.index(seen.class_name)
@@ -290,6 +295,7 @@ class Decision:
         pace = min(max(recognition.lead, 0.0), _MAX_EVENT_PACE)
         if named and recognition.by_course:
             is_seen = self._active and self._active.label == named and recognition.time < self._seen_until
+            is_seen = is_seen or (self._near == named and recognition.time < self._near_until)
             named = named if is_seen else _NONE
         if named == _NONE:
             pace = self._event.needed / (_ENDED_AFTER[recognition.outcome] * _PER_SECOND)

@@ -31,6 +31,8 @@ _LOOKS = 2
 _STILL_WAY = 0.02
 #: Seconds of the shortest window that shows a whole motion.
 _SHORTEST = 0.5
+#: A course that costs so many times its limit is near.
+_NEAR = 1.5
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
 #: The memory is moved back each time so many windows' points have come.
@@ -210,7 +212,7 @@ class DoneFollower:
 
         Infinite where no window is below the limit, or where it is not free.
         """
-        likely = windows.as_far(self._pieces) & (self._screen.costs_at_least(windows.courses) < self._limits)
+        likely = windows.as_far(self._pieces) & (self._screen.costs_at_least(windows.courses) < _NEAR * self._limits)
         some = np.flatnonzero((likely & free[:, None]).any(axis=0))
         costs = np.full(likely.shape, np.inf, dtype=np.float32)
         if len(some):
@@ -223,7 +225,7 @@ class DoneFollower:
         """Give the motion of which a window shows the whole, or the first part; None where no window does."""
         courses = self._courses
         pieces = courses.whole if whole else courses.begun
-        if not costs.size or not (least := float(costs.min())) < 1:
+        if not costs.size or not (least := float(costs.min())) < _NEAR:
             return None
         window, motion = divmod(int(costs.argmin()), costs.shape[1])
         ways, begin = self._ways[: self._count], int(begins[window])
@@ -238,13 +240,15 @@ class DoneFollower:
 
     def _sees(self, whole: Found | None, begun: Found | None) -> Look:
         """Say what has been seen in enough looks in a row."""
+        near = max((each for each in (whole, begun) if each), key=lambda each: each.score, default=None)
+        whole, begun = (each if each and each.score > 0.5 else None for each in (whole, begun))
         done = whole if self._whole.sees(whole.class_name if whole else "") else None
         starts = begun if self._begun.sees(begun.class_name if begun else "") else None
         if done:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()
         found = starts or done
         if found is None:
-            return Look()
+            return Look(seen=near and Seen(near.class_name, near.score, near.seconds, begins=False))
         # What was moving when a class was said to begin is the same motion still.
         begins = found.start >= self._said.get(found.class_name, -math.inf)
         if begins:

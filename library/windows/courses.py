@@ -210,8 +210,10 @@ class Courses:
         The classes with a course, sorted; without `nothing`.
     starts
         Where the motions of each class begin, shape (classes,).
-    whole, begun
-        The motions, and their first parts (`BEGUN`): a motion starts where such a part is seen.
+    pieces
+        The motions, and behind them their first parts (`BEGUN`): a motion starts where such a part is seen.
+    screen
+        The screen of the pieces.
     limits
         The cost below which a whole motion is seen, and its first part: shape (2, motions).
     seconds
@@ -224,8 +226,8 @@ class Courses:
 
     classes: tuple[str, ...]
     starts: NDArray[np.intp] = field(repr=False)
-    whole: Pieces = field(repr=False)
-    begun: Pieces = field(repr=False)
+    pieces: Pieces = field(repr=False)
+    screen: Screen = field(repr=False)
     limits: Floats = field(repr=False)
     seconds: Numbers = field(repr=False)
     crossed: Numbers = field(repr=False)
@@ -238,7 +240,8 @@ class Courses:
         if not cut:
             none = Pieces.of(np.zeros((0, POINTS, 1)))
             empty = np.zeros(0)
-            return cls((), np.zeros(0, dtype=np.intp), none, none, np.zeros((2, 0), np.float32), empty, empty, ())
+            screen, limits = Screen.of(none.courses), np.zeros((2, 0), np.float32)
+            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, empty, empty, ())
         names = [each.class_name for each in cut]
         classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
         whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
@@ -255,7 +258,19 @@ class Courses:
         if len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
         counts = _counts(float(seconds.max()))
-        return cls(tuple(classes.tolist()), starts, *pieces, limits, seconds, crossed / limits[0], counts)
+        both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
+        screen, crossed = Screen.of(both.courses), crossed / limits[0]
+        return cls(tuple(classes.tolist()), starts, both, screen, limits, seconds, crossed, counts)
+
+    @property
+    def whole(self) -> Pieces:
+        """The whole motions."""
+        return Pieces(*(each[: len(self.seconds)] for each in self.pieces))
+
+    @property
+    def begun(self) -> Pieces:
+        """Their first parts."""
+        return Pieces(*(each[len(self.seconds) :] for each in self.pieces))
 
     def lowered(self, unwanted: Sequence[Clip]) -> Courses:
         """Lower the limits by further motions that must not be said, as `of` all of them does."""

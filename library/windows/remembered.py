@@ -24,7 +24,7 @@ from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind, Part
 from kinespace.library.windows.comparison import Comparison, Weighing
-from kinespace.library.windows.courses import Courses, Pieces
+from kinespace.library.windows.courses import Courses, Pieces, Screen
 from kinespace.library.windows.head import Head
 from kinespace.library.windows.metric import Metric
 from kinespace.library.windows.rejection import Rejection
@@ -42,10 +42,8 @@ _KEPT = 12
 #: Bytes of a file, at most; the built-in library's windows take 3 MB.
 _MAX_BYTES = 40_000_000
 #: What a file may hold besides arrays, numbers, texts and tuples of them.
-_HELD: dict[str, Callable[..., object]] = {
-    each.__name__: each
-    for each in (Basis, Body, Comparison, Head, Kind, Metric, Part, Rejection, Segments, Weighing, Courses, Pieces)
-}
+_CLASSES = (Basis, Body, Comparison, Courses, Head, Kind, Metric, Part, Pieces, Rejection, Screen, Segments, Weighing)
+_HELD: dict[str, Callable[..., object]] = {each.__name__: each for each in _CLASSES}
 
 
 def cache_folder() -> Path:

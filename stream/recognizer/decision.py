@@ -204,7 +204,7 @@ class Decision:
         """Forget the guess and the evidence, as at the start; a motion that goes on stays."""
         self._guess.clear()
         self._judgement.clear()
-        self._decided_at = math.nan
+        self._decided_at, self._near_until = math.nan, -math.inf
 
     def exchange(self, index: WindowIndex, classes: Collection[str], lead: float, time: float) -> Event | None:
         """Go on with another library; give the end of the motion that goes on, at a time, if its class is gone.

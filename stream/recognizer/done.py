@@ -8,13 +8,12 @@ when all of it is. The next motion may begin where this one ended.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points, size_of
-from kinespace.library.windows.courses import MAX_WAY, Pieces, Screen, at_equal_way, share_at
+from kinespace.library.windows.courses import MAX_WAY, Pieces, at_equal_way, share_at
 from kinespace.stream.recognition import Seen
 
 if TYPE_CHECKING:
@@ -85,13 +84,6 @@ class _Streak:
         return bool(name) and self._count >= _LOOKS
 
 
-@lru_cache(maxsize=8)
-def _screened(courses: Courses) -> tuple[Pieces, Screen]:
-    """Give a library's whole motions and behind them their first parts, for all performers the same."""
-    pieces = Pieces(*map(np.concatenate, zip(courses.whole, courses.begun, strict=True)))
-    return pieces, Screen.of(pieces.courses)
-
-
 class DoneFollower:
     """Finds the motions that one performer begins, and has done.
 
@@ -118,12 +110,11 @@ class DoneFollower:
         """Find the motions of another library from now on."""
         self._courses = courses
         self._longest = courses.counts[-1] + 1 if courses.counts else 0
-        width = courses.whole.ways.shape[1]
+        width = courses.pieces.ways.shape[1]
         self._points, self._ways = np.zeros((_ROOM * self._longest, width)), np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        self._pieces, self._screen = _screened(courses)
         self._limits = self._share * courses.limits.ravel()
-        lengths = self._pieces.lengths
+        lengths = courses.pieces.lengths
         self._least = float(lengths.min()) / MAX_WAY if len(lengths) else 0.0
         self._most = float(lengths.max()) * MAX_WAY if len(lengths) else 0.0
         self.clear()
@@ -210,13 +201,14 @@ class DoneFollower:
     def _costs(self, windows: Pieces, free: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Give each window's cost, relative to the limits, by whole motions and by first parts: (windows, pieces).
 
-        Infinite where no window is below the limit, or where it is not free.
+        Infinite where no window is near the limit, or where it is not free.
         """
-        likely = windows.as_far(self._pieces) & (self._screen.costs_at_least(windows.courses) < _NEAR * self._limits)
+        every, least = self._courses.pieces, self._courses.screen.costs_at_least(windows.courses)
+        likely = windows.as_far(every) & (least < _NEAR * self._limits)
         some = np.flatnonzero((likely & free[:, None]).any(axis=0))
         costs = np.full(likely.shape, np.inf, dtype=np.float32)
         if len(some):
-            pieces = Pieces(*(each[some] for each in self._pieces))
+            pieces = Pieces(*(each[some] for each in every))
             costs[:, some] = windows.costs(pieces) / self._limits[some]
         costs[~likely | ~free[:, None]] = np.inf
         return costs
@@ -224,7 +216,6 @@ class DoneFollower:
     def _nearest(self, costs: NDArray[np.float32], begins: NDArray[np.intp], *, whole: bool) -> Found | None:
         """Give the motion of which a window shows the whole, or the first part; None where no window does."""
         courses = self._courses
-        pieces = courses.whole if whole else courses.begun
         if not costs.size or not (least := float(costs.min())) < _NEAR:
             return None
         window, motion = divmod(int(costs.argmin()), costs.shape[1])
@@ -234,7 +225,8 @@ class DoneFollower:
         first, last = np.searchsorted(ways[begin:], moves).tolist()
         start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))
         place = int(np.searchsorted(courses.starts, motion, side="right")) - 1
-        seconds, amplitude = float(courses.seconds[motion]), float(gone / self._size / pieces.lengths[motion])
+        lengths = (courses.whole if whole else courses.begun).lengths
+        seconds, amplitude = float(courses.seconds[motion]), float(gone / self._size / lengths[motion])
         speed = seconds / max(end - start, STEP)
         return Found(courses.classes[place], start, end, 1 - least / 2, speed, amplitude, seconds)
 

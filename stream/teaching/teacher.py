@@ -264,6 +264,9 @@ class Teacher:
         number, self._number = self._number, self._number + 1
         recording = replace(clip, actor=performer)
         example = Example(number, class_name, recording, kept.start, kept.end)
+        # What lies before the memory is never tried again.
+        oldest = whole.start - REMEMBERED
+        self._shown = {each: of for each, of in self._shown.items() if of[0] != performer or of[1].end > oldest}
         self._shown[number] = performer, whole
         cut = clip.duration - example.seconds
         trimming = f"{kept.start:.2f} to {kept.end:.2f} of {clip.duration:.2f} s kept" if cut > _TRIMMED else ""

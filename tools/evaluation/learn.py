@@ -334,10 +334,10 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
     """
     found, whole = list[_Own](), _index(library)
     groups = [[place for place, each in enumerate(library.motions) if each.actor == actor] for actor in library.actors]
-    if len(groups) < 2:
+    single = len(groups) < 2
+    if single:
         groups = [[place] for group in groups for place in group]
     for group in progress(groups, "Motions", len(groups)):
-        single = len(library.actors) < 2
         actors = {library.motions[place].actor for place in group}
         index = whole.without(group) if single else _index(library.without(actors=actors))
         own = [(place, library.motions[place]) for place in group]

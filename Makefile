@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE :=
 
 setup: $(MADE)
 
-SOURCES := pyproject.toml setup.py library/kernels/compiled.c library/kernels/loops.h
+SOURCES := pyproject.toml setup.py library/compiled/loops.c
 # setuptools warns of every editable installation.
 # Quiet twice: pip says its errors, but no warnings (of an index that is not there, say).
 PIP := PYTHONWARNINGS=ignore $(BIN)/python -m pip --quiet --quiet --disable-pip-version-check
@@ -120,5 +120,5 @@ wheel-check: setup
 	cd build/wheel && venv/bin/kinespace info && venv/bin/kinespace demo --json
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info library/kernels/_compiled.* .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info library/compiled/_loops.* .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

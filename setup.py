@@ -5,15 +5,13 @@ from pathlib import Path
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
-FOLDER = Path("library", "kernels")
-
 
 class BuildLoops(build_ext):
     """Compiles the loops in each build: loops of an earlier one never stand in for loops that cannot be compiled."""
 
     def build_extension(self, ext: Extension) -> None:
         """Compile one module."""
-        in_place = FOLDER.glob("_compiled.*.so") if self.editable_mode or self.inplace else ()
+        in_place = Path("library", "compiled").glob("_loops.*.so") if self.editable_mode or self.inplace else ()
         for stale in (Path(self.get_ext_fullpath(ext.name)), *in_place):
             stale.unlink(missing_ok=True)
         self.force = True
@@ -21,13 +19,12 @@ class BuildLoops(build_ext):
 
 
 LOOPS = Extension(
-    "kinespace.library.kernels._compiled",
-    sources=["library/kernels/compiled.c"],
-    depends=["library/kernels/loops.h"],
+    "kinespace.library.compiled._loops",
+    sources=["library/compiled/loops.c"],
     # Python itself asks for -fwrapv, with which gcc makes some of these loops slower, and for -g, which writes the
     # folder's name into the wheel: a wheel that is built twice is to be the same, byte for byte.
-    extra_compile_args=["-O3", "-g0", "-ffp-contract=fast", "-fno-math-errno", "-fno-wrapv", "-fopenmp-simd"],
-    # log and sqrt: found without it only where Python itself has been linked with it.
+    extra_compile_args=["-O3", "-g0", "-ffp-contract=fast", "-fno-math-errno", "-fno-wrapv", "-Wno-psabi"],
+    # sqrt: found without it only where Python itself has been linked with it.
     libraries=["m"],
     py_limited_api=True,
     # Where there is no compiler they are left out, and numpy does the same, more slowly.

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.kernels import bind
+from kinespace.library.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kinespace.library.kernels.plain import Call
     from kinespace.library.skeleton import Skeleton
+
+#: Frames whose distances are measured at once: more would not fit into the processor's cache.
+_FRAMES = 16
 
 
 def distance_rows(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[np.float64]:
@@ -38,22 +40,22 @@ def distance_rows(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArra
     joints = len(skeleton.joints)
     if positions.shape[-2:] != (joints, 3):
         raise ValueError(f"positions: expected (..., {joints}, 3), got {positions.shape}")
-    rows = np.empty((*positions.shape[:-2], len(skeleton.pairs)))
     frames = np.ascontiguousarray(positions, dtype=np.float64).reshape(-1, joints, 3)
-    measure_into(frames, skeleton, rows.reshape(-1, len(skeleton.pairs)))(len(frames))
+    return pair_distances(frames, skeleton.pairs.T).reshape(*positions.shape[:-2], len(skeleton.pairs))
+
+
+@compiled
+def pair_distances(positions: NDArray[np.float64], ends: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Measure between the ends (2, pairs) of pairs of joints, in frames (frames, joints, 3): shape (frames, pairs)."""
+    rows, (first, second) = np.empty((len(positions), ends.shape[1])), ends
+    for begin in range(0, len(positions), _FRAMES):
+        # Joint by joint, because whole axes are copied at once: (3, frames, joints).
+        axes = np.ascontiguousarray(positions[begin : begin + _FRAMES].transpose(2, 0, 1))
+        apart = axes.take(first, axis=2)
+        apart -= axes.take(second, axis=2)
+        apart *= apart
+        squares, y, z = apart
+        squares += y
+        squares += z
+        np.sqrt(squares, out=rows[begin : begin + _FRAMES])
     return rows
-
-
-def measure_into(positions: NDArray[np.float64], skeleton: Skeleton, rows: NDArray[np.float64]) -> Call:
-    """Give a function that measures the first of some frames, as `distance_rows` does; it takes their number.
-
-    Parameters
-    ----------
-    positions
-        Where the frames lie at each call, shape (frames, joints, 3), metres.
-    skeleton
-        The skeleton whose pairs are measured.
-    rows
-        Where the function writes the distances, shape (frames, pairs), metres.
-    """
-    return bind("distances", positions, np.ascontiguousarray(skeleton.pairs), rows)

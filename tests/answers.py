@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinespace.library import MotionLibrary, Reading, kernels, opened, read_recordings
+from kinespace.library import MotionLibrary, Reading, compiled, opened, read_recordings
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.feeding.utkinect import read_take
@@ -219,7 +219,7 @@ def exactly(answers: list[Recognition]) -> str:
 
 def arithmetic() -> str:
     """Name the arithmetic in use."""
-    return "compiled" if kernels.compiled else "plain"
+    return "compiled" if compiled.in_use else "plain"
 
 
 def differing(kept: Mapping[str, Any], got: Mapping[str, Any]) -> list[str]:

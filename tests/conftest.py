@@ -20,7 +20,7 @@ from programs import LOOPBACK, builtin_library
 from refused import refuse
 from synthetic import stick_clips
 
-from kinespace.library import kernels
+from kinespace.library import compiled
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.recordings import find_recordings, read_recordings
 from kinespace.library.windows.index import opened
@@ -64,8 +64,8 @@ if _REFUSING not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
 
 #: Set to 1 where no test may be skipped for want of recordings or of others' programs.
 COMPLETE = "KINESPACE_COMPLETE"
-#: Why tests of the compiled kernels skip.
-_NO_KERNELS = "no compiled kernels here: gcc or clang and Python's headers make them"
+#: Why tests of the compiled functions skip.
+_NOT_COMPILED = "no compiled functions here: gcc or clang and Python's headers make them"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -90,50 +90,11 @@ def _folder(path: Path) -> Path:
 
 @pytest.fixture(scope="module", params=["compiled", "numpy"])
 def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Do the arithmetic in the compiled kernels, and then again in numpy."""
-    if kernels.compiled is None and request.param == "compiled":
-        _without(_NO_KERNELS, "the compiled kernels")
-    with kernels.left_aside() if request.param == "numpy" else nullcontext():
+    """Do the arithmetic in the compiled functions, and then again in numpy."""
+    if not compiled.in_use and request.param == "compiled":
+        _without(_NOT_COMPILED, "the compiled functions")
+    with compiled.left_aside() if request.param == "numpy" else nullcontext():
         yield request.param
-
-
-#: The builds of the compiled kernels, one for each width of registers.
-_BUILDS = ("any", "avx2", "avx512")
-
-
-def _builds_that_run() -> list[str]:
-    """List the builds of the kernels that this processor can run."""
-    built, run = kernels.compiled, list[str]()
-    if built is not None:
-        before = built.kind()
-        for each in _BUILDS:
-            with suppress(ValueError):
-                built.use(each)
-                run.append(each)
-        built.use(before)
-    return run
-
-
-BUILDS_THAT_RUN = _builds_that_run()
-
-
-def pytest_report_header() -> str:
-    """Say once which builds of the kernels are tested: tests of the others are not collected."""
-    others = [each for each in _BUILDS if each not in BUILDS_THAT_RUN]
-    cannot = f"; not here: {', '.join(others)}" if others else ""
-    return f"builds of the kernels that are tested: {', '.join(BUILDS_THAT_RUN) or 'none'}{cannot}"
-
-
-@pytest.fixture(scope="module", params=BUILDS_THAT_RUN or ["none"])
-def width(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Use the compiled kernels of each width of registers that this processor has."""
-    built = kernels.compiled
-    if built is None:
-        _without(_NO_KERNELS, "the compiled kernels")
-    before = built.kind()
-    built.use(request.param)
-    yield request.param
-    built.use(before)
 
 
 @pytest.fixture(scope="session")

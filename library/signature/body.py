@@ -25,16 +25,13 @@ class Body:
         without known parents has no segments, so the mean of all its distances is used. Shape (pairs,).
     segments
         Index of each segment among the pairs, shape (segments,); none without known parents.
-    above
-        The segments between the root and each joint, as flags, shape (segments, joints), 0 or 1.
-    ends
-        The two joints of each pair, and the joint where their ways to the root meet, shape (3, pairs).
+    between
+        The segments between the two joints of each pair, as flags, shape (segments, pairs), 0 or 1.
     """
 
     sizing: NDArray[np.float64] = field(repr=False)
     segments: NDArray[np.intp] = field(repr=False)
-    above: NDArray[np.float64] = field(repr=False)
-    ends: NDArray[np.uint16] = field(repr=False)
+    between: NDArray[np.float64] = field(repr=False)
 
     @classmethod
     @lru_cache(maxsize=16)
@@ -49,17 +46,15 @@ class Body:
         pairs = len(skeleton.pairs)
         if not skeleton.parents:
             none = np.empty(0, dtype=np.intp)
-            return cls(np.full(pairs, 1 / pairs), none, np.empty((0, 0)), np.zeros((3, pairs), dtype=np.uint16))
+            return cls(np.full(pairs, 1 / pairs), none, np.empty((0, pairs)))
         places = {(int(a), int(b)): index for index, (a, b) in enumerate(skeleton.pairs)}
         children = [joint for joint, parent in enumerate(skeleton.parents) if parent >= 0]
         segments = [places[min(j, skeleton.parents[j]), max(j, skeleton.parents[j])] for j in children]
         above = _segments_above(skeleton.parents, children)
         first, second = skeleton.pairs.T
         sizing = np.bincount(segments, minlength=pairs) / len(segments)
-        joints = {flags.tobytes(): joint for joint, flags in enumerate(above)}
-        meeting = [joints[flags.tobytes()] for flags in above[first] & above[second]]
-        ends = np.array([first, second, meeting], dtype=np.uint16)
-        return cls(sizing, np.array(segments, dtype=np.intp), above.T.astype(np.float64, order="C"), ends)
+        between = (above[first] ^ above[second]).T.astype(np.float64, order="C")
+        return cls(sizing, np.array(segments, dtype=np.intp), between)
 
     def size(self, rows: NDArray[np.floating]) -> NDArray[np.float64]:
         """Mean length of the segments in distance rows (..., pairs), metres: shape (...)."""
@@ -70,9 +65,7 @@ class Body:
         """Length of the segments between the joints of each pair, in rows (..., pairs), metres: shape (..., pairs)."""
         if not len(self.segments):
             return np.broadcast_to(self.size(rows)[..., None], rows.shape)
-        heights = rows.take(self.segments, axis=-1) @ self.above
-        first, second, meeting = (heights.take(joints, axis=-1) for joints in self.ends)
-        lengths: NDArray[np.float64] = first + second - 2.0 * meeting
+        lengths: NDArray[np.float64] = rows.take(self.segments, axis=-1) @ self.between
         return lengths
 
 

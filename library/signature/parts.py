@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
 
@@ -114,12 +114,35 @@ class Eigenpairs(NamedTuple):
     vectors: NDArray[np.float64]
 
 
+class Signature(NamedTuple):
+    """What a window shows.
+
+    Attributes
+    ----------
+    parts
+        The numbers of each part, (numbers,), or (eigenvectors, directions).
+    leading
+        The leading eigenvector of the longest window in the basis, shape (directions,).
+    movement
+        `movement` over the longest window of distances.
+    share, gap
+        Share of the variance of the longest window in the basis along its leading eigenvector, and (λ₁ − λ₂) / λ₁ of
+        its two leading eigenvalues, 0 to 1.
+    """
+
+    parts: Mapping[Part, NDArray[np.float64]]
+    leading: NDArray[np.float64]
+    movement: float
+    share: float
+    gap: float
+
+
 def spread(moments: Moments, body: Body) -> NDArray[np.float64]:
     """Compute spreads, shape (windows, pairs); 0 for a body without size, with all joints in one point."""
     relative = moments.deviation / _positive(body.size(moments.mean))[:, None]
     relative += NOISE_FLOOR
     logs: NDArray[np.float64] = np.log(relative, out=relative)
-    logs -= LEVEL_REMOVED * logs.mean(axis=-1, keepdims=True)
+    logs -= (LEVEL_REMOVED / logs.shape[-1]) * np.add.reduce(logs, axis=-1, keepdims=True)
     return logs
 
 
@@ -132,6 +155,10 @@ def trend(moments: Moments, body: Body) -> NDArray[np.float64]:
     """Compute trends, shape (windows, pairs), between -1 and 1: 0 where a distance moves no more than noise."""
     floor = NOISE_FLOOR * body.size(moments.mean)[:, None]
     return moments.trend / _positive(moments.deviation + floor)
+
+
+#: The function that computes each kind of part from moments.
+FORMULAS = {Kind.SPREAD: spread, Kind.POSTURE: posture, Kind.TREND: trend}
 
 
 def eigen(pairs: Eigenpairs) -> NDArray[np.float64]:

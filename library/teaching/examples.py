@@ -356,5 +356,5 @@ def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
     mine, asking = np.isin(index.motions, _copies(index, place)), index.motions == place
     windows = np.flatnonzero(asking)
     windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]
-    named, ask = index.comparison.weighing.named, index.asking()
-    return np.array([named(ask(window, mine)) for window in windows.tolist()])
+    named = index.comparison.weighing.named
+    return np.array([named(index.asked_by(window, mine)) for window in windows.tolist()])

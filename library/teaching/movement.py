@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.distances import measure_into
+from kinespace.library.distances import distance_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -89,8 +89,7 @@ class MovementMeter:
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
-        self._positions, self._row = np.empty((1, len(skeleton.joints), 3)), np.empty((1, len(skeleton.pairs)))
-        self._measure = measure_into(self._positions, skeleton, self._row)
+        self._skeleton = skeleton
         #: The frames of the window, and of the longer one for slow limbs.
         self._frames: deque[_Frame] = deque()
         self._longer: deque[_Frame] = deque()
@@ -137,10 +136,9 @@ class MovementMeter:
         return Movement(whole, _LIMB * min(speed for _, speed in self._limbs) if lasts else 0.0, slow)
 
     def _measured(self, time: float, positions: NDArray[np.floating]) -> _Frame:
-        self._positions[0] = positions
-        self._measure(1)
-        own = self._positions[0] - self._positions[0].mean(axis=0)
-        return _Frame(time, self._positions[0].copy(), self._row[0].copy(), own, float(np.vdot(own, own)))
+        seen = positions.astype(np.float64)
+        own = seen - seen.mean(axis=0)
+        return _Frame(time, seen, distance_rows(seen, self._skeleton), own, float(np.vdot(own, own)))
 
 
 def _limb_speed(frames: Sequence[_Frame]) -> float:

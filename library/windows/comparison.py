@@ -27,7 +27,7 @@ from kinespace.library.signature.parts import (
     flattened,
 )
 from kinespace.library.windows.cutting import FIRST_WINDOW
-from kinespace.library.windows.metric import Lessons, Metric, learned_metric
+from kinespace.library.windows.metric import Lessons, Metric, learned_metric, placed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -211,20 +211,20 @@ class Comparison:
             )
             for part in weighing.measured
         }
-        placed = {part: metric.place(_as_vectors(part, numbers)) for part, metric in parts.items()}
+        vectors = placed({part: _as_vectors(part, numbers) for part in parts}, parts)
         groups: list[Metric | None] = []
         for group in weighing.groups:
             if len(group) == 1:
                 groups.append(None)
                 continue
-            joined = np.concatenate([placed[part] for part in group], axis=-1, dtype=np.float64)
+            joined = np.concatenate([vectors[part] for part in group], axis=-1, dtype=np.float64)
             metric = learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES, apart=_APART)
             groups.append(metric)
         return cls(weighing, parts, tuple(groups))
 
     def placed(self, numbers: Mapping[Part, NDArray[np.float64]]) -> dict[Part, NDArray[np.float32]]:
         """Give the vector of each part that has a metric, for windows or for one window."""
-        return {part: metric.place(_as_vectors(part, numbers)) for part, metric in self.parts.items()}
+        return placed({part: _as_vectors(part, numbers) for part in self.parts}, self.parts)
 
     def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:
         """Give the vector of each group, for windows (windows, numbers) or for one window (numbers,).
@@ -234,16 +234,22 @@ class Comparison:
         For each group an array of shape (..., axes); for a group of an eigen part alone its scaled eigenvectors, (...,
         k, directions).
         """
-        placed = self.placed(numbers)
+        return self.placed_and_joined(numbers)[1]
+
+    def placed_and_joined(
+        self, numbers: Mapping[Part, NDArray[np.float64]]
+    ) -> tuple[dict[Part, NDArray[np.float32]], list[NDArray[np.float32]]]:
+        """Give the vectors of the parts, as `placed` does, and of the groups, as `place` does."""
+        of_parts = self.placed(numbers)
         vectors: list[NDArray[np.float32]] = []
         for group, metric in zip(self.weighing.groups, self.groups, strict=True):
             if _is_eigen(group):
                 vectors.append(numbers[group[0]].astype(np.float32))
             elif metric is None:
-                vectors.append(placed[group[0]])
+                vectors.append(of_parts[group[0]])
             else:
-                vectors.append(metric.place(np.concatenate([placed[part] for part in group], axis=-1)))
-        return vectors
+                vectors.append(metric.place(np.concatenate([of_parts[part] for part in group], axis=-1)))
+        return of_parts, vectors
 
 
 def _is_eigen(group: Group) -> bool:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.kernels import bind
 from kinespace.library.signature.parts import (
     EIGENVECTORS,
+    FORMULAS,
     PARTS,
     Eigenpairs,
     Kind,
@@ -17,9 +17,6 @@ from kinespace.library.signature.parts import (
     Part,
     eigen,
     lengths_of,
-    posture,
-    spread,
-    trend,
 )
 
 if TYPE_CHECKING:
@@ -104,14 +101,10 @@ class CutWindows:
         self.numbers = {
             part: eigen(eigenpairs[part.seconds])
             if part.kind is Kind.EIGEN
-            else _OF_DISTANCES[part.kind](joined[part.seconds], body)
+            else FORMULAS[part.kind](joined[part.seconds], body)
             for part in parts
         }
         self.leading = eigenpairs[in_basis[-1]].vectors[:, 0]
-
-
-#: The function that computes each kind of part from moments.
-_OF_DISTANCES = {Kind.SPREAD: spread, Kind.POSTURE: posture, Kind.TREND: trend}
 
 
 def eigenpairs_of(covariances: NDArray[np.float64], most: int = EIGENVECTORS) -> Eigenpairs:
@@ -122,12 +115,10 @@ def eigenpairs_of(covariances: NDArray[np.float64], most: int = EIGENVECTORS) ->
     ValueError
         A covariance holds NaN or infinity.
     """
-    count, size, _ = covariances.shape
-    found = min(most, size)
-    values, vectors = np.empty((count, found)), np.empty((count, found, size))
-    if not bind("eigenpairs", np.ascontiguousarray(covariances), values, vectors)():
+    if not np.isfinite(covariances).all():
         raise ValueError("covariances: expected finite numbers")
-    return Eigenpairs(values, vectors)
+    values, vectors = np.linalg.eigh(covariances)
+    return Eigenpairs(values[:, : -most - 1 : -1], vectors.transpose(0, 2, 1)[:, : -most - 1 : -1])
 
 
 def _moments(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -52,16 +52,9 @@ class Head(NamedTuple):
         places = [self.classes.index(name) for name in classes]
         return Head(tuple(classes), self.factors[:, places], self.offsets[places])
 
-    def bound(self, parts: Sequence[Numbers], named: Numbers) -> Callable[[], None]:
-        """Give a function that adds to each class's log distance how unlikely a window's parts say the class is."""
-        factors, offsets = np.ascontiguousarray(self.factors.T), self.offsets
-        asked, likely = np.zeros(len(self.factors)), np.zeros(len(offsets))
-
-        def call() -> None:
-            np.concatenate(parts, out=asked)
-            np.dot(factors, asked, out=likely)
-            np.add(likely, offsets, out=likely)
-            np.subtract(likely, likely.max(), out=likely)
-            named[:] += _SHARE * (np.log(np.exp(likely).sum()) - likely)
-
-        return call
+    def added(self, parts: Iterable[NDArray[np.floating]]) -> Numbers:
+        """Say how unlikely a window's parts say each class is: what is added to its log distance, shape (classes,)."""
+        likely = np.concatenate([*parts]) @ self.factors + self.offsets
+        likely -= likely.max()
+        added: Numbers = _SHARE * (np.log(np.exp(likely).sum()) - likely)
+        return added

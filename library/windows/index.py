@@ -12,13 +12,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.kernels import plain
 from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import PhaseTable
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
-from kinespace.library.windows.comparer import Comparer, Laid
+from kinespace.library.windows.comparer import Comparer, Distances
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
@@ -31,11 +30,12 @@ from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from kinespace.library.clip import Clip
+    from kinespace.library.signature.parts import Signature
 
 #: Seconds between two windows that are kept of a motion in a library of one person.
 _EVERY_ONE = 0.1
@@ -161,15 +161,22 @@ class WindowIndex:
         return (*self.library.motions, *self.library.guests)
 
     @cached_property
-    def laid(self) -> Laid:
-        """The windows as they are compared, for all comparers."""
-        return Laid.of(self.comparison, self.vectors, self.eigenvectors, self._whose)
+    def _windows(self) -> Comparer:
+        """The windows as they are compared."""
+        whose = np.array([np.unique(each, return_inverse=True)[1] for each in zip(*self._whose, strict=True)]).T
+        return Comparer.of(self.comparison, self.vectors, self.eigenvectors, whose)
 
     @cached_property
-    def likelihood(self) -> Likelihood | None:
-        """What judges a guess where the library cannot learn what is unknown; else None."""
+    def comparer(self) -> Comparer:
+        """The windows as a live window is compared with them."""
+        # What judges a guess where the library cannot learn what is unknown.
         judged = self.comparison.weighing.judges and self.rejection.by_likelihood
-        return Likelihood.of(self.vectors, self.laid.starts) if judged else None
+        likelihood = Likelihood.of(self.vectors, self._windows.classes) if judged else None
+        return self._windows._replace(likelihood=likelihood, head=self.head and self.head.of_classes(self.classes))
+
+    def distances(self, signature: Signature) -> Distances:
+        """Compare a window with all windows."""
+        return self.comparer.distances(signature)
 
     @cached_property
     def rejection(self) -> Rejection:
@@ -353,37 +360,27 @@ class WindowIndex:
             motions=self.motions[kept],
         )
 
-    def comparer(self) -> Comparer:
-        """Give a comparer for the windows of one performer."""
-        pairs, directions = self.basis.directions.shape
-        head = self.head and self.head.of_classes(self.classes)
-        return Comparer(self.comparison, self.laid, pairs, directions, self.likelihood, head)
-
     def prepared(self) -> Self:
         """Compute now what is otherwise computed at first use, so that the first hop need not wait; give itself."""
-        _ = self.laid, self.segments, self.courses, self.likelihood
+        _ = self.comparer, self.segments, self.courses
         return self
 
-    def asking(self) -> Callable[[int, NDArray[np.bool_]], NDArray[np.float64]]:
-        """Give a function that compares one of the library's own windows with the others, without some of them.
+    def asked_by(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Compare one of the library's own windows with the others, without some of them.
 
-        It takes the index of the window that asks, and flags of the windows that are not compared, shape (windows,).
-        It gives for each of the weighing's `weights` the log distance of each class, shape (weights, classes); infinite
-        for a class without windows left.
+        Parameters
+        ----------
+        window
+            The index of the window that asks.
+        left_out
+            Flags of the windows that are not compared, shape (windows,).
+
+        Returns
+        -------
+        For each of the weighing's `weights` the log distance of each class, shape (weights, classes); infinite for a
+        class without windows left.
         """
-        laid, vectors = self.laid, np.zeros(sum(each[0].size for each in self.vectors))
-        lengths = laid.lengths[:, : len(self)]
-        nearest = self.comparison.weighing.nearest
-        weigh = plain.weighing(laid.groups, laid.windows, lengths, laid.weights, vectors, nearest)
-        agreed = plain.agreeing(laid.blocks, laid.classes)
-
-        def ask(window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
-            vectors[:] = np.concatenate([each[window].ravel() for each in self.vectors])
-            weighed = weigh()
-            weighed[:, left_out] = np.inf
-            return agreed(weighed)
-
-        return ask
+        return self._windows.logs([each[window].astype(np.float32, order="C") for each in self.vectors], left_out)
 
 
 class Origin(NamedTuple):
@@ -518,7 +515,7 @@ class Placed(NamedTuple):
     @classmethod
     def of(cls, comparison: Comparison, cut: CutWindows) -> Placed:
         """Map windows to vectors."""
-        vectors = tuple(each.astype(np.float16) for each in comparison.place(cut.numbers))
+        vectors = tuple(each.astype(np.float16, order="C") for each in comparison.place(cut.numbers))
         return cls(vectors, cut.leading.astype(np.float32))
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from kinespace.library.windows.comparison import MAX_AXES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -64,7 +64,7 @@ class Likelihood(NamedTuple):
         vectors
             For each group the windows' vectors, as in `WindowIndex`.
         starts
-            Where each class's windows start, with the end.
+            Where each class's windows start.
         """
         # Scaled eigenvectors have no metric.
         count = UNIT * max(sum(each.ndim == 2 for each in vectors), 1)
@@ -80,21 +80,15 @@ class Likelihood(NamedTuple):
                 products.append(np.zeros((len(each), each[0].size)))
                 squares.append(np.zeros(each[0].size))
         joined = np.concatenate(products, axis=1, dtype=np.float32), np.concatenate(squares, dtype=np.float32)
-        return cls(*joined, constants.astype(np.float32), starts[:-1])
+        return cls(*joined, constants.astype(np.float32), starts)
 
-    def bound(self, vectors: Numbers, found: Numbers) -> Callable[[], None]:
-        """Bind to the memory of a live window's vectors, (axes of all groups,), and of the result, (classes,)."""
-        asked, ratios = np.zeros(len(vectors), dtype=np.float32), np.zeros(len(self.constants), dtype=np.float32)
-
-        def call() -> None:
-            asked[:] = vectors
-            np.dot(self.products, asked, out=ratios)
-            np.add(ratios, self.constants, out=ratios)
-            found[:] = np.minimum.reduceat(ratios, self.starts)
-            np.multiply(asked, asked, out=asked)
-            found[:] += np.dot(self.squares, asked)
-
-        return call
+    def of_window(self, vectors: Sequence[NDArray[np.float32]]) -> Numbers:
+        """Compare a window's vectors of all groups with each class, shape (classes,)."""
+        asked = np.concatenate([each.ravel() for each in vectors])
+        ratios = self.products @ asked
+        ratios += self.constants
+        found: Numbers = np.minimum.reduceat(ratios, self.starts).astype(np.float64)
+        return found + float(self.squares @ np.square(asked))
 
 
 def factors(axes: int) -> tuple[Numbers, Numbers, float]:

@@ -16,9 +16,12 @@ import numpy as np
 from kinespace.library.signature.leading import leading_eigenvectors
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
 _Number = TypeVar("_Number", np.float32, np.float64)
+_Name = TypeVar("_Name")
 
 #: Principal axes in which metrics are learned: the other numbers are mostly noise.
 _LEARNED_IN = 160
@@ -49,6 +52,13 @@ class Metric:
         """Map windows' numbers to vectors, (..., numbers) to (..., kept)."""
         placed: NDArray[np.float32] = np.subtract(numbers, self.origin, dtype=np.float32) @ self.axes
         return placed
+
+
+def placed(
+    numbers: Mapping[_Name, NDArray[np.floating]], metrics: Mapping[_Name, Metric]
+) -> dict[_Name, NDArray[np.float32]]:
+    """Map numbers by the metrics of their names."""
+    return {name: metric.place(numbers[name]) for name, metric in metrics.items()}
 
 
 class Lessons(NamedTuple):
@@ -104,7 +114,7 @@ def learned_metric(
             differences = _differences(reduced @ axes, reduced, lessons, shared)
     square = float(np.square(differences @ axes).sum(axis=1).mean())
     axes = axes * np.sqrt((1.0 if shared else apart) / square) if square > 0 else axes
-    # Axes of half precision: the compiled loops then read half as much, and numpy uses the same numbers.
+    # Axes of half precision, as a library's file keeps them.
     return Metric(origin.astype(np.float32), (back @ axes).astype(np.float16).astype(np.float32))
 
 

@@ -278,13 +278,12 @@ def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64]
     classes = np.searchsorted(index.classes, names)
     several = len(set(people.tolist())) > 1
     weighing = index.comparison.weighing
-    ask = index.asking()
     known: list[tuple[float, ...]] = []
     unknown: list[tuple[float, ...]] = []
     asked: list[int] = []
     for asking in range(0, len(index), -(-len(index) // _ASKING)):
         own = people == people[asking] if several else index.motions == index.motions[asking]
-        logs = ask(asking, own)
+        logs = index.asked_by(asking, own)
         performed = int(classes[asking])
         nearest = weighing.named(logs)
         if np.isfinite(nearest[performed]) and int(nearest.argmin()) == performed:

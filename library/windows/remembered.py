@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinespace.library import kernels, memory
+from kinespace.library import compiled, memory
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
@@ -121,14 +121,14 @@ def _motions(library: MotionLibrary) -> str:
 def _text() -> str:
     """Identify the program's own text, compiled loops and motions: other numbers may come from others."""
     found, folder = hashlib.sha256(), Path(__file__).parents[1]
-    for path in sorted([*folder.rglob("*.py"), *folder.rglob("_compiled.*"), *folder.glob("*.npz")]):
+    for path in sorted([*folder.rglob("*.py"), *folder.rglob("_loops.*"), *folder.glob("*.npz")]):
         found.update(path.read_bytes())
     return found.hexdigest()
 
 
 def _arithmetic() -> tuple[object, ...]:
     """Identify what sums may be rounded by."""
-    return kernels.compiled is not None, np.__version__, platform.machine(), sys.version_info[:2]
+    return compiled.in_use, np.__version__, platform.machine(), sys.version_info[:2]
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

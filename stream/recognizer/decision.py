@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.library.windows.rejection import Rejection
     from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
+    from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
 
 #: The lead after which a class becomes the guess.
 LEAD = 0.6
@@ -229,7 +229,7 @@ class Decision:
             self._active = replace(self._active, index=list(classes).index(self._active.label))
         return None
 
-    def push(self, windows: LiveWindows, seen: Leading, noise: float, time: float) -> Decided:
+    def push(self, windows: LiveWindows, seen: Seen, noise: float, time: float) -> Decided:
         """Decide for the windows that end now.
 
         Parameters
@@ -243,18 +243,18 @@ class Decision:
         """
         elapsed = _FIRST_HOP if math.isnan(self._decided_at) else time - self._decided_at
         self._decided_at = time
-        index, comparer = windows.index, windows.comparer
-        weighing, classes, distances = index.comparison.weighing, index.classes, comparer.named
-        guess, lead = self._follow(distances, classes, elapsed)
+        index, (signature, distances) = windows.index, seen
+        weighing, classes = index.comparison.weighing, index.classes
+        guess, lead = self._follow(distances.named, classes, elapsed)
         known, evidence = True, None
         if weighing.judges:
-            evidence = Evidence.of(comparer.judged, classes.index(guess), noise)
+            evidence = Evidence.of(distances.judged, classes.index(guess), noise)
             rejection = index.rejection
             known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
-        if not weighing.judges and seen.gap < _SMALLEST_GAP:
+        if not weighing.judges and signature.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
-        if seen.movement < self._stillness:
+        if signature.movement < self._stillness:
             outcome = Outcome.STILL
         return Decided(outcome, guess, lead, evidence)
 

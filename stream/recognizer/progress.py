@@ -3,7 +3,7 @@
 The filter holds the probability of each moment of each recording of the class (a hidden Markov model whose states are
 the moments; Bevilacqua et al. 2010 follow one recording in this way). Each step moves every probability on along its
 recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body
-(`library.kernels.plain.follow_phase`).
+(`library.progress.filtering`).
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from kinespace.library.kernels import bind
-from kinespace.library.kernels.table import REGISTER
 from kinespace.library.progress import phase_table
+from kinespace.library.progress.filtering import follow_phase, moving
 from kinespace.stream.recognition import Progress
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ class ProgressFollower:
 
 
 class _Course(NamedTuple):
-    """The arrays of one class that a step of the filter reads (`library.kernels.table`)."""
+    """The arrays of one class that a step of the filter reads (`library.progress.filtering`)."""
 
     course: NDArray[np.float64]
     indices: NDArray[np.intp]
@@ -189,12 +188,10 @@ class _Filter:
         count = len(moments.phases)
         live = np.zeros(len(moments.vectors), dtype=np.float32)
         self._moved, self._found = np.zeros(2), np.zeros(2 + len(course.expected))
-        self._move = bind("moving", points, whitening, live, self._moved, phase_table.VELOCITY)
-        self._follow = bind(
-            "follow_phase",
+        self._move = moving(points, whitening, live, self._moved, phase_table.VELOCITY)
+        self._follow = follow_phase(
             *(course.course, course.indices, moments.starts, moments.vectors, course.lengths, course.expected),
-            *(course.constants, live, course.course[1].copy(), np.zeros(count)),
-            *(np.zeros(count + REGISTER, dtype=np.float32), self._found),
+            *(course.constants, live, course.course[1].copy(), np.zeros(count), self._found),
         )
         self._squares = self._expected = self._usual = self._weight = 0.0
         self._swing = self._swings = 0.0

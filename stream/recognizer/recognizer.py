@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library.distances import measure_into
+from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.signature.body import Body
 from kinespace.library.windows.index import WindowIndex
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from kinespace.stream.recognition import Event
     from kinespace.stream.recognizer.joints.kinds import Kind
     from kinespace.stream.recognizer.joints.mending import LongAgo
-    from kinespace.stream.recognizer.windows.live_windows import Leading
+    from kinespace.stream.recognizer.windows.live_windows import Seen
 
     #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
     #: nothing can be compared by these joints.
@@ -150,8 +150,6 @@ class Recognizer:
         skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)
         self._positions = np.empty((_MAX_WAITING, *self._shape))
-        self._rows = np.empty((_MAX_WAITING, len(skeleton.pairs)))
-        self._measure_rows = measure_into(self._positions, skeleton, self._rows)
         self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
         self._times: list[float] = []
         is_watched = self.settings.plausibility
@@ -300,7 +298,7 @@ class Recognizer:
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
-        return self._windows.contributions() if self._windows.has_read else None
+        return self._windows.contributions()
 
     def reset(self) -> None:
         """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay.
@@ -388,9 +386,9 @@ class Recognizer:
 
     def _measure(self) -> None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
-        times, rows = self._times, self._rows[: len(self._times)]
+        times = self._times
         begun = self._joints.mend(times)
-        self._measure_rows(len(times))
+        rows = distance_rows(self._positions[: len(times)], self.library.skeleton)
         if begun is not None:
             # Another body may stand elsewhere: the motion was not its own.
             self._ended_at = self._end_time if self._joints.is_elsewhere else self._ended_at
@@ -430,7 +428,7 @@ class Recognizer:
             self._fewer = LiveWindows(index, threshold_for(index, self.settings, of_fewer=True))
             self._places = self.library.skeleton.places_of(index.library.skeleton)
             times, rows = self._windows.recent()
-            self._fewer.push_all(times, rows[:, self._places])
+            self._fewer.push(times.tolist(), rows[:, self._places])
 
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start again after a gap or when the sender's clock began again."""
@@ -456,19 +454,19 @@ class Recognizer:
         hop = self.settings.hop
         self._due = self._due + hop if self._due + hop > time else time + hop
 
-    def _recognized(self, frame: Frame, windows: LiveWindows, seen: Leading) -> Recognition:
+    def _recognized(self, frame: Frame, windows: LiveWindows, seen: Seen) -> Recognition:
         """Make the answer to a frame from what its windows show."""
         self.counts.hops += 1
-        comparer, classes = windows.comparer, windows.index.classes
+        (signature, found), classes = seen, windows.index.classes
         jumped, doubted = self._joints.only_jumps(frame.time), self._joints.doubted
         decided = self._decision.push(windows, seen, self._smoother.noise, frame.time)
-        outcome, distances = decided.outcome, comparer.named
+        outcome, distances = decided.outcome, found.named
         if jumped or (self._joints.left_out and windows is self._windows):
             outcome = Outcome.IMPLAUSIBLE
         if not self._all_named:
             # A class without windows is infinitely far.
             distances = np.append(distances, np.inf)[self._named]
-        best = int(comparer.scores.argmax())
+        best = int(found.scores.argmax())
         scores = np.exp(distances)
         scores += 1.0
         looks = frame.time >= self._fitting.due and outcome is not Outcome.STILL
@@ -483,12 +481,12 @@ class Recognizer:
             scores=np.divide(1.0, scores, out=scores),
             # A window nearest to `nothing` is unknown; its best guess is the nearest class.
             guess=self.classes.index(decided.guess) if decided.guess in self.classes else int(distances.argmin()),
-            movement=seen.movement,
+            movement=signature.movement,
             lead=decided.lead,
             eigenvector_class=classes[best] if classes[best] in self.classes else None,
-            eigenvector_score=comparer.scores.item(best),
-            share=seen.share,
-            gap=seen.gap,
+            eigenvector_score=found.scores.item(best),
+            share=signature.share,
+            gap=signature.gap,
             evidence=decided.evidence,
             doubted=doubted,
             done=self._done_of(frame.performer, look.done) if look.done else None,

@@ -11,7 +11,7 @@ import os
 import platform
 from typing import TYPE_CHECKING
 
-from kinespace.library import kernels
+from kinespace.library import compiled
 from kinespace.tools.bench import against, peers, scale, sockets, stages
 from kinespace.tools.bench.report import Plan, rounded
 from kinespace.tools.cli.arguments import add_shared, count, positive
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
         figures |= {name: rounded(value) for name, value in measured.figures.items()}
         for table in () if options.json else measured.tables:
             console.print(table, "")
-    say(json.dumps(figures) if options.json else f"{machine()}; {kernels.kind()}")
+    say(json.dumps(figures) if options.json else f"{machine()}; {compiled.kind()}")
     return 0
 
 

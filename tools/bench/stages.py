@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.library import MotionLibrary, kernels
+from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.tools.bench.recorded import FRAME_RATE, endless, positions
@@ -110,7 +110,7 @@ def pushing(
     by_numpy
         Disable the compiled loops.
     """
-    arithmetic = kernels.left_aside if by_numpy else nullcontext
+    arithmetic = compiled.left_aside if by_numpy else nullcontext
     feed = endless(positions)
     with arithmetic():
         recognizer = Recognizer(library, settings)

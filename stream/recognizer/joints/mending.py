@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.kernels import bind
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.windows.oddities import in_disorder
-from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step
+from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, steps_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,9 +103,6 @@ class Joints:
         self._parents: list[int] = body.parents.tolist() or [-1] * count
         self._plausibility = Plausibility(body, count)
         self._last, self._step = np.zeros((count, 3)), np.zeros((count, 3))
-        self._steps = np.zeros_like(positions)
-        self._farthest = np.zeros(1)
-        self._find_steps = bind("steps", positions, self._last, self._steps, self._farthest)
         self._mirrored = False
         self._factor = 1.0
         self.clear()
@@ -200,18 +196,17 @@ class Joints:
             self._last[...], self._last_time = self._found(times[0], positions[0].copy(), None), times[0]
             self._plausibility.begin(self._last)
             self._step[...], self._elapsed = 0.0, math.inf
-        squares = self._find_steps(count)
+        steps, squares, farthest = steps_of(self._last, positions)
         usual = (times[-1] - self._last_time) / count
         fading = math.exp((self._last_time - times[-1]) / _WAY)
         self._jumped *= fading
         self._moved *= fading
         begun, self.is_elsewhere = None, False
-        watch, farthest = self._plausibility, self._farthest.item()
-        if self._any_lost or watch.may_jump(squares, farthest, usual):
-            begun = self._follow(times, positions, usual)
+        if self._any_lost or self._plausibility.may_jump(squares, farthest, usual):
+            begun = self._follow(times, positions, steps, usual)
         else:
             self._moved += count * math.sqrt(squares / len(self._last))
-        self._step[...], self._elapsed = self._steps[count - 1], usual or math.inf
+        self._step[...], self._elapsed = steps[-1], usual or math.inf
         self._last[...], self._last_time = positions[-1], times[-1]
         # A position that we made up says nothing about the body.
         seen = np.where(self._lost[:, None], math.nan, positions[-1]) if self._any_lost else positions[-1]
@@ -230,8 +225,10 @@ class Joints:
                 before = self._found(time, frame, before)
         self._last[...], self._last_time = positions[-1], times[-1]
 
-    def _follow(self, times: Sequence[float], positions: NDArray[np.float64], usual: float) -> int | None:
-        """Go from frame to frame, because one of them may be wrong."""
+    def _follow(
+        self, times: Sequence[float], positions: NDArray[np.float64], steps: NDArray[np.float64], usual: float
+    ) -> int | None:
+        """Go from frame to frame, because one of them may be wrong; correct the frames and their steps."""
         begun, before, last = None, self._last, self._last_time
         step = Step(self._step.copy(), self._elapsed)
         for index, time in enumerate(times):
@@ -255,7 +252,7 @@ class Joints:
                 self._last_jump = time
             else:
                 self._moved += _way(step.step)
-            self._steps[index] = step.step
+            steps[index] = step.step
             before = positions[index]
         return begun
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kinespace.library.kernels import bind
+from kinespace.library.distances import pair_distances
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -132,7 +132,6 @@ class Plausibility:
         self._looks = np.empty((2 * _MAX_LOOKS, joints, 3))
         #: In them the lengths between each of `body.ends`.
         self._lengths = np.empty((2 * _MAX_LOOKS, len(body.ends)))
-        self._measure_lengths = bind("distances", self._looks, body.ends, self._lengths)
         self._every_joint = frozenset(range(joints))
         self.clear()
 
@@ -230,7 +229,7 @@ class Plausibility:
         if time - self._since < SPAN or self._count < _MIN_LOOKS or not len(self._body.children):
             return False
         before, both = self._before, self._before + self._count
-        self._measure_lengths(both)
+        self._lengths[:both] = pair_distances(self._looks[:both], np.ascontiguousarray(self._body.ends.T))
         # NaN counts only where there is nothing else.
         least, greatest = np.fmin.reduce(self._lengths[:both]), np.fmax.reduce(self._lengths[:both])
         near, far = np.fmin.reduce(self._looks[:both]), np.fmax.reduce(self._looks[:both])
@@ -337,3 +336,21 @@ def _smaller_side(child: int, body: Segments) -> set[int]:
         below |= more
     others = set(range(len(body.parents))) - below
     return below if len(below) <= len(others) else others
+
+
+def steps_of(last: NDArray[np.float64], positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
+    """Give the steps of joints (joints, 3) to the first of some frames (frames, joints, 3), and on from frame to frame.
+
+    Returns
+    -------
+    The steps, shape (frames, joints, 3); and of the frames the largest sum of squares of the steps about their mean,
+    and the largest squared length of the sum of the steps. NaN where a joint is lost.
+    """
+    steps = np.empty_like(positions)
+    np.subtract(positions[0], last, out=steps[0])
+    np.subtract(positions[1:], positions[:-1], out=steps[1:])
+    sums = np.add.reduce(steps, axis=1)
+    together = np.einsum("fc,fc->f", sums, sums)
+    about_mean = np.einsum("fjc,fjc->f", steps, steps) - together / len(last)
+    # NaN stays NaN.
+    return steps, max(float(about_mean.max()), 0.0), float(together.max())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.stream.recognizer.windows.sliding_window import TIE
+from kinespace.stream.recognizer.windows.window import TIE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,6 +10,7 @@ from naive_windows import unlikely
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary
+from kinespace.library.signature.parts import Kind, Signature
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.cutting import window_ends
 from kinespace.library.windows.head import Head
@@ -27,28 +28,27 @@ def test_it_adds_how_unlikely_a_class_is() -> None:
     draw, names = np.random.default_rng(3), [*"aabbbccccc", *"abc" * 5]
     windows = draw.normal(size=(len(names), 4)) + np.array([[ord(name) - 97, 0, 0, 0] for name in names])
     head, asked = Head.learned(windows.astype(np.float32), names), draw.normal(size=4)
-    named = np.array([1.0, 2.0, 3.0])
-    head.bound([asked[:3], asked[3:]], named)()
+    added = head.added([asked[:3], asked[3:]])
     expected = unlikely(asked, windows, names)
-    assert np.allclose(named - [1, 2, 3], [0.06 * expected[name] for name in "abc"], atol=1e-5)
+    assert np.allclose(added, [0.06 * expected[name] for name in "abc"], atol=1e-5)
 
 
 def test_windows_that_are_the_same_teach() -> None:
     """Where no class spreads at all, its own windows are still the likeliest."""
-    head, named = Head.learned(np.repeat(np.eye(3, dtype=np.float32), 4, axis=0), [*"aaaabbbbcccc"]), np.zeros(3)
-    head.bound([np.eye(3)[1]], named)()
-    assert np.isfinite(named).all()
-    assert named.argmin() == 1
+    head = Head.learned(np.repeat(np.eye(3, dtype=np.float32), 4, axis=0), [*"aaaabbbbcccc"])
+    added = head.added([np.eye(3)[1]])
+    assert np.isfinite(added).all()
+    assert added.argmin() == 1
 
 
 def test_of_some_classes() -> None:
     """Classes that are left compete as if no other had taught; of a class that did not teach nothing is known."""
     draw, names = np.random.default_rng(4), [*"abc" * 9]
-    head, named = Head.learned(draw.normal(size=(27, 5)).astype(np.float32), names), np.zeros(2)
+    head = Head.learned(draw.normal(size=(27, 5)).astype(np.float32), names)
     some = head.of_classes(("c", "a"))
     assert some is not None
-    some.bound([draw.normal(size=5)], named)()
-    assert np.exp(-named / 0.06).sum() == pytest.approx(1)
+    added = some.added([draw.normal(size=5)])
+    assert np.exp(-added / 0.06).sum() == pytest.approx(1)
     assert np.array_equal(some.factors, head.factors[:, [2, 0]])
     assert head.of_classes(("a", "d")) is None
 
@@ -84,8 +84,14 @@ def test_where_it_helps(people: MotionLibrary, builtin: MotionLibrary) -> None:
     fresh = replace(people.motions[0], class_name="fresh")
     more, another = index.with_motions([people.motions[0]]), index.with_motions([fresh])
     for compared, helps in ((index, True), (more, True), (another, False)):
-        comparer = compared.comparer()
-        for numbers in comparer.numbers.values():
-            numbers[:] = np.random.default_rng(5).normal(size=numbers.shape)
-        comparer.compare()
-        assert np.allclose(comparer.named, compared.comparison.weighing.named(comparer.logs)) != helps
+        generator, directions, weighing = (
+            np.random.default_rng(5),
+            compared.basis.directions,
+            compared.comparison.weighing,
+        )
+        numbers = {
+            part: generator.normal(size=(4, directions.shape[1]) if part.kind is Kind.EIGEN else len(directions))
+            for part in weighing.parts
+        }
+        found = compared.distances(Signature(numbers, np.zeros(directions.shape[1]), 0.1, 0.5, 0.5))
+        assert np.allclose(found.named, weighing.named(found.logs)) != helps

@@ -12,11 +12,10 @@ from threadpoolctl import threadpool_limits
 from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, distance_rows
-from kinespace.library.kernels.table import LANE
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.motion_library.learned import Learned
-from kinespace.library.signature.parts import EIGENVECTORS, Kind
-from kinespace.library.windows.comparer import Comparer, Laid
+from kinespace.library.signature.parts import EIGENVECTORS, Kind, Signature
+from kinespace.library.windows.comparer import LANE, Comparer
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
@@ -74,11 +73,11 @@ def _numbers(index: WindowIndex, clip: Clip, every: float = 0.4) -> list[Mapping
 
 def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
     """Compare one window with every window of an index, as at each hop."""
-    comparer = index.comparer()
-    for part, written in comparer.numbers.items():
-        written[...] = numbers[part]
-    comparer.compare()
-    return comparer.logs
+    return index.distances(_shown(index, numbers)).logs
+
+
+def _shown(index: WindowIndex, numbers: Mapping[Part, np.ndarray], leading: np.ndarray | None = None) -> Signature:
+    return Signature(numbers, np.zeros(len(index.basis.directions.T)) if leading is None else leading, 0.1, 0.5, 0.5)
 
 
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
@@ -134,35 +133,31 @@ def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex,
     paper = WindowIndex.of(small_library, weighing=by_paper(SECONDS))
     assert len(paper.library.actors) > 2
     for compared in (index, paper):
-        comparer, (classes, people) = compared.comparer(), zip(*_whose(compared), strict=True)
-        for numbers in comparer.numbers.values():
-            numbers[:] = 0.0
+        classes, people = zip(*_whose(compared), strict=True)
+        [numbers, *_] = _numbers(compared, compared.compared[0])
         for place in (0, 40, len(compared) - 1):
             for sign in (1.0, -1.0):
                 vector = sign * compared.eigenvectors[place]
-                comparer.eigenvectors[0] = vector
-                if compared is paper:
-                    comparer.numbers[compared.comparison.weighing.parts[0]][0] = vector
-                comparer.compare()
+                scores = compared.distances(_shown(compared, numbers, vector)).scores
                 products = [-score(vector, each) for each in compared.eigenvectors]
                 twin = nearest(products, classes, people if compared is paper else [""] * len(products))
                 assert tuple(twin) == compared.classes
-                assert comparer.scores == pytest.approx([-each for each in twin.values()], abs=1e-3), arithmetic
+                assert scores == pytest.approx([-each for each in twin.values()], abs=1e-3), arithmetic
 
 
 def test_a_window_asks_the_others_as_a_live_one_does(index: WindowIndex) -> None:
     """Without its own person it is as far as from an index without; a class without windows is infinitely far."""
-    ask, motions, place = index.asking(), index.library.motions, len(index) // 2
+    motions, place = index.library.motions, len(index) // 2
     own = motions[index.motions[place]]
     gone = [each for each, motion in enumerate(motions) if motion.actor == own.actor]
     fewer = index.without(gone)
     # The library's windows are measured at 30 frames a second.
     [*_, numbers] = _numbers(index, replace(own, positions=own.positions[::2], frame_rate=30.0))
     last = np.flatnonzero(index.motions == index.motions[place])[-1]
-    found = ask(int(last), np.isin(index.motions, gone))
+    found = index.asked_by(int(last), np.isin(index.motions, gone))
     assert np.allclose(found, _logs(fewer, numbers), atol=5e-3)
     left_out = np.array([name == "squat1Reps" for name, _ in _whose(index)])
-    assert np.isinf(ask(0, left_out)).any(axis=0).tolist() == [False, False, True]
+    assert np.isinf(index.asked_by(0, left_out)).any(axis=0).tolist() == [False, False, True]
 
 
 # --- kinds of libraries ------------------------------------------------------------------------------------------
@@ -370,11 +365,11 @@ def test_windows_lie_closer_in_a_library_of_one_person(people: MotionLibrary) ->
 
 def test_windows_that_fill_their_lanes_to_the_last(people_index: WindowIndex) -> None:
     """The last window ends where the last lane does."""
-    whose = [("squat", "aa")] * (LANE // 2) + [("kick", "aa")] * (LANE // 2)
+    whose = np.repeat([[0, 0], [1, 0]], LANE // 2, axis=0)
     assert len(people_index.motions) > LANE
     vectors = [each[:LANE] for each in people_index.vectors]
-    laid = Laid.of(people_index.comparison, vectors, people_index.eigenvectors[:LANE], whose)
-    comparer = Comparer(people_index.comparison, laid, *people_index.basis.directions.shape)
-    comparer.compare()
-    assert np.isfinite(comparer.logs).all()
-    assert comparer.scores.shape == (2,)
+    comparer = Comparer.of(people_index.comparison, vectors, people_index.eigenvectors[:LANE], whose)
+    [numbers, *_] = _numbers(people_index, people_index.library.motions[0])
+    found = comparer.distances(_shown(people_index, numbers))
+    assert np.isfinite(found.logs).all()
+    assert found.scores.shape == (2,)

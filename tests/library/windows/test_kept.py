@@ -63,7 +63,7 @@ def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: W
         WindowIndex.of(replace(builtin, learned=None), weighing=weighing),
     )
     assert kept_of(builtin, weighing) is not None
-    none, ask, again = np.zeros(len(kept), dtype=np.bool_), kept.asking(), learned.asking()
+    none, ask, again = np.zeros(len(kept), dtype=np.bool_), kept.asked_by, learned.asked_by
     for window in range(0, len(kept), 197):
         np.testing.assert_allclose(ask(window, none), again(window, none), atol=0.05, err_msg=str(window))
 

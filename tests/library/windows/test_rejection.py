@@ -49,13 +49,13 @@ def learning(builtin: MotionLibrary) -> WindowIndex:
 def _shares_known(index: WindowIndex, *, with_class: bool) -> list[float]:
     """Give at three rates the share of windows that are known, their person left out, perhaps with their class."""
     motions = [index.library.motions[each] for each in index.motions]
-    rejection, weighing, ask, logits = learned_rejection(index), index.comparison.weighing, index.asking(), []
+    rejection, weighing, logits = learned_rejection(index), index.comparison.weighing, []
     for window, motion in enumerate(motions):
         left_out = [
             other.actor == motion.actor or (not with_class and other.class_name == motion.class_name)
             for other in motions
         ]
-        logs = ask(window, np.array(left_out))
+        logs = index.asked_by(window, np.array(left_out))
         guess = int(weighing.named(logs).argmin())
         logits.append(rejection.logit(Evidence.of(weighing.alone(logs), guess), index.classes[guess]))
     return [float(np.mean(np.array(logits) >= rejection.threshold_at(rate))) for rate in (0.05, 0.2, 0.4)]
@@ -150,7 +150,7 @@ def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
     alone = WindowIndex.of(replace(sticks, motions=sticks.motions[:1]))
     for index in (alone, WindowIndex.of(sticks.without(classes=sticks.classes[1:]))):
         assert index.rejection.by_likelihood
-        assert index.likelihood is not None
+        assert index.comparer.likelihood is not None
         assert index.rejection.held == HELD_ONE
     assert np.array_equal(typical_evidence(alone), np.zeros(4))
     near, far = (alone.rejection.logit(Evidence((each,), (0.0,)), "") for each in (-3.0, 0.0))

@@ -13,12 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kinespace.library.signature.parts import Signature
+from kinespace.library.windows.comparer import Distances
 from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
 from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -33,7 +35,7 @@ HOP = 1 / 30
 #: The lead after which a class starts.
 NEEDED = 3.0
 ANYTHING = -math.inf
-MOVING = Leading(0.1, 0.5, 0.5)
+MOVING = Signature({}, np.zeros(1), 0.1, 0.5, 0.5)
 
 
 def _recognition(
@@ -128,31 +130,30 @@ def index(sticks: MotionLibrary) -> WindowIndex:
     return opened(sticks)
 
 
-def _windows(index: WindowIndex, *distances: float, threshold: float = ANYTHING) -> LiveWindows:
+def _seen(*distances: float, signature: Signature = MOVING) -> Seen:
     """Give windows at these log distances from the classes, alike by each group."""
-    windows = LiveWindows(index, threshold)
-    windows.comparer.logs[:] = windows.comparer.named[:] = distances
-    return windows
+    logs = np.array([distances] * 3)
+    return Seen(signature, Distances(logs, logs[0], logs[1:], np.exp(-logs[0])))
 
 
 def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -> None:
     """The first is followed at once; while it is held its lead is below 0; the lead counts for as long as hops last."""
     decision = Decision(NEEDED)
     decided = [
-        decision.push(_windows(index, *each), MOVING, 0.0, time * HOP)
+        decision.push(LiveWindows(index), _seen(*each), 0.0, time * HOP)
         for time, each in enumerate([(3.0, 1.0, 1.5), *[(1.0, 1.25, 3.0)] * 4, (1.0, 9.0, 9.0)])
     ]
     assert [each.guess for each in decided] == ["jump"] * 3 + ["bow"] * 3
     assert [each.lead for each in decided] == pytest.approx([0.5, -0.25, -0.25, 0.25, 0.25, 8.0])
     assert 2 * 0.25 < LEAD < 3 * 0.25
     decision.clear()
-    assert decision.push(_windows(index, 2.0, 1.9, 3.0), MOVING, 0.0, 9.0).guess == "jump"
+    assert decision.push(LiveWindows(index), _seen(2.0, 1.9, 3.0), 0.0, 9.0).guess == "jump"
     alone = index.of_some([place for place, each in enumerate(index.library.motions) if each.class_name == "wave"])
-    assert decision.push(_windows(alone, 0.7), MOVING, 0.0, 9.1)[1:3] == ("wave", math.inf)
+    assert decision.push(LiveWindows(alone), _seen(0.7), 0.0, 9.1)[1:3] == ("wave", math.inf)
 
 
 @pytest.mark.parametrize(
-    ("threshold", "stillness", "seen", "outcome"),
+    ("threshold", "stillness", "signature", "outcome"),
     [
         (ANYTHING, 0.0, MOVING, NAMED),
         (math.inf, 0.0, MOVING, UNKNOWN),
@@ -162,11 +163,11 @@ def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -
     ],
 )
 def test_reasons_for_naming_no_class(
-    index: WindowIndex, threshold: float, stillness: float, seen: Leading, outcome: Outcome
+    index: WindowIndex, threshold: float, stillness: float, signature: Signature, outcome: Outcome
 ) -> None:
     """Too little evidence is unknown, a body that hardly moves still; the gap matters only to the paper's signature."""
     decision = Decision(NEEDED, stillness=stillness)
-    decided = decision.push(_windows(index, 0.1, 1.0, 1.0, threshold=threshold), seen, 0.01, 0.0)
+    decided = decision.push(LiveWindows(index, threshold), _seen(0.1, 1.0, 1.0, signature=signature), 0.01, 0.0)
     assert decided.outcome is outcome
     assert decided.evidence is not None
     assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))
@@ -176,7 +177,9 @@ def test_reasons_for_naming_no_class(
 def test_the_papers_eigenvector_may_be_arbitrary(index: WindowIndex, gap: float, outcome: Outcome) -> None:
     """Then its movement is ambiguous, and it has no evidence."""
     paper = index_for(index, Settings(LiveSignature.PAPER))
-    decided = Decision(NEEDED).push(_windows(paper, 0.1, 1.0, 1.0), MOVING._replace(gap=gap), 0.0, 0.0)
+    decided = Decision(NEEDED).push(
+        LiveWindows(paper), _seen(0.1, 1.0, 1.0, signature=MOVING._replace(gap=gap)), 0.0, 0.0
+    )
     assert (decided.outcome, decided.evidence) == (outcome, None)
 
 

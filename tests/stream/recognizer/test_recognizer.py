@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from kinespace.library.clip import Clip
     from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer.windows.live_windows import Leading
+    from kinespace.stream.recognizer.windows.live_windows import Seen
 
 
 def _frames(class_name: str, *, seconds: float = 3.0, rate: float = 120.0, start: float = 0.0) -> list[Frame]:
@@ -285,7 +285,7 @@ def test_a_body_at_rest_is_answered_as_if_all_were_compared(
     frames = list(_with_pauses(list(first.values())[:4], noise, sway))
     reads, read = [0], LiveWindows._read  # noqa: SLF001 - counted
 
-    def counted(windows: LiveWindows) -> Leading:
+    def counted(windows: LiveWindows) -> Seen:
         reads[-1] += 1
         return read(windows)
 

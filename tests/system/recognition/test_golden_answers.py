@@ -1,4 +1,4 @@
-"""The answers to whole feeds are the kept ones, and numpy answers as the compiled kernels do; see `answers`."""
+"""The answers to whole feeds are the kept ones, and numpy answers as the compiled functions do; see `answers`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import answers
 import pytest
 
-from kinespace.library import kernels
+from kinespace.library import compiled
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,9 +30,9 @@ def test_recordings_are_answered_as_ever(feed: str, data_folder: Path) -> None:
     assert not answers.differing(answers.kept()[feed], answers.summed_up(answers.RECORDED[feed](data_folder)))
 
 
-@pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels here: all is answered by numpy")
+@pytest.mark.skipif(not compiled.in_use, reason="nothing is compiled here: all is answered by numpy")
 @pytest.mark.parametrize("feed", [*answers.FEEDS, *answers.RECORDED])
-def test_numpy_answers_as_the_compiled_kernels(
+def test_numpy_answers_as_the_compiled_functions(
     feed: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Words, events and the means of the numbers are the same over the first seconds of each feed."""
@@ -43,7 +43,7 @@ def test_numpy_answers_as_the_compiled_kernels(
             return answers.summed_up(answers.FEEDS[feed]())
         return answers.summed_up(answers.RECORDED[feed](request.getfixturevalue("data_folder")))
 
-    compiled = summed_up()
-    with kernels.left_aside():
-        assert not answers.differing(compiled, summed_up())
-    assert compiled["answers"] > 50  # type: ignore[operator]  # a number
+    found = summed_up()
+    with compiled.left_aside():
+        assert not answers.differing(found, summed_up())
+    assert found["answers"] > 50  # type: ignore[operator]  # a number

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     Feed = list[Frame]
 
-#: Everything holds of the compiled kernels and of numpy.
+#: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")

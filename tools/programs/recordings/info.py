@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinespace.library import distance_rows, find_recordings, kernels
+from kinespace.library import compiled, distance_rows, find_recordings
 from kinespace.library.recordings import instead_of_recording, is_recording, labelled
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.index import opened
@@ -220,7 +220,7 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     described |= {
         "joints": list(library.skeleton.joints),
         "sources": list(dict.fromkeys(each.source for each in (*kept, *guests) if each.source)),
-        "arithmetic": kernels.kind(),
+        "arithmetic": compiled.kind(),
         "licence": library.licence,
         "attribution": library.attribution,
         "guests": len(guests),

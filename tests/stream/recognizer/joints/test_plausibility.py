@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 from naive_bodies import keeps_its_place, squares_about_mean, step_length, steps_between
 
-from kinespace.library.kernels import bind
-from kinespace.stream.recognizer.joints.plausibility import ELSEWHERE_STEP, SAME_PLACE, SPAN, Change, Plausibility, Step
+from kinespace.stream.recognizer.joints.plausibility import (
+    ELSEWHERE_STEP,
+    SAME_PLACE,
+    SPAN,
+    Change,
+    Plausibility,
+    Step,
+    steps_of,
+)
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:
@@ -50,23 +57,16 @@ def _doubted(index: WindowIndex, positions: NDArray[np.float64]) -> set[str]:
     return doubted
 
 
-def _steps(
-    positions: NDArray[np.float64], last: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    steps, farthest = np.empty_like(positions), np.zeros(1)
-    return steps, bind("steps", positions, last, steps, farthest)(len(positions)), farthest
-
-
-def test_steps_equal_the_slow_twins(kick: Clip, arithmetic: str) -> None:
+def test_steps_equal_the_slow_twins(kick: Clip) -> None:
     """Of every joint; a lost one spoils the sum."""
     positions = kick.positions[:7].copy()
-    steps, squares, farthest = _steps(positions[1:], positions[0])
+    steps, squares, farthest = steps_of(positions[0], positions[1:])
     pairs = [steps_between(*pair) for pair in zip(positions[:-1].tolist(), positions[1:].tolist(), strict=True)]
-    np.testing.assert_allclose(steps, pairs, err_msg=arithmetic)
+    np.testing.assert_allclose(steps, pairs)
     assert squares == pytest.approx(max(map(squares_about_mean, pairs)))
-    assert farthest[0] == pytest.approx(max(sum(sum(axis) ** 2 for axis in zip(*each, strict=True)) for each in pairs))
+    assert farthest == pytest.approx(max(sum(sum(axis) ** 2 for axis in zip(*each, strict=True)) for each in pairs))
     positions[2:4, 5] = np.nan
-    assert np.isnan(_steps(positions[1:], positions[0])[1])
+    assert np.isnan(steps_of(positions[0], positions[1:])[1])
 
 
 def test_no_jump_is_overlooked_for_its_small_sum(small_index: WindowIndex, kick: Clip) -> None:
@@ -77,11 +77,11 @@ def test_no_jump_is_overlooked_for_its_small_sum(small_index: WindowIndex, kick:
         step = generator.normal(0.0, 0.03, 3) + generator.normal(0.0, 0.01, (31, 3))
         some = generator.choice(31, generator.integers(5, 9), replace=False)
         step[some] += generator.normal(0.0, 0.12, 3)
-        squares = _steps(step[None], np.zeros((31, 3)))[1]
+        squares = steps_of(np.zeros((31, 3)), step[None])[1]
         far = step_length(np.zeros((31, 3)).tolist(), step.tolist(), JUMPING) >= 0.12
         assert watched.may_jump(squares * watched._scale**2, 0.0, 0.0) or not far  # noqa: SLF001 - in the library's metres
     # A body's own steps need no closer look.
-    assert not watched.may_jump(_steps(kick.positions[1:20], kick.positions[0])[1], 0.0, 1 / RATE)
+    assert not watched.may_jump(steps_of(kick.positions[0], kick.positions[1:20])[1], 0.0, 1 / RATE)
     assert watched.may_jump(np.nan, 0.0, 0.0)
 
 
@@ -110,7 +110,7 @@ def test_no_step_elsewhere_is_overlooked_by_the_mean(small_index: WindowIndex, k
         exact = watched.is_elsewhere(Step(step, 1 / 60))
         middle = np.linalg.norm([median(axis) for axis in step.T.tolist()]) * watched._scale  # noqa: SLF001 - in metres
         assert exact == (middle > ELSEWHERE_STEP)
-        farthest = _steps(np.stack([0 * step, step]), np.zeros((31, 3)))[2].item()
+        farthest = steps_of(np.zeros((31, 3)), np.stack([0 * step, step]))[2]
         assert watched.may_jump(0.0, farthest, 1 / 60) or not exact
         seen[exact] += 1
     assert min(seen.values()) > 50

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -12,9 +9,7 @@ from typing import TYPE_CHECKING
 import naive_windows
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from naive_stream import NaiveSmoother, NaiveWindow
+from naive_stream import NaiveSmoother
 from twins import Twin
 
 from kinespace.library import MotionLibrary
@@ -24,12 +19,11 @@ from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.comparison import by_paper
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows
-from kinespace.stream.recognizer.windows.sliding_window import MAX_FEED_RATE, MAX_PENDING, SlidingWindow
 from kinespace.stream.recognizer.windows.smoothing import NOISY, RowSmoother
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip
-    from kinespace.stream.recognizer.windows.live_windows import Leading
+    from kinespace.stream.recognizer.windows.live_windows import Seen
 
 
 # --- smoothing --------------------------------------------------------------------------------------------------------
@@ -113,126 +107,10 @@ def test_a_feed_that_begins_to_tremble_is_smoothed_as_by_the_twin(begins: int, t
     assert not was_noisy[-1]
 
 
-# --- sliding window ---------------------------------------------------------------------------------------------------
-
-
-#: Times are counted in these, so that the twin's are whole numbers.
-TICKS = 960
-
-
-def _rows(*marks: float) -> np.ndarray:
-    return np.array([[mark, -mark] for mark in marks]).reshape(len(marks), 2)
-
-
-def _assert_alike(window: SlidingWindow, twin: NaiveWindow) -> None:
-    """Hold contents, points and times against the plain list."""
-    marks = [mark for _, mark in twin.rows]
-    assert len(window) == len(marks)
-    assert window.rows.tolist() == _rows(*marks).tolist()
-    assert window.points[:, 0].tolist() == [2 * mark for mark in marks]
-    assert window.times.tolist() == [time / TICKS for time, _ in twin.rows]
-
-
-@pytest.mark.slow
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    ticks=st.integers(1, 2 * TICKS),
-    largest_step=st.sampled_from([1, 8, 40, 3 * TICKS]),
-    fastest=st.sampled_from([1.0, 20.0, 960.0]),
-    largest_batch=st.sampled_from([1, 2, 5, MAX_PENDING]),
-)
-@settings(max_examples=30)
-def test_the_window_equals_a_plain_list(
-    seed: int, ticks: int, largest_step: int, fastest: float, largest_batch: int
-) -> None:
-    """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
-    generator = np.random.default_rng(seed)
-    window = SlidingWindow(ticks / TICKS, 2, fastest, point_width=1)
-    twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
-    time, mark, pending, memory = int(generator.integers(-1000, 1000)), 0, 0, window.rows_kept
-    while mark < 700:
-        count = int(generator.integers(0, largest_batch + 1))
-        steps = generator.integers(1, largest_step + 1, size=count)
-        steps[generator.random(count) < 0.03] += 5 * TICKS
-        times, marks = (time + steps.cumsum()).tolist(), range(mark, mark + count)
-        if pending + count > MAX_PENDING or generator.random() < 0.1:
-            window.pass_over()
-            pending = 0
-        moved, newest = window.moved, window.end
-        window.push([each / TICKS for each in times], _rows(*marks), 2.0 * np.array(marks).reshape(count, 1))
-        for each, index in zip(times, marks, strict=True):
-            twin.push(each, index)
-        time, mark, pending = [time, *times][-1], mark + count, pending + count
-        assert window.pending == pending
-        assert window.end + window.moved == newest + moved + count
-        assert window.rows_kept is memory
-        _assert_alike(window, twin)
-        if generator.random() < 0.01:
-            window.clear()
-            twin.rows.clear()
-            pending, time = 0, time - int(generator.integers(0, 2000))
-            _assert_alike(window, twin)
-
-
-def test_a_feed_too_fast_shortens_the_window() -> None:
-    """Above the fastest feed foreseen it keeps the newest rows that there is room for, each beginning a cache line."""
-    window = SlidingWindow(1.0, 2)
-    for time in np.arange(1500) / (4 * MAX_FEED_RATE):
-        window.push([time], _rows(time))
-        window.pass_over()
-    assert len(window) == window.most_in(1.0) == MAX_FEED_RATE
-    assert window.times[-1] - window.times[0] == pytest.approx(0.25, rel=0.01)
-    assert window.rows.strides[1] == window.rows.itemsize
-    assert window.rows.ctypes.data % 64 == window.rows.strides[0] % 64 == 0
-
-
-def test_changes_must_be_taken_in_time() -> None:
-    """One pending row too many raises; the pending rows stay, and passing over them makes room again."""
-    window = SlidingWindow(10.0, 2)
-    window.push((np.arange(MAX_PENDING) / 100).tolist(), np.zeros((MAX_PENDING, 2)))
-    for times in ([1.0], [1.0, 1.1]):
-        with pytest.raises(RuntimeError, match=f"at least once in {MAX_PENDING} rows"):
-            window.push(times, _rows(*times))
-    assert len(window) == window.pending == MAX_PENDING
-    window.pass_over()
-    window.push([1.0], _rows(99))
-    assert window.rows[-1, 0] == 99
-
-
-@pytest.mark.parametrize("start", [1.7e18, -1.7e18, 1e300])
-def test_the_newest_row_always_stays(start: float) -> None:
-    """With times so large that a window is lost in their rounding (a sender's nanoseconds) the newest row is held."""
-    window = SlidingWindow(1.0, 2)
-    for index in range(300):
-        time = start + index * abs(start) * 1e-6
-        window.push([time], _rows(index))
-        window.pass_over()
-        assert window.times.tolist() == [time]
-        assert window.rows[:, 0].tolist() == [index]
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")
-def test_a_child_process_has_windows_of_its_own() -> None:
-    """Rows that a forked child pushes do not appear in its parent's window."""
-    code = (
-        "import os, numpy as np\n"
-        "from kinespace.stream.recognizer.windows.sliding_window import SlidingWindow\n"
-        "window = SlidingWindow(1.0, 2)\n"
-        "window.push([0.0], np.zeros((1, 2)))\n"
-        "if child := os.fork():\n"
-        "    print(os.waitpid(child, 0)[1], window.rows.tolist())\n"
-        "else:\n"
-        "    window.rows[:] = 7.0\n"
-        "    os._exit(0)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout == "0 [[0.0, 0.0]]\n"
-
-
 # --- live windows -----------------------------------------------------------------------------------------------------
 
 
-#: Everything holds of the compiled kernels and of numpy.
+#: Everything holds of the compiled functions and of numpy.
 
 #: Largest error of a part of the distances, and of the matrix of scaled eigenvectors. A rigid distance's deviation is
 #: the root of a variance that is right to nine digits of the largest, so its spread is not.
@@ -257,13 +135,14 @@ def index(request: pytest.FixtureRequest, small_index: WindowIndex, sticks: Moti
 
 
 def _assert_by_definition(
-    live: LiveWindows, read: Leading | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
+    live: LiveWindows, read: Seen | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
 ) -> None:
     """Compare all that was read with numbers computed from the rows up to now."""
     assert read is not None
-    assert live.has_read
+    assert live.seen is read
+    signature = read.signature
     expected = Twin(index).numbers(times[-1], times, rows)
-    for part, numbers in live.comparer.numbers.items():
+    for part, numbers in signature.parts.items():
         twin = expected[str(part.kind), part.seconds]
         if part.kind is Kind.EIGEN:
             twin = twin if len(numbers) > 1 else naive_windows.leading(twin, 1)[1].T @ naive_windows.leading(twin, 1)[1]
@@ -272,16 +151,16 @@ def _assert_by_definition(
             assert np.abs(numbers - twin).max() <= SAME
     inside = times > times[-1] - live.longest + 1e-6
     matrix = naive_windows.covariance(rows[inside] @ index.basis.directions)
-    values, vector = np.linalg.eigvalsh(matrix)[::-1], live.comparer.eigenvectors[0]
-    assert read.share == pytest.approx(values[0] / values.sum(), rel=1e-6)
-    assert read.gap == pytest.approx(1 - values[1] / values[0], abs=1e-6)
+    values, vector = np.linalg.eigvalsh(matrix)[::-1], signature.leading
+    assert signature.share == pytest.approx(values[0] / values.sum(), rel=1e-6)
+    assert signature.gap == pytest.approx(1 - values[1] / values[0], abs=1e-6)
     assert np.linalg.norm(matrix @ vector - values[0] * vector) <= 1e-6 * values[0]
     # Movement is read off the longest window of distances.
     seconds = 1.0 if index.comparison.weighing.judges else live.longest
     moved = naive_windows.moved(
         naive_windows.moments(*(each[times > times[-1] - seconds + 1e-6] for each in (times, rows)))
     )
-    assert read.movement == pytest.approx(moved)
+    assert signature.movement == pytest.approx(moved)
     weights = index.basis.directions @ vector
     centred = rows[inside] - rows[inside].mean(axis=0)
     given = [weight * sum(each * (centred @ weights)) for weight, each in zip(weights, centred.T, strict=True)]
@@ -311,10 +190,9 @@ def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: f
 
 @pytest.mark.usefixtures("arithmetic")
 def test_many_frames_without_a_reading_and_a_clear(index: WindowIndex, rows: np.ndarray) -> None:
-    """More frames than may be pending are followed without being asked for; after a clear they have no influence."""
+    """They are followed at once; after a clear they have no influence."""
     live, times = LiveWindows(index), np.arange(len(rows)) / 120
-    live.push_all(times + 100, rows)
-    assert len(rows) > 3 * MAX_PENDING
+    live.push((times + 100).tolist(), rows)
     _assert_by_definition(live, live.read(), index, times + 100, rows)
     live.clear()
     live.push(times[:40].tolist(), rows[80:120])
@@ -325,7 +203,7 @@ def test_many_frames_without_a_reading_and_a_clear(index: WindowIndex, rows: np.
 def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: WindowIndex, rows: np.ndarray) -> None:
     """In the same basis at once, in another one by following all rows anew."""
     live, times = LiveWindows(small_index), np.arange(len(rows)) / 120
-    live.push_all(times, rows)
+    live.push(times.tolist(), rows)
     live.exchange(small_index.of_some([0, 1, 2]))
     _assert_by_definition(live, live.read(), small_index.of_some([0, 1, 2]), times, rows)
     live.exchange(index)
@@ -343,10 +221,11 @@ def test_nothing_is_read_before_the_first_window(index: WindowIndex, rows: np.nd
         assert live.read() is None
         live.push([begin + 0.14], rows[2:3])
         assert live.read() is None
-        assert not live.has_read
+        assert live.seen is None
+        assert live.contributions() is None
         live.push([begin + 0.15], rows[3:4])
         assert live.read() is not None
-        assert live.has_read
+        assert live.seen
         live.clear()
         live.push([begin + 1, begin + 3], rows[:2])
         assert live.read() is None
@@ -358,7 +237,9 @@ def test_a_body_in_one_point_has_no_part(index: WindowIndex) -> None:
     """Without any length there are no movement, share or gap, and every number is finite."""
     live = LiveWindows(index)
     live.push((np.arange(30) / 120).tolist(), np.zeros((30, 465)))
-    assert live.read() == (0.0, 0.0, 0.0)
-    for part, numbers in live.comparer.numbers.items():
+    read = live.read()
+    assert read
+    assert (read.signature.movement, read.signature.share, read.signature.gap) == (0.0, 0.0, 0.0)
+    for part, numbers in read.signature.parts.items():
         assert np.isfinite(numbers).all()
         assert part.kind is Kind.SPREAD or not numbers.any()

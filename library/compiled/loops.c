@@ -1,0 +1,783 @@
+/* The compiled functions of a hop. Each is the twin of the numpy function of its name, and computes the same but for rounding:
+ *
+ *   slide       stream/recognizer/windows/window.py
+ *   read_distances, read_points   the same
+ *   compare     library/windows/comparer.py
+ *   pair_distances   library/distances.py
+ *
+ * The module is optional. Arguments are checked here; a function that gives None leaves the call to numpy.
+ */
+#define Py_LIMITED_API 0x030B0000
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if !defined(__GNUC__)
+#error "these loops are written for gcc and clang; without them numpy does the same"
+#endif
+
+/* Compile a function for some processors, of which the best is chosen when the module is loaded. */
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__) && __GNUC__ >= 12
+#define FOR_EACH_PROCESSOR __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define FOR_EACH_PROCESSOR
+#endif
+#define INLINE static inline __attribute__((always_inline))
+
+/* Directions of the largest basis, and vectors that are iterated together. */
+#define DIRECTIONS 32
+#define NEAR 8
+/* Products after which, and at most, the residuals are looked at; and the residual that is none, when the trace is 1. */
+#define TURNS 7
+#define MAX_TURNS 11
+#define NO_RESIDUAL 1e-9
+/* Rounds of rotations at most, and the share of the diagonal that is none. */
+#define MAX_ROUNDS 30
+#define NONE 1e-15
+/* Windows that are compared at once, and groups of parts at most. */
+#define LANE 64
+#define GROUPS 8
+/* Eigenvectors of a window that are compared with another's. */
+#define EIGENVECTORS 4
+/* A squared distance above all others. */
+#define FARTHEST 1e30F
+
+/* ---- arguments ---------------------------------------------------------------------------------------------------- */
+
+/* Arrays that are read, or written, while a function runs. */
+typedef struct {
+    Py_buffer views[8 + 2 * GROUPS];
+    int count;
+} Arrays;
+
+/* Take an array of so many dimensions, side by side in memory, of numbers of a format; NULL and an error where it is another. */
+static Py_buffer *take(Arrays *arrays, PyObject *object, const char *format, int dimensions, int written) {
+    Py_buffer *view = &arrays->views[arrays->count];
+    if (PyObject_GetBuffer(object, view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (written ? PyBUF_WRITABLE : 0)) < 0) {
+        return NULL;
+    }
+    arrays->count++;
+    if (view->ndim != dimensions || strlen(view->format) != 1 || strchr(format, view->format[0]) == NULL) {
+        PyErr_Format(PyExc_ValueError, "expected %d dimensions of %s, got %d of %s", dimensions, format, view->ndim, view->format);
+        return NULL;
+    }
+    return view;
+}
+
+/* Let go of all arrays; give a result, or NULL. */
+static PyObject *let_go(Arrays *arrays, PyObject *result) {
+    for (int i = 0; i < arrays->count; i++) {
+        PyBuffer_Release(&arrays->views[i]);
+    }
+    return result;
+}
+
+static PyObject *refused(Arrays *arrays, const char *name) {
+    return let_go(arrays, PyErr_Format(PyExc_ValueError, "%s: expected arrays that fit each other", name));
+}
+
+/* numpy.empty */
+static PyObject *empty;
+
+/* Make a matrix of doubles, or else a vector; NULL and an error where there is no memory. Its memory is `*numbers`. */
+static PyObject *new_array(int is_matrix, Py_ssize_t rows, Py_ssize_t columns, double **numbers) {
+    PyObject *array = is_matrix ? PyObject_CallFunction(empty, "((nn))", rows, columns) : PyObject_CallFunction(empty, "n", columns);
+    Py_buffer view;
+    if (array == NULL || PyObject_GetBuffer(array, &view, PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE) < 0) {
+        Py_XDECREF(array);
+        return NULL;
+    }
+    *numbers = view.buf;
+    PyBuffer_Release(&view);
+    return array;
+}
+
+/* Sixteen floats, and eight doubles. */
+typedef float Some __attribute__((vector_size(64), aligned(4), may_alias));
+typedef int32_t Bits __attribute__((vector_size(64), aligned(4), may_alias));
+typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
+typedef int64_t LongBits __attribute__((vector_size(64), aligned(8), may_alias));
+
+/* Natural logarithms of positive numbers x = 2^e m with m near 1: log m = 2 (s + s³/3 + s⁵/5 + ...), s = (m - 1) / (m + 1).
+ * `half` is the bits of √½, where m begins; `digits` those after the point; `last` the last odd number of the series. */
+#define LOGARITHMS(name, Numbers, Integers, Number, half, digits, last)                                                 \
+    INLINE Numbers name(Numbers numbers) {                                                                              \
+        union {                                                                                                         \
+            Integers bits;                                                                                              \
+            Numbers whole;                                                                                              \
+        } each = {.whole = numbers};                                                                                    \
+        const Integers exponents = (each.bits - half) >> digits;                                                        \
+        each.bits -= exponents << digits;                                                                               \
+        const Numbers s = (each.whole - 1) / (each.whole + 1), square = s * s;                                          \
+        Numbers series = square * 0 + (Number)1 / last;                                                                 \
+        for (int odd = last - 2; odd > 0; odd -= 2) {                                                                   \
+            series = series * square + (Number)1 / (Number)odd;                                                         \
+        }                                                                                                               \
+        return 2 * s * series + __builtin_convertvector(exponents, Numbers) * (Number)0.693147180559945309417;          \
+    }
+LOGARITHMS(logs_of, Some, Bits, float, 0x3F3504F3, 23, 9)
+LOGARITHMS(long_logs_of, Eight, LongBits, double, 0x3FE6A09E667F3BCD, 52, 21)
+
+/* ---- distances ----------------------------------------------------------------------------------------------------- */
+
+FOR_EACH_PROCESSOR static void measure(const double *restrict positions, const Py_ssize_t *restrict ends,
+                                       Py_ssize_t count, double *restrict row) {
+    for (Py_ssize_t p = 0; p < count; p++) {
+        const double *one = positions + 3 * ends[p], *other = positions + 3 * ends[count + p];
+        const double x = one[0] - other[0], y = one[1] - other[1], z = one[2] - other[2];
+        row[p] = x * x + y * y + z * z;
+    }
+    for (Py_ssize_t p = 0; p < count; p++) {
+        row[p] = sqrt(row[p]);
+    }
+}
+
+/* pair_distances(positions, ends) -> rows */
+static PyObject *pair_distances(PyObject *module, PyObject *arguments) {
+    (void)module;
+    PyObject *object[2], *result;
+    Arrays arrays = {.count = 0};
+    double *rows;
+    if (!PyArg_ParseTuple(arguments, "OO", &object[0], &object[1])) {
+        return NULL;
+    }
+    const Py_buffer *positions = take(&arrays, object[0], "d", 3, 0), *ends = positions ? take(&arrays, object[1], "lqn", 2, 0) : NULL;
+    if (ends == NULL) {
+        return let_go(&arrays, NULL);
+    }
+    const Py_ssize_t frames = positions->shape[0], joints = positions->shape[1], count = ends->shape[1];
+    for (Py_ssize_t i = 0; i < ends->shape[0] * count; i++) {
+        const Py_ssize_t joint = ((const Py_ssize_t *)ends->buf)[i];
+        if (joint < 0 || joint >= joints) {
+            return refused(&arrays, "pair_distances");
+        }
+    }
+    if (positions->shape[2] != 3 || ends->shape[0] != 2 || (result = new_array(1, frames, count, &rows)) == NULL) {
+        return PyErr_Occurred() ? let_go(&arrays, NULL) : refused(&arrays, "pair_distances");
+    }
+    for (Py_ssize_t f = 0; f < frames; f++) {
+        measure((const double *)positions->buf + f * joints * 3, ends->buf, count, rows + f * count);
+    }
+    return let_go(&arrays, result);
+}
+
+/* ---- sums that follow a window ------------------------------------------------------------------------------------ */
+
+/* Add one row at a time to the sums, with a weight. */
+FOR_EACH_PROCESSOR static void add_row(const double *restrict reference, double *restrict first, double *restrict second,
+                                       const double *restrict row, double weight, double time, Py_ssize_t width, int products) {
+    double *restrict along = first + width, weighed = weight * time;
+    for (Py_ssize_t i = 0; i < width; i++) {
+        const double x = row[i] - reference[i];
+        first[i] += weight * x;
+        along[i] += weighed * x;
+    }
+    for (Py_ssize_t i = 0; i < width && !products; i++) {
+        const double x = row[i] - reference[i];
+        second[i] += weight * x * x;
+    }
+    for (Py_ssize_t i = 0; i < width && products; i++) {
+        const double x = weight * (row[i] - reference[i]);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            second[i * width + j] += x * (row[j] - reference[j]);
+        }
+    }
+}
+
+/* slide(reference, clock, first, second, times, rows, entered, end, left, begin) -> (squares, scatter) */
+static PyObject *slide(PyObject *module, PyObject *arguments) {
+    (void)module;
+    PyObject *object[6];
+    Py_ssize_t entered, end, left, begin;
+    Arrays arrays = {.count = 0};
+    if (!PyArg_ParseTuple(arguments, "OOOOOOnnnn", &object[0], &object[1], &object[2], &object[3], &object[4], &object[5], &entered,
+                          &end, &left, &begin)) {
+        return NULL;
+    }
+    const Py_buffer *reference = take(&arrays, object[0], "d", 1, 0), *clock = reference ? take(&arrays, object[1], "d", 1, 1) : NULL;
+    const Py_buffer *first = clock ? take(&arrays, object[2], "d", 2, 1) : NULL;
+    const Py_buffer *times = first ? take(&arrays, object[4], "d", 1, 0) : NULL, *rows = times ? take(&arrays, object[5], "d", 2, 0) : NULL;
+    Py_buffer *second = rows ? &arrays.views[arrays.count] : NULL;
+    if (second == NULL || PyObject_GetBuffer(object[3], second, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE) < 0) {
+        return let_go(&arrays, NULL);
+    }
+    arrays.count++;
+    const Py_ssize_t width = reference->shape[0], count = rows->shape[0];
+    const int products = second->ndim == 2;
+    if (clock->shape[0] != 4 || first->shape[0] != 2 || first->shape[1] != width || rows->shape[1] != width ||
+        times->shape[0] != count || strcmp(second->format, "d") != 0 || second->ndim > 2 || second->shape[0] != width ||
+        second->shape[second->ndim - 1] != width || entered < 0 || end > count || left < 0 || begin > count) {
+        return refused(&arrays, "slide");
+    }
+    double *clocks = clock->buf, *sums = first->buf, *more = second->buf, squares = 0.0, square = 0.0;
+    const double *time = times->buf;
+    for (int sign = 1; sign >= -1; sign -= 2) {
+        const Py_ssize_t from = sign > 0 ? entered : left, to = sign > 0 ? end : begin;
+        for (Py_ssize_t row = from; row < to; row++) {
+            const double since = time[row] - clocks[0];
+            clocks[1] += sign;
+            clocks[2] += sign * since;
+            clocks[3] += sign * since * since;
+            add_row(reference->buf, sums, more, (const double *)rows->buf + row * width, sign, since, width, products);
+        }
+    }
+    for (Py_ssize_t i = 0; i < width; i++) {
+        squares += more[products ? i * (width + 1) : i];
+        square += sums[i] * sums[i];
+    }
+    square = squares - square / clocks[1];
+    return let_go(&arrays, Py_BuildValue("dd", squares, square));
+}
+
+/* ---- parts of a signature ------------------------------------------------------------------------------------------ */
+
+/* Spread, posture and trend of a window, and what its movement is of: the sums of the variances and of the squared means. */
+FOR_EACH_PROCESSOR static void read_parts(const double *restrict reference, const double *restrict clock, const double *restrict first,
+                                          const double *restrict second, const double *restrict sizing, const Py_ssize_t *restrict segments,
+                                          Py_ssize_t between_them, const double *restrict between, Py_ssize_t width, double floor,
+                                          double level, double *restrict spread, double *restrict posture, double *restrict trend,
+                                          double *restrict moved) {
+    const double *restrict along = first + width, per_row = 1.0 / clock[1], middle = clock[2] * per_row;
+    const double swing = clock[3] * per_row - middle * middle, per_swing = swing > 0.0 ? 1.0 / sqrt(swing) : 0.0;
+    double size = 0.0, total = 0.0, variances = 0.0, squares = 0.0;
+    for (Py_ssize_t i = 0; i < width; i++) {
+        const double offset = first[i] * per_row, mean = reference[i] + offset, left = second[i] * per_row - offset * offset;
+        const double variance = left > 0.0 ? left : 0.0;
+        size += mean * sizing[i];
+        squares += mean * mean;
+        variances += variance;
+        spread[i] = sqrt(variance);
+        posture[i] = 0.0;
+    }
+    const double per_size = size > 0.0 ? 1.0 / size : 0.0, noise = floor * size;
+    for (Py_ssize_t i = 0; i < width; i++) {
+        const double deviation = spread[i] + noise, rising = (along[i] - first[i] * middle) * per_row * per_swing;
+        trend[i] = deviation > 0.0 ? rising / deviation : 0.0;
+        /* Of nothing and of negative numbers there is no logarithm. */
+        spread[i] = spread[i] * per_size + floor < DBL_MIN ? DBL_MIN : spread[i] * per_size + floor;
+    }
+    for (Py_ssize_t i = 0; i < width; i += 8) {
+        Eight some = {0.0};
+        const size_t bytes = sizeof(double) * (size_t)(width - i < 8 ? width - i : 8);
+        memcpy(&some, spread + i, bytes);
+        some = long_logs_of(some);
+        memcpy(spread + i, &some, bytes);
+    }
+    for (Py_ssize_t i = 0; i < width; i++) {
+        total += spread[i];
+    }
+    for (Py_ssize_t i = 0; i < width; i++) {
+        spread[i] -= level * total / (double)width;
+    }
+    for (Py_ssize_t s = 0; s < between_them; s++) {
+        const double length = reference[segments[s]] + first[segments[s]] * per_row;
+        for (Py_ssize_t i = 0; i < width; i++) {
+            posture[i] += length * between[s * width + i];
+        }
+    }
+    for (Py_ssize_t i = 0; i < width; i++) {
+        const double length = between_them ? posture[i] : size;
+        posture[i] = length > 0.0 ? (reference[i] + first[i] * per_row) / length : 0.0;
+    }
+    moved[0] = variances;
+    moved[1] = squares;
+}
+
+/* read_distances(reference, clock, first, second, body, floor, level) -> (spread, posture, trend, movement) */
+static PyObject *read_distances(PyObject *module, PyObject *arguments) {
+    (void)module;
+    PyObject *object[7], *found[3] = {NULL, NULL, NULL};
+    double floor, level, *numbers[3], moved[2];
+    Arrays arrays = {.count = 0};
+    const Py_buffer *view[7];
+    static const char *const formats[] = {"d", "d", "d", "d", "d", "lqn", "d"};
+    static const int dimensions[] = {1, 1, 2, 1, 1, 1, 2};
+    if (!PyArg_ParseTuple(arguments, "OOOOOOOdd", &object[0], &object[1], &object[2], &object[3], &object[4], &object[5], &object[6],
+                          &floor, &level)) {
+        return NULL;
+    }
+    for (int i = 0; i < 7; i++) {
+        if ((view[i] = take(&arrays, object[i], formats[i], dimensions[i], 0)) == NULL) {
+            return let_go(&arrays, NULL);
+        }
+    }
+    const Py_ssize_t width = view[0]->shape[0], between_them = view[5]->shape[0], *segments = view[5]->buf;
+    int fits = view[1]->shape[0] == 4 && view[2]->shape[0] == 2 && view[2]->shape[1] == width && view[3]->shape[0] == width &&
+               view[4]->shape[0] == width && view[6]->shape[0] == between_them && view[6]->shape[1] == width;
+    for (Py_ssize_t s = 0; s < between_them; s++) {
+        fits = fits && segments[s] >= 0 && segments[s] < width;
+    }
+    if (!fits) {
+        return refused(&arrays, "read_distances");
+    }
+    for (int i = 0; i < 3; i++) {
+        if ((found[i] = new_array(0, 0, width, &numbers[i])) == NULL) {
+            for (int j = 0; j < i; j++) {
+                Py_DECREF(found[j]);
+            }
+            return let_go(&arrays, NULL);
+        }
+    }
+    read_parts(view[0]->buf, view[1]->buf, view[2]->buf, view[3]->buf, view[4]->buf, segments, between_them, view[6]->buf, width, floor,
+               level, numbers[0], numbers[1], numbers[2], moved);
+    return let_go(&arrays, Py_BuildValue("NNNd", found[0], found[1], found[2], moved[1] > 0.0 ? sqrt(moved[0] / moved[1]) : 0.0));
+}
+
+/* ---- eigenpairs of a covariance much like the last one ------------------------------------------------------------ */
+
+typedef double Block[NEAR][DIRECTIONS];
+
+/* Multiply vectors with a symmetric matrix. */
+INLINE void multiply(const double (*restrict matrix)[DIRECTIONS], Block vectors, Block products) {
+    for (int b = 0; b < NEAR; b++) {
+        double sums[DIRECTIONS] = {0.0};
+        for (int i = 0; i < DIRECTIONS; i++) {
+            for (int j = 0; j < DIRECTIONS; j++) {
+                sums[j] += vectors[b][i] * matrix[i][j];
+            }
+        }
+        memcpy(products[b], sums, sizeof sums);
+    }
+}
+
+INLINE double dot(const double *restrict one, const double *restrict other) {
+    double sums[8] = {0.0};
+    for (int i = 0; i < DIRECTIONS; i += 8) {
+        for (int j = 0; j < 8; j++) {
+            sums[j] += one[i + j] * other[i + j];
+        }
+    }
+    return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
+}
+
+/* Make vectors orthonormal, one after another; 0 where they are dependent. */
+INLINE int orthonormal(Block vectors) {
+    for (int b = 0; b < NEAR; b++) {
+        for (int a = 0; a < b; a++) {
+            const double along = dot(vectors[a], vectors[b]);
+            for (int i = 0; i < DIRECTIONS; i++) {
+                vectors[b][i] -= along * vectors[a][i];
+            }
+        }
+        const double square = dot(vectors[b], vectors[b]);
+        if (!(square > DBL_MIN)) {
+            return 0;
+        }
+        const double factor = 1.0 / sqrt(square);
+        for (int i = 0; i < DIRECTIONS; i++) {
+            vectors[b][i] *= factor;
+        }
+    }
+    return 1;
+}
+
+/* Rotate two rows, and two columns, of a small matrix so that the number between them is 0 (Jacobi 1846). */
+INLINE void rotate(double a[NEAR][NEAR], double rows[NEAR][NEAR], int p, int q) {
+    const double half = (a[q][q] - a[p][p]) / (2 * a[p][q]);
+    const double tangent = (half < 0 ? -1.0 : 1.0) / (fabs(half) + sqrt(half * half + 1)), cosine = 1 / sqrt(tangent * tangent + 1);
+    const double sine = tangent * cosine;
+    for (int k = 0; k < NEAR; k++) {
+        const double one = a[k][p], other = a[k][q];
+        a[k][p] = cosine * one - sine * other;
+        a[k][q] = sine * one + cosine * other;
+    }
+    for (int k = 0; k < NEAR; k++) {
+        const double one = a[p][k], other = a[q][k], row = rows[p][k], next = rows[q][k];
+        a[p][k] = cosine * one - sine * other;
+        a[q][k] = sine * one + cosine * other;
+        rows[p][k] = cosine * row - sine * next;
+        rows[q][k] = sine * row + cosine * next;
+    }
+}
+
+/* Find the eigenvalues of a small symmetric matrix, to its diagonal, and its eigenvectors, to rows, the largest first. */
+INLINE void diagonalise(double a[NEAR][NEAR], double rows[NEAR][NEAR]) {
+    double largest = 1.0, trace = 0.0;
+    for (int i = 0; i < NEAR; i++) {
+        for (int j = 0; j < NEAR; j++) {
+            rows[i][j] = i == j;
+        }
+        trace += fabs(a[i][i]);
+    }
+    for (int round = 0; round < MAX_ROUNDS && largest > NONE * trace; round++) {
+        largest = 0.0;
+        for (int p = 0; p < NEAR - 1; p++) {
+            for (int q = p + 1; q < NEAR; q++) {
+                const double apart = fabs(a[p][q]);
+                largest = apart > largest ? apart : largest;
+                if (apart > NONE * trace) {
+                    rotate(a, rows, p, q);
+                }
+            }
+        }
+    }
+    for (int i = 0; i < NEAR; i++) {
+        int place = i;
+        for (int j = i + 1; j < NEAR; j++) {
+            place = a[j][j] > a[place][place] ? j : place;
+        }
+        if (place != i) {
+            double row[NEAR];
+            const double value = a[i][i];
+            a[i][i] = a[place][place];
+            a[place][place] = value;
+            memcpy(row, rows[i], sizeof row);
+            memcpy(rows[i], rows[place], sizeof row);
+            memcpy(rows[place], row, sizeof row);
+        }
+    }
+}
+
+/* Combine vectors: each row of factors gives one. */
+INLINE void combine(double factors[NEAR][NEAR], Block vectors, Block combined) {
+    for (int b = 0; b < NEAR; b++) {
+        double sums[DIRECTIONS] = {0.0};
+        for (int a = 0; a < NEAR; a++) {
+            for (int i = 0; i < DIRECTIONS; i++) {
+                sums[i] += factors[b][a] * vectors[a][i];
+            }
+        }
+        memcpy(combined[b], sums, sizeof sums);
+    }
+}
+
+/* Turn vectors to the leading eigenvectors of a matrix: subspace iteration (Rutishauser 1969). 0 where the residuals stay large,
+ * or the trace leaves room for another eigenvalue as large as those that are compared. */
+FOR_EACH_PROCESSOR static int iterate(const double (*restrict matrix)[DIRECTIONS], double trace, Block vectors,
+                                      double *restrict values) {
+    Block images, found, turned;
+    double inside[NEAR][NEAR], rows[NEAR][NEAR];
+    for (int turn = 1; turn <= MAX_TURNS; turn++) {
+        if (!orthonormal(vectors)) {
+            return 0;
+        }
+        multiply(matrix, vectors, images);
+        if (turn == TURNS || turn == MAX_TURNS) {
+            double left = trace, largest = 0.0;
+            for (int a = 0; a < NEAR; a++) {
+                for (int b = 0; b < NEAR; b++) {
+                    inside[a][b] = dot(vectors[a], images[b]);
+                }
+                left -= inside[a][a];
+            }
+            diagonalise(inside, rows);
+            combine(rows, vectors, found);
+            combine(rows, images, turned);
+            for (int k = 0; k < NEAR; k++) {
+                values[k] = inside[k][k];
+                for (int i = 0; i < DIRECTIONS; i++) {
+                    turned[k][i] -= values[k] * found[k][i];
+                }
+                const double square = k < EIGENVECTORS ? dot(turned[k], turned[k]) : 0.0;
+                largest = square > largest ? square : largest;
+            }
+            if (left <= values[EIGENVECTORS - 1] && largest <= NO_RESIDUAL * trace * (NO_RESIDUAL * trace)) {
+                memcpy(vectors, found, sizeof found);
+                return 1;
+            }
+        }
+        memcpy(vectors, images, sizeof images);
+    }
+    return 0;
+}
+
+/* read_points(clock, first, second, floor, near, eigenvectors) -> (values, vectors, scaled, trace); None where few turns do not find them */
+static PyObject *read_points(PyObject *module, PyObject *arguments) {
+    (void)module;
+    PyObject *object[4];
+    Arrays arrays = {.count = 0};
+    double floor;
+    Py_ssize_t wanted;
+    if (!PyArg_ParseTuple(arguments, "OOOdOn", &object[0], &object[1], &object[2], &floor, &object[3], &wanted)) {
+        return NULL;
+    }
+    const Py_buffer *clock = take(&arrays, object[0], "d", 1, 0), *first = clock ? take(&arrays, object[1], "d", 2, 0) : NULL;
+    const Py_buffer *second = first ? take(&arrays, object[2], "d", 2, 0) : NULL, *near = second ? take(&arrays, object[3], "d", 2, 0) : NULL;
+    if (near == NULL) {
+        return let_go(&arrays, NULL);
+    }
+    const Py_ssize_t size = second->shape[0];
+    if (size > DIRECTIONS || size < 2 * NEAR || near->shape[0] != NEAR || wanted < 1 || wanted > EIGENVECTORS) {
+        return let_go(&arrays, Py_NewRef(Py_None));
+    }
+    if (clock->shape[0] != 4 || first->shape[1] != size || second->shape[1] != size || near->shape[1] != size) {
+        return refused(&arrays, "read_points");
+    }
+    double matrix[DIRECTIONS][DIRECTIONS] = {{0.0}}, values[NEAR], trace = 0.0, total = 0.0, *new_values, *new_vectors, *scaled;
+    const double per_row = 1.0 / ((const double *)clock->buf)[1], *sum = first->buf, *products = second->buf;
+    Block vectors = {{0.0}};
+    for (Py_ssize_t i = 0; i < size; i++) {
+        for (Py_ssize_t j = 0; j < size; j++) {
+            matrix[i][j] = products[i * size + j] * per_row - sum[i] * per_row * (sum[j] * per_row);
+        }
+        trace += matrix[i][i];
+    }
+    for (Py_ssize_t b = 0; b < NEAR; b++) {
+        memcpy(vectors[b], (const double *)near->buf + b * size, sizeof(double) * (size_t)size);
+    }
+    let_go(&arrays, NULL);
+    if (!(trace > floor) || !iterate((const double(*)[DIRECTIONS])matrix, trace, vectors, values)) {
+        return Py_NewRef(Py_None);
+    }
+    PyObject *found = new_array(0, 0, NEAR, &new_values), *those = found ? new_array(1, NEAR, size, &new_vectors) : NULL;
+    PyObject *parts = those ? new_array(1, wanted, size, &scaled) : NULL;
+    if (parts == NULL) {
+        Py_XDECREF(found);
+        Py_XDECREF(those);
+        return NULL;
+    }
+    memcpy(new_values, values, sizeof values);
+    for (Py_ssize_t b = 0; b < NEAR; b++) {
+        memcpy(new_vectors + b * size, vectors[b], sizeof(double) * (size_t)size);
+        total += b < wanted && values[b] > 0.0 ? values[b] : 0.0;
+    }
+    for (Py_ssize_t k = 0; k < wanted; k++) {
+        const double root = values[k] > 0.0 ? sqrt(sqrt(values[k] / total)) : 0.0;
+        for (Py_ssize_t i = 0; i < size; i++) {
+            scaled[k * size + i] = root * vectors[k][i];
+        }
+    }
+    return Py_BuildValue("NNNd", found, those, parts, trace);
+}
+
+/* ---- a window compared with a library's --------------------------------------------------------------------------- */
+
+#define SOME 16
+#define REGISTERS (LANE / SOME)
+
+/* Parts compared as one vector of so many axes, or as the matrices of so many eigenvectors (0: a vector). */
+typedef struct {
+    Py_ssize_t axes, eigenvectors, row; /* numbers from one axis to the next */
+    const float *vector, *windows, *lengths;
+} Group;
+
+/* Squared distances of a lane of windows: |a − b|² = |a|² − 2 a b + |b|², of a and −2 a. */
+INLINE void squared_distances(const Group *group, const float *restrict doubled, float square, Py_ssize_t begin, float *restrict squared) {
+    Some sums[REGISTERS];
+    memcpy(sums, group->lengths + begin, sizeof sums);
+    for (int j = 0; j < REGISTERS; j++) {
+        sums[j] += square;
+    }
+    for (Py_ssize_t k = 0; k < group->axes; k++) {
+        const Some *row = (const Some *)(group->windows + k * group->row + begin);
+        for (int j = 0; j < REGISTERS; j++) {
+            sums[j] += doubled[k] * row[j];
+        }
+    }
+    memcpy(squared, sums, sizeof sums);
+}
+
+/* The same of matrices of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩²; two registers at a time, whose sums fit into registers. */
+INLINE void squared_products(const Group *group, int count, Py_ssize_t begin, float *restrict squared) {
+    const Py_ssize_t windows = group->row / count;
+    for (int half = 0; half < LANE; half += 2 * SOME) {
+        Some one = {0.0F}, other = {0.0F};
+        for (int i = 0; i < count; i++) {
+            Some products[EIGENVECTORS][2] = {{{0.0F}}};
+            for (Py_ssize_t k = 0; k < group->axes; k++) {
+                const Some *row = (const Some *)(group->windows + k * group->row + i * windows + begin + half);
+                for (int q = 0; q < count; q++) {
+                    products[q][0] += group->vector[q * group->axes + k] * row[0];
+                    products[q][1] += group->vector[q * group->axes + k] * row[1];
+                }
+            }
+            for (int q = 0; q < count; q++) {
+                one += products[q][0] * products[q][0];
+                other += products[q][1] * products[q][1];
+            }
+        }
+        const Some *lengths = (const Some *)(group->lengths + begin + half);
+        *(Some *)(squared + half) = 1.0F + lengths[0] - 2.0F * one;
+        *(Some *)(squared + half + SOME) = 1.0F + lengths[1] - 2.0F * other;
+    }
+}
+
+/* Weigh the log distances of a lane of windows; weighed (views, windows). */
+FOR_EACH_PROCESSOR static void weigh(const Group *groups, int count, const float *restrict weights, Py_ssize_t views, float nearest,
+                                     Py_ssize_t windows, float *restrict weighed) {
+    float doubled[GROUPS][256], squares[GROUPS] = {0.0F}, squared[LANE];
+    for (int g = 0; g < count; g++) {
+        for (Py_ssize_t k = 0; k < groups[g].axes && !groups[g].eigenvectors; k++) {
+            doubled[g][k] = -2.0F * groups[g].vector[k];
+            squares[g] += groups[g].vector[k] * groups[g].vector[k];
+        }
+    }
+    for (Py_ssize_t begin = 0; begin < windows; begin += LANE) {
+        Some logs[GROUPS][REGISTERS];
+        for (int g = 0; g < count; g++) {
+            if (groups[g].eigenvectors == EIGENVECTORS) {
+                squared_products(&groups[g], EIGENVECTORS, begin, squared);
+            } else if (groups[g].eigenvectors) {
+                squared_products(&groups[g], (int)groups[g].eigenvectors, begin, squared);
+            } else {
+                squared_distances(&groups[g], doubled[g], squares[g], begin, squared);
+            }
+            for (int w = 0; w < LANE; w++) {
+                /* NaN counts as the farthest. */
+                const float one = squared[w] < FARTHEST ? squared[w] : FARTHEST;
+                squared[w] = one > nearest ? one : nearest;
+            }
+            for (int j = 0; j < REGISTERS; j++) {
+                logs[g][j] = logs_of(*(const Some *)(squared + SOME * j));
+            }
+        }
+        for (Py_ssize_t v = 0; v < views; v++) {
+            Some sums[REGISTERS] = {{0.0F}};
+            for (int g = 0; g < count; g++) {
+                for (int j = 0; j < REGISTERS; j++) {
+                    sums[j] += weights[v * count + g] * logs[g][j];
+                }
+            }
+            memcpy(weighed + v * windows + begin, sums, sizeof sums);
+        }
+    }
+}
+
+/* The least of some numbers, at least one: some twenty, as a person has windows of a class; the last sixteen overlap. */
+INLINE float least_of(const float *restrict numbers, Py_ssize_t count) {
+    float least = numbers[0], each[SOME];
+    for (Py_ssize_t i = 1; i < count && count < SOME; i++) {
+        least = numbers[i] < least ? numbers[i] : least;
+    }
+    if (count < SOME) {
+        return least;
+    }
+    memcpy(each, numbers + count - SOME, sizeof each);
+    for (Py_ssize_t i = 0; i < count - SOME; i += SOME) {
+        for (int j = 0; j < SOME; j++) {
+            each[j] = numbers[i + j] < each[j] ? numbers[i + j] : each[j];
+        }
+    }
+    for (int step = SOME / 2; step > 0; step /= 2) {
+        for (int j = 0; j < step; j++) {
+            each[j] = each[j + step] < each[j] ? each[j + step] : each[j];
+        }
+    }
+    return each[0];
+}
+
+/* The least of each person's windows in each class. */
+FOR_EACH_PROCESSOR static void least_of_each(const float *restrict numbers, const Py_ssize_t *restrict starts, Py_ssize_t count,
+                                             float *restrict least) {
+    for (Py_ssize_t b = 0; b < count; b++) {
+        least[b] = least_of(numbers + starts[b], starts[b + 1] - starts[b]);
+    }
+}
+
+/* compare(vectors, windows, lengths, weights, starts, persons, nearest, left_out) -> logs; None for more than there is room for */
+static PyObject *compare(PyObject *module, PyObject *arguments) {
+    (void)module;
+    PyObject *vectors, *windows, *object[5];
+    double nearest, *logs;
+    Arrays arrays = {.count = 0};
+    Group groups[GROUPS];
+    if (!PyArg_ParseTuple(arguments, "OOOOOOdO", &vectors, &windows, &object[0], &object[1], &object[2], &object[3], &nearest, &object[4])) {
+        return NULL;
+    }
+    const Py_buffer *lengths = take(&arrays, object[0], "f", 2, 0), *weights = lengths ? take(&arrays, object[1], "f", 2, 0) : NULL;
+    const Py_buffer *start = weights ? take(&arrays, object[2], "lqn", 1, 0) : NULL, *person = start ? take(&arrays, object[3], "lqn", 2, 0) : NULL;
+    const Py_buffer *left_out = person ? take(&arrays, object[4], "?", 1, 0) : NULL;
+    const Py_ssize_t count = PySequence_Size(vectors), given = PySequence_Size(windows);
+    if (left_out == NULL || count < 0 || given < 0) {
+        return let_go(&arrays, NULL);
+    }
+    const Py_ssize_t every = lengths->shape[1], views = weights->shape[0], classes = person->shape[0], most = person->shape[1];
+    const Py_ssize_t *starts = start->buf, *persons = person->buf, blocks = start->shape[0] - 1;
+    if (count > GROUPS) {
+        return let_go(&arrays, Py_NewRef(Py_None));
+    }
+    if (given != count || lengths->shape[0] != count || weights->shape[1] != count || every % LANE || blocks < 1 || most < 2 ||
+        (left_out->shape[0] && left_out->shape[0] != starts[blocks]) || starts[blocks] > every) {
+        return refused(&arrays, "compare");
+    }
+    for (Py_ssize_t g = 0; g < count; g++) {
+        PyObject *vector = PySequence_GetItem(vectors, g), *window = PySequence_GetItem(windows, g);
+        Py_buffer *all = window ? take(&arrays, window, "f", 2, 0) : NULL, *live = &arrays.views[arrays.count];
+        const int failed = all == NULL || vector == NULL || PyObject_GetBuffer(vector, live, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS) < 0;
+        Py_XDECREF(vector);
+        Py_XDECREF(window);
+        if (failed) {
+            return let_go(&arrays, NULL);
+        }
+        arrays.count++;
+        const Py_ssize_t eigenvectors = live->ndim == 2 ? live->shape[0] : 0, axes = live->shape[live->ndim - 1];
+        if (axes > 256 || eigenvectors > EIGENVECTORS) {
+            return let_go(&arrays, Py_NewRef(Py_None));
+        }
+        if (strcmp(live->format, "f") != 0 || live->ndim > 2 || all->shape[0] != axes || all->shape[1] != every * (eigenvectors ? eigenvectors : 1)) {
+            return refused(&arrays, "compare");
+        }
+        groups[g] = (Group){.axes = axes, .eigenvectors = eigenvectors, .row = all->shape[1], .vector = live->buf, .windows = all->buf,
+                            .lengths = (const float *)lengths->buf + g * every};
+    }
+    for (Py_ssize_t b = 0; b < blocks; b++) {
+        if (starts[b] < 0 || starts[b] >= starts[b + 1]) {
+            return refused(&arrays, "compare");
+        }
+    }
+    PyObject *result = new_array(1, views, classes, &logs);
+    float *weighed = result ? PyMem_Malloc(sizeof(float) * (size_t)(views * (every + blocks + 1))) : NULL;
+    if (weighed == NULL) {
+        Py_XDECREF(result);
+        return let_go(&arrays, result ? PyErr_NoMemory() : NULL);
+    }
+    weigh(groups, (int)count, weights->buf, views, (float)nearest, every, weighed);
+    float *least = weighed + views * every;
+    for (Py_ssize_t v = 0; v < views; v++) {
+        float *row = weighed + v * every;
+        for (Py_ssize_t w = 0; w < left_out->shape[0]; w++) {
+            row[w] = ((const char *)left_out->buf)[w] ? INFINITY : row[w];
+        }
+        least_of_each(row, starts, blocks, least);
+        /* For each class the mean of the two least numbers of different people. */
+        for (Py_ssize_t c = 0; c < classes; c++) {
+            float one = INFINITY, two = INFINITY;
+            for (Py_ssize_t p = 0; p < most; p++) {
+                const Py_ssize_t b = persons[c * most + p];
+                const float each = b >= 0 && b < blocks ? least[b] : INFINITY, larger = each < one ? one : each;
+                two = larger < two ? larger : two;
+                one = each < one ? each : one;
+            }
+            logs[v * classes + c] = ((double)one + (double)(two < INFINITY ? two : one)) / 2.0;
+        }
+    }
+    PyMem_Free(weighed);
+    return let_go(&arrays, result);
+}
+
+/* ---- the module --------------------------------------------------------------------------------------------------- */
+
+static PyMethodDef methods[] = {
+    {"slide", slide, METH_VARARGS, NULL},
+    {"read_points", read_points, METH_VARARGS, NULL},
+    {"pair_distances", pair_distances, METH_VARARGS, NULL},
+    {"read_distances", read_distances, METH_VARARGS, NULL},
+    {"compare", compare, METH_VARARGS, NULL},
+    {NULL, NULL, 0, NULL},
+};
+
+static int prepare(PyObject *module) {
+    (void)module;
+    PyObject *numpy = PyImport_ImportModule("numpy");
+    empty = numpy ? PyObject_GetAttrString(numpy, "empty") : NULL;
+    Py_XDECREF(numpy);
+    return empty ? 0 : -1;
+}
+
+static PyModuleDef_Slot slots[] = {
+    {Py_mod_exec, prepare},
+    {0, NULL},
+};
+
+static PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT,
+    .m_name = "kinespace.library.compiled._loops",
+    .m_methods = methods,
+    .m_slots = slots,
+};
+
+PyMODINIT_FUNC PyInit__loops(void) { return PyModuleDef_Init(&definition); }

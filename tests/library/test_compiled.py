@@ -1,0 +1,169 @@
+"""The compiled functions compute what the numpy ones beside them do, and refuse arrays that do not fit."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from kinespace.library import compiled
+from kinespace.library.distances import pair_distances
+from kinespace.library.signature.body import Body
+from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.comparer import compare
+from kinespace.stream.recognizer.windows.window import NEAR, read_distances, read_points, slide
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.random import Generator
+
+pytestmark = pytest.mark.skipif(not compiled.in_use, reason="nothing is compiled here")
+SEEDS = range(12)
+
+
+def _distances(generator: Generator) -> list[Any]:
+    frames, joints, pairs = generator.integers(1, [40, 60, 90])
+    positions = generator.normal(size=(frames, joints, 3)) * 10.0 ** generator.integers(-3, 4)
+    return [positions, generator.integers(0, joints, (2, pairs))]
+
+
+def _sums(generator: Generator, width: int, shape: Sequence[int]) -> list[np.ndarray]:
+    """Give the sums of some rows near a reference."""
+    rows, since = generator.normal(size=(40, width)), np.sort(generator.uniform(-1, 0, 40))
+    second = rows.T @ rows if len(shape) == 2 else np.square(rows).sum(axis=0)
+    clock = np.array([9.0, 40.0, since.sum(), since @ since])
+    return [2.0 + generator.uniform(size=width), clock, np.array([rows.sum(axis=0), since @ rows]), second]
+
+
+def _slide(generator: Generator) -> list[Any]:
+    width, count = int(generator.integers(1, 40)), int(generator.integers(20, 60))
+    shape = (width, width) if generator.integers(2) else (width,)
+    times, rows = 9.0 + np.arange(count) / 60, 2.0 + generator.normal(size=(count, width))
+    return [*_sums(generator, width, shape), times, rows, count - int(generator.integers(9)), count, 0, 5]
+
+
+def _read_distances(generator: Generator) -> list[Any]:
+    joints, known = int(generator.integers(2, 13)), bool(generator.integers(4))
+    parents = (-1, *(int(generator.integers(0, joint)) for joint in range(1, joints))) if known else ()
+    body = Body.of(Skeleton(tuple(f"joint{place}" for place in range(joints)), parents))
+    width = len(body.sizing)
+    sums = _sums(generator, width, (width,))
+    if not generator.integers(4):
+        sums = [np.zeros(width), np.array([0.0, 9.0, 0.0, 0.0]), np.zeros((2, width)), np.zeros(width)]
+    return [*sums, body.sizing, body.segments, body.between, NOISE_FLOOR, LEVEL_REMOVED]
+
+
+def _read_points(generator: Generator) -> list[Any]:
+    size = int(generator.integers(2 * NEAR, 33))
+    sums = _sums(generator, size, (size, size))[1:]
+    swing = np.diag(0.7 ** np.arange(size))
+    sums[1][0] = 0.0
+    sums[2] = swing @ sums[2] @ swing
+    near = np.linalg.eigh(sums[2])[1].T[: -NEAR - 1 : -1] + 1e-3 * generator.normal(size=(NEAR, size))
+    return [*sums, 0.0, near, int(generator.integers(1, 5))]
+
+
+def _compare(generator: Generator) -> list[Any]:
+    count, classes = int(generator.integers(2, 200)), int(generator.integers(1, 4))
+    room = -(-count // 64) * 64
+    starts = np.unique([0, *generator.integers(1, count, size=6), count])
+    persons = np.full((classes, max(len(starts), 2)), len(starts) - 1)
+    for place in range(len(starts) - 1):
+        persons[place % classes, place] = place
+    vectors, windows = [], []
+    for shape in ((40,), (4, 32), (1, 7)):
+        vectors.append(generator.normal(size=shape).astype(np.float32))
+        vectors[-1] /= np.linalg.norm(vectors[-1])
+        windows.append(generator.normal(scale=0.1, size=(shape[-1], room * (shape[0] if len(shape) > 1 else 1))))
+    lengths, weights = generator.uniform(2, 4, (3, room)), generator.uniform(size=(5, 3))
+    numbers = [vectors, [each.astype(np.float32) for each in windows]]
+    numbers += [each.astype(np.float32) for each in (lengths, weights)]
+    left_out = np.zeros(0, dtype=np.bool_) if generator.integers(2) else generator.random(count) < 0.3
+    return [*numbers, starts, persons, 0.01, left_out]
+
+
+CASES: dict[Callable[..., Any], Callable[[Generator], list[Any]]] = {
+    pair_distances: _distances,
+    slide: _slide,
+    read_distances: _read_distances,
+    read_points: _read_points,
+    compare: _compare,
+}
+FUNCTIONS = pytest.mark.parametrize("function", CASES, ids=lambda each: each.__name__)
+
+
+def _copied(arguments: list[Any]) -> list[Any]:
+    return [each.copy() if isinstance(each, np.ndarray) else each for each in arguments]
+
+
+def _flat(given: Any) -> list[np.ndarray]:  # noqa: ANN401 - what a function gives
+    return [np.asarray(each) for each in (given if isinstance(given, tuple) else (given,))]
+
+
+@FUNCTIONS
+@pytest.mark.parametrize("seed", SEEDS)
+def test_it_computes_what_numpy_computes(function: Callable[..., Any], seed: int) -> None:
+    """It gives the same numbers, and leaves the same in its arguments."""
+    arguments = CASES[function](np.random.default_rng(seed))
+    ours, theirs = _copied(arguments), _copied(arguments)
+    found = function(*ours)
+    with compiled.left_aside():
+        expected = function(*theirs)
+    tolerance = 1e-5 if function is compare else 1e-7
+    if function is read_points:
+        # Eigenvectors may have either sign, and those after the fourth are only on the way.
+        (values, vectors, scaled, trace), (theirs_values, theirs_vectors, theirs_scaled, theirs_trace) = found, expected
+        assert [*values[:4], trace] == pytest.approx([*theirs_values[:4], theirs_trace])
+        assert np.abs((vectors[:4] * theirs_vectors[:4]).sum(axis=1)) == pytest.approx(1.0)
+        assert np.abs(scaled.T @ scaled - theirs_scaled.T @ theirs_scaled).max() < tolerance
+        return
+    for one, other in zip((*_flat(found), *ours), (*_flat(expected), *theirs), strict=True):
+        if isinstance(other, np.ndarray):
+            np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance)
+
+
+@FUNCTIONS
+def test_it_refuses_what_does_not_fit(function: Callable[..., Any]) -> None:
+    """An array of another type, shape or layout is refused, and nothing beyond an array is read."""
+    arguments = CASES[function](np.random.default_rng(1))
+    for place, each in enumerate(arguments):
+        if not isinstance(each, np.ndarray) or not each.size:
+            continue
+        for wrong in (each.astype(np.int8), each[..., None], np.concatenate([each, each], axis=-1)[..., ::2]):
+            with pytest.raises(ValueError, match=r"expected|contiguous"):
+                function(*arguments[:place], wrong, *arguments[place + 1 :])
+    with pytest.raises(TypeError):
+        function(*arguments[1:])
+
+
+@pytest.mark.parametrize(("function", "place", "wrong"), [(pair_distances, 1, 99), (read_distances, 5, -1)])
+def test_it_refuses_places_that_are_not_there(function: Callable[..., Any], place: int, wrong: int) -> None:
+    """Indices must lie in the array that they point into."""
+    arguments = CASES[function](np.random.default_rng(4))
+    arguments[place] = np.full_like(arguments[place], wrong)
+    assert arguments[place].size
+    with pytest.raises(ValueError, match="fit each other"):
+        function(*arguments)
+
+
+def test_numpy_takes_what_is_too_large() -> None:
+    """A covariance of more directions than there is room for is left to numpy, as is one unlike the last."""
+    for size, near in ((40, 1.0), (20, 0.0)):
+        sums = _sums(np.random.default_rng(0), size, (size, size))[1:]
+        values, vectors, *_ = read_points(*sums, 0.0, np.full((NEAR, size), near), 4)
+        assert values.shape == (NEAR,)
+        assert vectors.shape == (NEAR, size)
+
+
+def test_it_can_be_switched_off() -> None:
+    """KINESPACE_COMPILED=0 computes by numpy."""
+    code = "from kinespace.library import compiled; print(compiled.kind())"
+    environment = os.environ | {"KINESPACE_COMPILED": "0"}
+    said = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "numpy"

@@ -21,7 +21,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.signature.body import Body
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognition import Done, Outcome, Recognition
-from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.decision import Decision, SoFar
 from kinespace.stream.recognizer.done import DoneFollower, Found, Look
 from kinespace.stream.recognizer.joints.fitting import Fitting
 from kinespace.stream.recognizer.joints.mending import Joints
@@ -141,6 +141,7 @@ class Recognizer:
         require_order(classes, index.library)
         self.counts = RecognizerCounts()
         self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
+        self._so_far = SoFar()
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
         promised = self.settings.promised
         self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
@@ -193,6 +194,7 @@ class Recognizer:
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes
         self._longest_gap = min(self.settings.longest_gap, self._windows.longest)
+        self._so_far.clear()
 
     def _forget_fewer(self) -> None:
         """Forget the windows of fewer joints."""
@@ -408,7 +410,8 @@ class Recognizer:
 
     def _begin_again(self) -> None:
         """Forget the rows, and what was read off them; a motion that goes on stays."""
-        for each in (self._windows, self._smoother, self._decision, self._fewer, self._progress, self._done):
+        parts = (self._windows, self._smoother, self._decision, self._so_far, self._fewer, self._progress, self._done)
+        for each in parts:
             if each:
                 each.clear()
 
@@ -483,6 +486,7 @@ class Recognizer:
             scores=np.divide(1.0, scores, out=scores),
             # A window nearest to `nothing` is unknown; its best guess is the nearest class.
             guess=self.classes.index(decided.guess) if decided.guess in self.classes else int(distances.argmin()),
+            so_far=self._so_far.push(distances, seen.movement, frame.time),
             movement=seen.movement,
             lead=decided.lead,
             eigenvector_class=classes[best] if classes[best] in self.classes else None,

@@ -77,6 +77,7 @@ def recognitions(draw: st.DrawFn) -> Recognition:
         share=draw(st.floats(0, 1)),
         gap=draw(st.floats(0, 1)),
         guess=draw(st.none() | st.integers(0, len(classes) - 1)),
+        so_far=draw(st.integers(-1, len(classes) - 1)),
         progress=draw(st.none() | followed),
     )
 
@@ -160,6 +161,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     assert len(packet) <= osc_answers.MAX_ANSWER
     said = {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
     assert said[f"/motion/{part}/guess"] == [recognition.guess_index]
+    assert said[f"/motion/{part}/sofar"] == [recognition.so_far]
     scores = said.get(f"/motion/{part}/scores")
     assert scores == np.float32(recognition.scores).tolist() if scores else len(recognition.scores) > 100
     followed = recognition.progress
@@ -186,6 +188,7 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
         "guess": recognition.classes[recognition.best] if recognition.guess_index >= 0 else None,
         "index": recognition.class_index,
         "guess_index": recognition.guess_index,
+        "so_far": recognition.classes[recognition.so_far] if recognition.so_far >= 0 else None,
         "outcome": recognition.outcome,
         "score": best,
         "runner_up": recognition.classes[others[0]] if others else None,

@@ -125,6 +125,7 @@ def test_a_performer_who_left_has_no_class() -> None:
     assert _params(packet) == {
         "/motion/Ada_L/class": [-1, 0.0, 0.0],
         "/motion/Ada_L/guess": [-1],
+        "/motion/Ada_L/sofar": [-1],
         "/motion/Ada_L/label": ["gone"],
     }
     assert osc.decode_answer(packet) == Answer("Ada_L", -1, 0.0, 0.0, "gone")
@@ -152,7 +153,7 @@ def test_performers_stand_in_addresses(performer: str, part: str) -> None:
     """Characters that OSC reserves or that do not print become underscores in addresses."""
     assert osc.address_part(performer) == part
     addresses = _params(osc.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
-    assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "label", "scores")}
+    assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "sofar", "label", "scores")}
 
 
 def test_the_status_is_sent() -> None:

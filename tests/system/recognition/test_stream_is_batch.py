@@ -131,6 +131,10 @@ def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> Non
     index = twin.index
     guesses = naive_stream.guesses(course.times, course.distances, LEAD)
     assert [answer.guess for answer in course.answers] == guesses
+    movements = [answer.movement for answer in course.answers]
+    assert [answer.so_far for answer in course.answers] == naive_stream.so_far(
+        course.times, course.distances, movements
+    )
     rejection = index.rejection
     logits = [
         logit(

@@ -54,6 +54,7 @@ def test_every_answer_has_its_node() -> None:
         "class",
         "guess",
         "label",
+        "sofar",
         "scores",
         "event",
         "classes",

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
     from kinespace.stream.recognizer.joints.kinds import Kind
-    from kinespace.stream.recognizer.joints.mending import LongAgo
     from kinespace.stream.recognizer.windows.live_windows import Leading
 
     #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
@@ -268,28 +267,11 @@ class Recognizer:
         """Whether the body lies in a plane; False until it has moved."""
         return self._fitting.flat
 
-    @property
-    def long_ago(self) -> LongAgo | None:
-        """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
-        return self._joints.long_ago
-
-    def go_on(self, known: LongAgo) -> None:
-        """Go on for another recogniser, whose last frames this one has seen or is about to see."""
-        self._joints.go_on(known)
-
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
         if math.isfinite(self._due) and self.settings.hop:
             self.counts.skipped += max(math.floor((until - self._due) / self.settings.hop + _SAME_HOP), 0)
         self._due = max(self._due, until)
-
-    def keep_time_with(self, answered: float) -> None:
-        """Answer the same frames as another recogniser, which answered the frame of this time, seconds."""
-        hop = self.settings.hop
-        hops = math.floor((self._newest - answered) / hop + _SAME_HOP) + 1 if self._newest >= answered else 0
-        self._due = answered + hops * hop
-        # The other one has said it.
-        self._ended_at = None
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""

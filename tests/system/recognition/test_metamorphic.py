@@ -177,21 +177,6 @@ def test_frames_are_neither_changed_nor_kept(small_library: MotionLibrary, feed:
     assert all(np.array_equal(answer.scores, before) for answer, before in zip(answers, scores, strict=True))
 
 
-def test_another_recogniser_answers_the_same_frames(small_library: MotionLibrary, feed: Feed) -> None:
-    """One that takes over keeps the time of the one before it, and sees the same in the same windows."""
-    expected = pushed(Recognizer(small_library), feed)
-    recognizer, place = Recognizer(small_library), len(expected) // 2
-    answered = expected[place].time
-    recognizer.only_follow(answered + 0.001)
-    before = [frame for frame in feed if frame.time <= answered + 0.05]
-    assert not [each for each in pushed(recognizer, before) if each.time <= answered]
-    recognizer.keep_time_with(answered)
-    found = pushed(recognizer, feed[len(before) :])
-    times = [each.time for each in expected if each.time > before[-1].time]
-    assert [each.time for each in found] == times
-    np.testing.assert_allclose(found[-1].scores, expected[-1].scores, atol=1e-3)
-
-
 def test_interleaved_performers_get_the_answers_they_get_alone(small_library: MotionLibrary, clips: list[Clip]) -> None:
     """Frames mixed by chance, joints in other orders, other names, one by one or several at once: bit for bit."""
     feeds = {f"person {place}": _shown([clip], 60.0) for place, clip in enumerate(clips)}

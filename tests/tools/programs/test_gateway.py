@@ -58,7 +58,7 @@ def test_a_worker_recognises_for_a_gateway(stage: osc.OscReceiver) -> None:
         assert (gateway.interrupt(), gateway.errors) == (0, "")
         work.expect("gateway [0-9a-f]{12} is gone")
         assert (work.interrupt(), work.errors) == (0, "")
-        assert "refused 0, unread 0, strangers 0, dropped 0" in work.output
+        assert "refused 0, unread 0, stale 0, missing 0" in work.output
 
 
 @pytest.mark.slow

@@ -9,31 +9,24 @@ can be compared on one machine: another processor rounds otherwise, so these dig
 answers by numpy.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import math
 import os
 import sys
 import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary, Reading, kernels, opened, read_recordings
+from kinespace.library import Clip, MotionLibrary, Reading, kernels, opened, read_recordings
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.feeding.utkinect import read_take
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
 
 FILE = Path(__file__).with_name("answers.toml")
 #: How far a kept mean may be off: more than another processor's rounding, less than any change of the method.

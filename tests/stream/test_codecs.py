@@ -1,12 +1,11 @@
 """Every codec: decoded, what was encoded comes back; any other bytes are a value or the codec's one error, counted."""
 
-from __future__ import annotations
-
 import json
 import re
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -38,11 +37,6 @@ from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
 from kinespace.stream.zeromq.frames import Packed, decode_packed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)

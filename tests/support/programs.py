@@ -1,7 +1,5 @@
 """The programs as a person starts them: child processes that tests read while they run, and end."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import re
@@ -13,28 +11,22 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
 import zmq
+from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.windows.index import keeping_lessons
 from kinespace.stream import Frame, osc, zeromq
-from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
+from kinespace.stream.recognition import Answer
+from kinespace.tools.feeding.feed import Cue, OscFrameSender, Packet, without_pause
 from kinespace.tools.loopback.answers import Listener, answer_in
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from kinespace.stream.recognition import Answer
-    from kinespace.tools.feeding.feed import Packet
-    from kinespace.tools.loopback.service_process import Transport
+from kinespace.tools.loopback.service_process import Transport
 
 #: A line on what is odd about a body that could be read (`library.windows.oddities.remarks`).
 REMARK = re.compile(r"^[^:]*: (names not known|joints|flat|size|frame rate): ")

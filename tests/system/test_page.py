@@ -9,16 +9,20 @@ import shutil
 import threading
 import time
 import wave
+from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import pytest
 from films import raw
 from golden import LAYOUTS, Moment
+from numpy.typing import NDArray
 from PIL import Image
-from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
+from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, started
 
+from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement
 from kinespace.stream.osc.frames import encode_frame
@@ -31,14 +35,7 @@ from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.takes import takes_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from numpy.typing import NDArray
     from playwright.sync_api import Page
-    from programs import Program
-
-    from kinespace.library import MotionLibrary
 
 pytestmark = pytest.mark.slow
 

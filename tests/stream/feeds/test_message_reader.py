@@ -1,7 +1,5 @@
 """The reader of messages: the meaning of each message, its performer and its joint, with any numbers and names."""
 
-from __future__ import annotations
-
 import pytest
 from golden import message
 

@@ -1,15 +1,13 @@
 """Our OSC: packets decoded as by python-osc, answers that it reads, and the two sockets."""
 
-from __future__ import annotations
-
 import dataclasses
 import select
 import socket
 import struct
 import sys
 import threading
+from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -27,10 +25,6 @@ from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
 from kinespace.stream.recognition import Answer, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 
 # --- osc packet -------------------------------------------------------------------------------------------------------
 

@@ -1,11 +1,9 @@
 """The decision: the guess, whether it is known, and events that come once, even if the guess flickers."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import naive_stream
 import numpy as np
@@ -13,18 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
 from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
 
 CLASSES = ("bow", "jump", "wave")
 START, END = EventKind.START, EventKind.END

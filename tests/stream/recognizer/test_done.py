@@ -1,29 +1,22 @@
 """Motions that begin, and motions that were really done: once each, at their end, none that was broken off."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import naive_courses as naive
 import numpy as np
 import pytest
 
 from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.clip import Clip
 from kinespace.library.signature.own_frame import STEP, size_of
 from kinespace.library.windows.courses import path_of
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream import Frame, Recognizer, Settings
-from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognition import Done, EventKind
 from kinespace.stream.recognizer import done
 from kinespace.stream.recognizer.done import DoneFollower
 from kinespace.tools.teaching.beginning import open_taught
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.library.clip import Clip
-    from kinespace.stream.recognition import Done
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
 

@@ -1,9 +1,7 @@
 """Several performers: each recognised as if alone, followed from first frame to silence, bounded in number."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,16 +9,12 @@ from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import SkeletonMismatchError
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.recognizer.joints.mending import LongAgo
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Event, Recognition
 
 POSE = stick_clip("bow").positions[0]
 FIVE = STICK.joints[:5]

@@ -1,10 +1,8 @@
 """The recogniser of one performer: when it answers, what it refuses, and when it begins anew."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import naive
 import numpy as np
@@ -16,21 +14,15 @@ from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import SkeletonMismatchError
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import opened
+from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.live_windows import Leading, LiveWindows
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer.windows.live_windows import Leading
 
 
 def _frames(class_name: str, *, seconds: float = 3.0, rate: float = 120.0, start: float = 0.0) -> list[Frame]:

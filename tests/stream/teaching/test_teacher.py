@@ -1,26 +1,18 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from synthetic import gesture, stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Example, Roster
 from kinespace.stream.frame import Frame
-from kinespace.stream.teaching import Changed, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
 from kinespace.stream.teaching.memory import Memory
 from kinespace.stream.teaching.notices import Tried
 from kinespace.stream.teaching.teacher import OFFER
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
-    from kinespace.stream.teaching import Command, Notice
 
 RATE = 60.0
 

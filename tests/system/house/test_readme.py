@@ -1,13 +1,11 @@
 """README and its pages: their examples run, and their links and options exist."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
 from fractions import Fraction
 from itertools import compress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from programs import ROOT
@@ -15,9 +13,6 @@ from programs import ROOT
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 #: The text of each page, by its path.
 PAGES = {

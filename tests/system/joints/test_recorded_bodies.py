@@ -1,32 +1,27 @@
 """Bodies of other laboratories, sensors and cameras: their joints, what is believed of them, whom they are like."""
 
-from __future__ import annotations
-
 import io
 import json
+from collections.abc import Iterable, Mapping
 from contextlib import redirect_stdout
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from kinespace.library import Reading
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.library.naming.convention import convention_named
+from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import Segments
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.fitting import UNLIKE
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from pathlib import Path
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
 
 pytestmark = pytest.mark.slow
 

@@ -1,16 +1,11 @@
 """The answers to whole feeds are the kept ones, and numpy answers as the compiled kernels do; see `answers`."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import answers
 import pytest
 
 from kinespace.library import kernels
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 #: Seconds of a feed that are answered twice: numpy takes long. What breaks a feed, or is taught to it, comes later.

@@ -1,35 +1,25 @@
 """The answers to a stream equal those computed from all frames again, at every hop and every rate."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import naive
 import naive_stream
 import naive_windows
 import numpy as np
 import pytest
-from naive_stream import NaiveFeed
+from naive_stream import NaiveFeed, NaiveHop
 from naive_windows import evidence, logit
 from twins import Twin
 
+from kinespace.library import MotionLibrary
+from kinespace.library.clip import Clip
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.decision import LEAD
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from naive_stream import NaiveHop
-
-    from kinespace.library import MotionLibrary
-    from kinespace.library.clip import Clip
-    from kinespace.stream.recognition import Recognition
-
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]

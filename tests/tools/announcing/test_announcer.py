@@ -1,11 +1,10 @@
 """`kinespace live` announced: found by another mDNS than ours, described over HTTP, gone when it ends."""
 
-from __future__ import annotations
-
 import json
 import time
+from collections.abc import Callable
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
@@ -13,16 +12,12 @@ import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port, ghost_cues, started
 from zeroconf import ServiceBrowser, ServiceStateChange, Zeroconf
 
+from kinespace.library import MotionLibrary
 from kinespace.stream.osc import OscSender
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.tools.announcing.announcer import QUERY_SERVICE, Announcer
 from kinespace.tools.announcing.description import Known
 from kinespace.tools.announcing.finding import OSC_SERVICE
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from kinespace.library import MotionLibrary
 
 
 def until(condition: Callable[[], bool]) -> None:

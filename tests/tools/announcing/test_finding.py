@@ -1,12 +1,12 @@
 """Programs found by the names that another mDNS, python-zeroconf, announces over loopback."""
 
-from __future__ import annotations
-
 import socket
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import zeroconf
@@ -14,15 +14,10 @@ from programs import LOOPBACK, PATIENCE, free_udp_port, started
 from recorded import write_take
 from zeroconf import ServiceInfo, Zeroconf
 
+from kinespace.library import MotionLibrary
 from kinespace.stream import osc
 from kinespace.tools.announcing import finding
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from kinespace.library import MotionLibrary
 
 
 @contextmanager

@@ -1,13 +1,11 @@
 """The command line: the program asked for runs, and every failure is one line and an exit status."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import pytest
 import shtab
@@ -15,9 +13,6 @@ from programs import ROOT
 
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main, whole_parser
 from kinespace.tools.programs.recordings import info
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 
 def fails_with(monkeypatch: pytest.MonkeyPatch, error: BaseException, module: ModuleType = info) -> None:

@@ -1,7 +1,5 @@
 """What is said of a take: as live, and by start events."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

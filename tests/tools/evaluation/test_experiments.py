@@ -1,11 +1,10 @@
 """Every experiment as a person runs it: its keys, its table, and the input that it refuses."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +15,6 @@ from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation import evaluate_teach
 from kinespace.tools.evaluation.evaluate_teach import begun, stood
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

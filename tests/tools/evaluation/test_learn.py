@@ -1,9 +1,8 @@
-from __future__ import annotations
-
 import csv
 import json
 from collections import defaultdict
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +12,6 @@ from kinespace.library import Clip, MotionLibrary, distance_rows
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection, most_of_few
 from kinespace.tools.cli import main
 from kinespace.tools.evaluation.learn import Lesson, fitted, joined
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

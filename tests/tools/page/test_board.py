@@ -1,7 +1,5 @@
 """The board: what pages are told of a recogniser's messages, newest only, and of the last minute."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from typing import Any

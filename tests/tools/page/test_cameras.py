@@ -1,9 +1,7 @@
 """What pages' cameras see becomes frames of performers with stable names; the rest is counted."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +11,8 @@ from hypothesis import strategies as st
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.zeromq import decode
+from kinespace.stream.zeromq.frames import NumberedFrame
 from kinespace.tools.page.cameras import MAX_RATE, Cameras, PageCamera
-
-if TYPE_CHECKING:
-    from kinespace.stream.zeromq.frames import NumberedFrame
 
 TAB = "0123456789abcdef"
 _RNG = np.random.default_rng(5)

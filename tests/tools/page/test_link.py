@@ -1,23 +1,17 @@
 """The page's link to a recogniser that ends and comes again."""
 
-from __future__ import annotations
-
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
 
+import pytest
 import zmq
 
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.page import link
 from kinespace.tools.page.link import Subscription, ask_control
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import pytest
 
 PATIENCE = 60.0
 

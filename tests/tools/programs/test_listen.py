@@ -1,13 +1,11 @@
 """`kinespace listen`: every feed is recognised by its packets, and its mistakes are named."""
 
-from __future__ import annotations
-
 import json
 import socket
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,10 +21,6 @@ from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.listen import advice, as_object, command
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 
 # --- listen -----------------------------------------------------------------------------------------------------------
 

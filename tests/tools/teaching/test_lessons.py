@@ -1,11 +1,10 @@
-from __future__ import annotations
-
 import json
 import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,11 +14,12 @@ from synthetic import STICK, stick_clip
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Admitted, Announcement, Frame
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognition import Event, EventKind, Recognition
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
-from kinespace.stream.teaching import Asked, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.notices import Tried
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.teaching import requests
@@ -27,14 +27,6 @@ from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.teaching.lessons import ClassPlaces
 from kinespace.tools.teaching.opener import Change, RosterOpener
 from kinespace.tools.teaching.requests import RequestSource
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Recognition
-    from kinespace.stream.teaching import Command, Notice
 
 PATIENCE = 60.0
 #: Endings of the names of joints that a body of 20 joints lacks.

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -8,21 +6,16 @@ import threading
 import time
 from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 from programs import PATIENCE
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.tools.teaching.roster_file import RosterFile
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library import Clip
 
 #: A program that changes a roster at random; it says each change before it hands it over, and the newest one that is
 #: kept.

@@ -1,27 +1,19 @@
 """`kinespace live --ws`: a client that is not ours sends a body by WebSocket and gets its class back."""
 
-from __future__ import annotations
-
 import json
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-from programs import LOOPBACK, PATIENCE, free_udp_port, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, Program, free_udp_port, ghost_cues, started
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
+from kinespace.library import MotionLibrary
 from kinespace.tools.page.requests import Gate
 from kinespace.tools.websocket.server import answer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from programs import Program
-    from websockets.sync.client import ClientConnection
-
-    from kinespace.library import MotionLibrary
 
 
 @contextmanager

@@ -1,19 +1,13 @@
 """What carries a decision: shares by joint and the heaviest pairs, against plain loops; performers tell both."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by
-
-if TYPE_CHECKING:
-    from kinespace.library.motion_library import MotionLibrary
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -1,26 +1,19 @@
 """Bodies unlike the library's: found after some seconds of movement, and never said of a library of that body."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from kinespace.library.windows.index import opened
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.oddities import FLAT
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recognizer.performers import UNLIKE
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
 
 RATE = 30.0
 

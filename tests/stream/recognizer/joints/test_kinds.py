@@ -1,13 +1,12 @@
 """The kind of feed that taught a library, and that asks: told by the limbs alone."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
@@ -17,11 +16,6 @@ from kinespace.stream.recognizer import Performers
 from kinespace.stream.recognizer.joints.kinds import NOTES, TITLES, kind_of, kinds_of
 from kinespace.stream.recognizer.limits import usual_sensitivity
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 
 def _before_a_camera(clip: Clip) -> Clip:

@@ -1,28 +1,19 @@
 """Joints that cannot be believed: mended or left out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from performed import pushed, shown
 from synthetic import STICK
 
-from kinespace.library.windows.index import opened
-from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints, LongAgo
 from kinespace.stream.recognizer.limits import threshold_for
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Recognition
 
 RATE = 30.0
 ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")

@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import time
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,9 +19,6 @@ from kinespace.stream.inputs import OscDecoder
 from kinespace.tools.camera import joints
 from kinespace.tools.camera.region import Landmarks, Region
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 #: Seconds in which Ctrl-C must have ended a program, on a machine that has other work too.
 _ENDING = 60.0

@@ -1,9 +1,8 @@
 """`kinespace live`: a real process that is fed over real sockets, and stopped as a person stops it."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 from programs import (
@@ -19,14 +18,9 @@ from programs import (
 
 from kinespace.stream import Announcement, LiveSignature, Settings, osc
 from kinespace.tools.cli.main import main
+from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.loopback.answers import expected_answers
 from kinespace.tools.programs.live.program import OSC_OUT
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from kinespace.tools.feeding.feed import Cue
 
 pytestmark = pytest.mark.slow
 

@@ -147,7 +147,6 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     packet = osc.encode_recognition(recognition)
     part = osc.address_part(recognition.performer)
     read = osc.decode_answer(packet)
-    assert read is not None
     assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
     assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
@@ -260,7 +259,6 @@ _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
 def test_a_sent_body_is_read_back(frame: Frame, carried: Carried | None) -> None:
     """Name, time and positions come back; skeleton and weights where they are the frame's."""
     read = decode_body(encode_body(frame, _STICK, carried))
-    assert read is not None
     performer, header, positions = read
     assert (performer, header.t, header.joints) == (frame.performer, frame.time, len(frame.positions))
     assert np.array_equal(np.frombuffer(positions, "<f4").reshape(-1, 3), frame.positions)

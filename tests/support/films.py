@@ -21,7 +21,6 @@ def write(path: Path, pictures: Iterable[NDArray[np.uint8]], rate: float) -> Pat
     for picture in pictures:
         writer = writer or cv2.VideoWriter(str(own), cv2.VideoWriter_fourcc(*"MJPG"), rate, picture.shape[1::-1])
         writer.write(picture)
-    assert writer is not None
     writer.release()
     return own.replace(path)
 

@@ -353,7 +353,6 @@ def teaches_the_past(page: Page, performer: Performer) -> None:
     sees_motion(page, performer, KICK, takes(KICK)[1])
     until(page, f"{DOING}.textContent === ''")
     box = page.locator("#timeline").bounding_box()
-    assert box is not None
     from_x, to_x = page.evaluate(
         "[LAST.begin - 0.7, LAST.end].map((at) => SCALE.left + (at - nowThere() + SHOWN) / SCALE.seconds)".replace(
             "LAST", f"[...{MOTIONS}].findLast((each) => each.end !== null)"

@@ -243,7 +243,6 @@ def test_names_are_found(skeleton: str) -> None:
     """Every convention's skeleton is known by its names, and each of its joints gets the name that is meant."""
     labels, convention, ours, some = KNOWN[skeleton]
     named = Naming().read(labels)
-    assert named.convention is not None
     assert named.convention.name == convention
     assert sum(joint in OURS for joint in named.joints) == ours
     assert len(set(named.joints)) == len(labels)

@@ -51,7 +51,6 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
     """The class taught first is the first one again, whatever its name."""
     roster = _roster(("zoo", "squat1Reps", 0), ("abc", "kickLFront1Reps", 0), ("zoo", "squat1Reps", 1))
     library = roster.library()
-    assert library is not None
     path = tmp_path / "mine.npz"  # type: ignore[operator]
     library.save(path)
     again = Roster.of_library(MotionLibrary.load(path))
@@ -61,6 +60,7 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("with_base", "either_side"), [(False, False), (True, True)])
 def test_what_must_not_be_said_only_lowers_limits(*, with_base: bool, either_side: bool) -> None:
     """Courses that are kept from change to change are those of a library opened anew; undone examples count no more."""
@@ -71,15 +71,12 @@ def test_what_must_not_be_said_only_lowers_limits(*, with_base: bool, either_sid
     more = third.with_example(_example(5, "kick", _motions("kickLFront1Reps")[2]))
     for roster in (first, second, third, first, third, more):
         index = windows.index_of(roster)
-        assert index is not None
         compared = [index.compared[place] for place in np.unique(index.motions % len(index.compared)).tolist()]
         anew = Courses.of(compared)
         assert index.courses.classes == anew.classes
         assert index.courses.limits == pytest.approx(anew.limits)
         assert index.courses.crossed == pytest.approx(anew.crossed, nan_ok=True)
     low, high = (windows.index_of(each) for each in (third, first))
-    assert low is not None
-    assert high is not None
     assert low.courses.limits.min() < 0.9 * high.courses.limits.min()
 
 
@@ -102,8 +99,6 @@ def test_changed_windows_equal_the_windows_of_a_new_library() -> None:
     windows.index_of(first)
     index = windows.index_of(second)
     again = TaughtWindows(_base(), with_base=True).index_of(second)
-    assert index is not None
-    assert again is not None
     assert index.classes == again.classes
     for mine, other in zip(index.vectors, again.vectors, strict=True):
         np.testing.assert_array_equal(mine, other)
@@ -119,8 +114,6 @@ def test_windows_of_undone_examples_are_forgotten() -> None:
     ]
     assert len(windows._known) <= 11  # noqa: SLF001 - unseen
     for index in indices:
-        assert first is not None
-        assert index is not None
         assert index.classes == first.classes
         for mine, other in zip(index.vectors, first.vectors, strict=True):
             np.testing.assert_array_equal(mine, other)
@@ -135,9 +128,6 @@ def test_among_many_examples_one_more_does_not_make_the_unknown_learned_anew(mon
         monkeypatch.setattr(examples, "_FEW", 0.3)
         windows = TaughtWindows(_base(), with_base=False)
         before, after, much_later = map(windows.index_of, (first, second, _roster(("a", "squat1Reps", 0))))
-        assert before is not None
-        assert after is not None
-        assert much_later is not None
         assert (after.rejection is before.rejection) == (many == 2)
         assert much_later.rejection is not before.rejection
 
@@ -149,9 +139,6 @@ def test_an_index_has_the_motions_of_its_roster_alone() -> None:
     before, more, undone = map(
         windows.index_of, (first, _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)), first)
     )
-    assert before is not None
-    assert more is not None
-    assert undone is not None
     assert more.classes == more.library.classes == ("kick", "squat")
     assert undone.classes == undone.library.classes == ("squat",)
     assert before.library.actors == ()
@@ -179,7 +166,6 @@ def test_without_library_and_examples_there_is_no_index() -> None:
     assert windows.index_of(Roster()) is None
     assert windows.base_classes == ()
     index = windows.index_of(_roster(("squat", "squat1Reps", 0)))
-    assert index is not None
     assert index.classes == ("squat",)
     assert windows.index_of(Roster()) is None
     alone = TaughtWindows(None, with_base=False)
@@ -187,7 +173,6 @@ def test_without_library_and_examples_there_is_no_index() -> None:
     index = alone.index_of(
         _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)).enabled("kick", on=False)
     )
-    assert index is not None
     assert (index.classes, alone.base_classes) == (("squat",), ())
 
 
@@ -198,7 +183,6 @@ def test_a_check_names_the_class_that_an_example_resembles() -> None:
     index = windows.index_of(roster)
     assert index is not None
     check = checked(index, 1)
-    assert check is not None
     assert check.nearest == "squat1Reps"
     assert check.share_at_risk > 0.5
     assert check.words == f"good so far: show it again to be sure; the nearest class is squat1Reps: {CHANGE}"
@@ -209,7 +193,6 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
     """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
     windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]
     index = windows.index_of(_roster(*squats, ("a", "kickLFront1Reps", 0), ("b", "kickLFront1Reps", 1)))
-    assert index is not None
     assert np.bincount(index.motions) == pytest.approx(
         [10 * each.duration - 5 for each in index.library.motions], abs=1
     )
@@ -250,8 +233,6 @@ def test_an_example_of_either_side_is_compared_mirrored_too() -> None:
         plain, both = (
             TaughtWindows(base, with_base=with_base, either_side=sides).index_of(roster) for sides in (False, True)
         )
-        assert plain is not None
-        assert both is not None
         taught = [motion for motion in both.library.motions if motion not in (base.library.motions if base else ())]
         assert len(taught) == 2 * len(roster.examples)
         assert len(both.library.motions) == len(plain.library.motions) + len(roster.examples)
@@ -261,9 +242,6 @@ def test_an_example_of_either_side_is_compared_mirrored_too() -> None:
     assert plain is not None
     for number in (1, 2, 3):
         ours, theirs = checked(index, number), checked(plain, number)
-        assert ours is not None
-        assert theirs is not None
         assert ours.is_first == theirs.is_first
     fewer = windows.index_of(roster.without_class("squat"))
-    assert fewer is not None
     assert [motion.take for motion in fewer.library.motions] == ["0001", "0001 mirrored"]

@@ -162,7 +162,6 @@ def test_reasons_for_naming_no_class(
     decision = Decision(NEEDED, stillness=stillness)
     decided = decision.push(_windows(index, 0.1, 1.0, 1.0, threshold=threshold), seen, 0.01, 0.0)
     assert decided.outcome is outcome
-    assert decided.evidence is not None
     assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))
 
 
@@ -226,9 +225,7 @@ def test_alternating_guesses_start_nothing_new(period: int) -> None:
     _pushed(decision, _course((1.0, NAMED, 2)))
     assert _pushed(decision, (_recognition(11 + k * HOP, k // period % 2) for k in range(300))) == []
     going_on = decision.going_on
-    assert going_on is not None
     ended = decision.end(30.0)
-    assert ended is not None
     assert (ended.kind, ended.label, ended.time, ended.score) == (END, "wave", 30.0, going_on.score)
     assert (decision.end(31.0), decision.going_on) == (None, None)
     # Another recogniser goes on with the motion: no second start, and one end.
@@ -254,7 +251,6 @@ def test_in_another_library_the_motion_goes_on_if_its_class_does(index: WindowIn
         ended = decision.exchange(index, classes, 6.0, 20.0)
         assert (ended is None) is lasts
         if lasts:
-            assert decision.going_on is not None
             assert decision.going_on.index == 1
             events = _pushed(decision, (_recognition(12 + k * HOP, 0, classes=classes) for k in range(30)))
             assert _told(events) == [(END, "wave"), (START, "nope")]

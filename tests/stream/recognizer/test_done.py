@@ -134,6 +134,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
     return best[1]
 
 
+@pytest.mark.slow
 def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None:
     """The same motions at the same looks, on real motions one behind the other."""
     few = index.of_some(range(0, len(index.library.motions), 4))

@@ -127,7 +127,6 @@ def test_frames_of_some_of_the_joints_are_compared_by_them(sticks: MotionLibrary
     assert_same(_pushed(performers, _with_joints(frames, sent)), _alone(view, _with_joints(frames, kept)))
     assert performers.compared == {"p": "5 of 6 joints"}
     whole = performers.ordered(_with_joints(frames, sent)[0])
-    assert whole is not None
     assert whole.positions[kept].tolist() == frames[0].positions[kept].tolist()
     assert_same(_pushed(performers, _frames("q", "wave")), _alone(sticks, _frames("q", "wave")))
     assert performers.refused == {}
@@ -293,7 +292,6 @@ def test_what_is_asked_of_a_performer_is_its_recognisers(sticks: MotionLibrary) 
     performers, recognizer, frames = Performers(sticks, every), Recognizer(sticks, every), _frames("p", "bow")
     assert (performers.recognizer_of("p"), performers.doubted) == (None, {})
     begun = performers.recognizer_of("p", 0.0)
-    assert begun is not None
     begun.go_on(LongAgo(factor=0.5))
     begun.only_follow(0.5)
     answers = _pushed(performers, [replace(each, positions=2 * each.positions) for each in frames])
@@ -302,7 +300,6 @@ def test_what_is_asked_of_a_performer_is_its_recognisers(sticks: MotionLibrary) 
     assert answers[-1].scores == pytest.approx(alone[answers[-1].time].scores, abs=1e-3)
     assert performers.recognizer_of("p") is begun
     known = begun.long_ago
-    assert known is not None
     assert (known.factor, known.mirrored) == (0.5, False)
     lost = [replace(each, time=each.time + 200 / 120, positions=each.positions.copy()) for each in frames]
     for each in lost:
@@ -312,7 +309,6 @@ def test_what_is_asked_of_a_performer_is_its_recognisers(sticks: MotionLibrary) 
     performers = Performers(sticks)
     _pushed(performers, frames[:60])
     moved = performers.recognizer_of("p")
-    assert moved is not None
     moved.keep_time_with(0.49)
     assert [answer.time for answer in _pushed(performers, frames[60:64])] == pytest.approx([0.525])
 

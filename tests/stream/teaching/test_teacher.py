@@ -177,13 +177,11 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     stage.stand(0.5)
     stage.perform()
     recent = stage.teacher.recent(1)
-    assert recent is not None
     assert recent.clip().duration == pytest.approx(10.3, abs=0.4)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     stage.perform()
     stage.ask(commands.Last("ann", 1.0, "bow"))
     again = stage.teacher.recent(2)
-    assert again is not None
     spans = [(each.start, each.end) for each in again.shown]
     assert len(spans) == 2
     assert spans[0] == pytest.approx((110.2, 112.5), abs=0.5)

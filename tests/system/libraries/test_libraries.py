@@ -222,8 +222,6 @@ def test_a_file_answers_the_same_taught_and_as_a_library(builtin: MotionLibrary)
         both = [pushed(Recognizer(index), frames) for index in indices]
         for one, other in zip(*both, strict=True):
             assert one.label == other.label
-            assert one.evidence is not None
-            assert other.evidence is not None
             assert one.evidence.compared == pytest.approx(other.evidence.compared, abs=1e-4)
             names.add(one.outcome)
     assert {Outcome.NAMED, Outcome.UNKNOWN} <= names

@@ -18,8 +18,7 @@ from kinespace.tools.feeding.feed import resampled
 
 Feed = list[Frame]
 
-#: Everything holds of the compiled kernels and of numpy.
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
+pytestmark = pytest.mark.slow
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 

@@ -79,7 +79,6 @@ def _assert_alike(answer: Recognition, hop: NaiveHop, twin: Twin) -> None:
     numbers = twin.numbers(hop.time, hop.times, hop.rows)
     views = twin.log_distances(numbers)
     assert np.abs(_distances(answer) - twin.named(numbers)).max() <= SAME
-    assert answer.evidence is not None
     by_groups = views[len(index.comparison.weighing.views) :]
     judged = twin.unlikelihoods(numbers) if index.rejection.by_likelihood else by_groups
     distances, leads = evidence(judged, answer.guess)

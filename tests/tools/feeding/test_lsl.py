@@ -141,6 +141,7 @@ def _received(receiver: osc.OscReceiver, count: int) -> list[object]:
     return got
 
 
+@pytest.mark.slow
 def test_a_stream_that_is_not_there_is_said_with_those_that_are() -> None:
     """The message names the streams of the network."""
     outlet = _outlet("studio")

@@ -74,5 +74,4 @@ def test_commands_are_carried_out_again_after_a_restart(monkeypatch: pytest.Monk
         replying.start()
         reply = control({"do": "undo"})
         replying.join()
-    assert reply is not None
     assert reply["classes"] == ["bow"]

@@ -48,7 +48,6 @@ def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
                     socket.send(sent)
                     time.sleep(0.05)
                     parts = receiver.receive()
-    assert parts is not None
     assert parts[0] == b"frame/browser/"
     with (
         PageProcess(PagePlan("127.0.0.1:0", NOBODY)) as page,

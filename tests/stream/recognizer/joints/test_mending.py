@@ -60,7 +60,6 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     assert {*asked} == {joints}
     # Less is named where a joint is missing than where there never was one.
     fewer = recognizer._fewer  # noqa: SLF001 - the limit itself
-    assert fewer is not None
     assert fewer.threshold > threshold_for(view, Settings())
     assert len(answers) == len(whole) == len(sound)
     assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)
@@ -90,7 +89,6 @@ def test_changes_in_mid_stream_are_corrected(
         assert answer.scores == pytest.approx(expected.scores, abs=0.02)
     assert ("left and right" if fault == "sides" else "the unit changed") in recognizer.doubt
     known = recognizer.long_ago
-    assert known is not None
     assert (known.mirrored, known.factor) == (False, pytest.approx(1.0, rel=0.01))
     assert known.of_the_body.last_jump is None
 
@@ -107,7 +105,6 @@ def test_another_recogniser_goes_on_with_what_is_known(
     answers = _played(recognizer, 1000 * squat.positions[:, mirrored])
     assert [answer.label for answer in answers] == [answer.label for answer in sound]
     known = recognizer.long_ago
-    assert known is not None
     assert known._replace(tremble=0.0) == LongAgo(mirrored=True, factor=0.001)
     # The feed's own tremble, in the library's metres, is told as well.
     assert 0.0 < known.tremble < 0.004
@@ -169,7 +166,6 @@ def test_a_body_of_another_size_in_its_place_is_no_change_of_unit(small_library:
     recognizer = Recognizer(small_library)
     _played(recognizer, both)
     known = recognizer.long_ago
-    assert known is not None
     assert known.factor == 1.0
     assert "the whole body jumped" in recognizer.doubt
 

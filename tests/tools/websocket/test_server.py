@@ -5,7 +5,7 @@ import time
 from typing import Any
 
 import pytest
-from programs import LOOPBACK, PATIENCE, free_udp_port, ghost_cues, small_library_file, started
+from programs import LOOPBACK, PATIENCE, free_udp_port, ghost_cues, started
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
@@ -29,10 +29,10 @@ def until(client: ClientConnection, kind: str, **fields: object) -> dict[str, An
 
 
 @pytest.mark.slow
-def test_frames_go_in_and_answers_come_out(small_library: MotionLibrary) -> None:
+def test_frames_go_in_and_answers_come_out(builtin: MotionLibrary) -> None:
     """JSON frames are recognised; every client gets the answers; rubbish is counted; pages of other sites get 403."""
     ends = ("--osc-in", f"{LOOPBACK}:{free_udp_port()}", "--osc-out", f"{LOOPBACK}:{free_udp_port()}")
-    options = ("--ws", f"{LOOPBACK}:0", "--ws-origin", EDITOR, "--library", small_library_file(), "--plain")
+    options = ("--ws", f"{LOOPBACK}:0", "--ws-origin", EDITOR, "--plain")
     with started("live", *ends, *options) as program:
         address = program.expect(r"WebSocket: (ws://\S+)")[1]
         with pytest.raises(InvalidStatus, match="403"), connect(address, origin=Origin("https://evil.example")):
@@ -44,13 +44,13 @@ def test_frames_go_in_and_answers_come_out(small_library: MotionLibrary) -> None
         ):
             client.send("no frame")
             for number, cue in enumerate(ghost_cues("squat1Reps", 2.0)[::4]):
-                named = {} if number else {"joints": small_library.skeleton.joints}
+                named = {} if number else {"joints": builtin.skeleton.joints}
                 frame = {"performer": "ann", "t": cue.frame.time, "positions": cue.frame.positions.tolist(), **named}
                 client.send(json.dumps(frame))
             for each in (client, other):
                 assert until(each, "event", performer="ann", event="start", **{"class": "squat1Reps"})
             assert until(client, "status")["inputs"]["foreign"] == 1
-            assert set(until(client, "classes")["classes"]) == set(small_library.classes)
+            assert set(until(client, "classes")["classes"]) == set(builtin.classes)
             assert program.interrupt() == 0
 
 

@@ -53,6 +53,7 @@ def said(index: WindowIndex, clips: Sequence[np.ndarray], rate: float = 60.0, **
     return [answer.done for answer in answers if answer and answer.done]
 
 
+@pytest.mark.slow
 def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
     """Four squats one behind the other are four motions, each about where it was and as long as it was."""
     clips = clips_of(SQUAT)[2:6]
@@ -93,6 +94,7 @@ def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     assert not said(taught, [clip.positions])
 
 
+@pytest.mark.slow
 def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) -> None:
     """What is said with a strict promise is also said with a lax one; with none nothing is said."""
     clips = [clip.positions for name in (ARMS, SQUAT, DOWN) for clip in clips_of(name)[:2]]

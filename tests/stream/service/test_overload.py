@@ -53,6 +53,7 @@ class SlowSink(FakeSink):
         self.ages.append(self.clock.now - recognition.time)
 
 
+@pytest.mark.slow
 def test_answers_get_rarer_for_all_alike_and_stay_fresh(sticks: MotionLibrary) -> None:
     """All get a fair share of what the machine can do, none is old, and afterwards all is as it was."""
     frames = list[Frame]()

@@ -160,6 +160,7 @@ def test_nobody_knows_it_is_open_to_others(address: str, kind: int, tmp_path: Pa
     Endpoint(address, bind=True, to_anybody=True).open(kind).close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "option"),
     [

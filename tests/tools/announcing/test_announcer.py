@@ -61,6 +61,7 @@ def test_live_is_found_and_described(builtin: MotionLibrary) -> None:
         until(lambda: all(seen.get(name) is ServiceStateChange.Removed for name in names))
 
 
+@pytest.mark.slow
 def test_a_rebound_name_gets_nothing() -> None:
     """A page that calls this machine by a name of its own learns nothing; the threads end with the announcer."""
     with closing(Announcer((LOOPBACK, free_udp_port()), Known(31, ("wave",)))) as announcer:

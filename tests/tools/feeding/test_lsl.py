@@ -71,6 +71,7 @@ def _answer(at: float) -> Recognition:
     return Recognition("ann", at, Outcome.NAMED, CLASSES, scores, movement=0.1, progress=FOLLOWED)
 
 
+@pytest.mark.slow
 def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
     """An event's stamp lies as far before the answer as on the sender's clock, but for what LSL mistakes."""
     with closing(LslSink()) as sink:

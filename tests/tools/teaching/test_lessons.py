@@ -178,6 +178,7 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
     assert "my squat" not in _show(stage, 60, "squat1Reps", 1)
 
 
+@pytest.mark.slow
 def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A failure to save is reported; the class is known all the same."""
     save = MotionLibrary.save

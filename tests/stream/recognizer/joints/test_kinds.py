@@ -63,6 +63,7 @@ def _asks(library: MotionLibrary, positions: NDArray[np.float64], joints: tuple[
     return performers.compared.get("p", "")
 
 
+@pytest.mark.slow
 def test_another_kind_of_feed_is_said_in_one_line(small_library: MotionLibrary, films: MotionLibrary) -> None:
     """Either way round; the kind that taught the library is not spoken of."""
     measured, seen = small_library.restricted_to(JOINTS), films.motions[0].positions
@@ -82,6 +83,7 @@ def test_a_library_of_several_before_cameras_names_less(films: MotionLibrary) ->
     assert usual_sensitivity(one) > 0.1
 
 
+@pytest.mark.slow
 def test_info_says_what_taught_a_library(
     films: MotionLibrary, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

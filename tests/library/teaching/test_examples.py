@@ -104,7 +104,7 @@ def test_changed_windows_equal_the_windows_of_a_new_library(small_index: WindowI
 
 @pytest.mark.slow
 def test_windows_of_undone_examples_are_forgotten() -> None:
-    """Of fifteen examples that were taught and undone eleven are kept at most; one taught again is compared as before."""
+    """Of examples that were taught and undone eleven are kept at most; one taught again is compared as before."""
     base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))
     windows, motion = TaughtWindows(base, with_base=True), stick_clip("wave", frames=120)
     first, *_ = indices = [

@@ -127,17 +127,3 @@ def test_every_page_is_linked() -> None:
         if "://" not in link
     }
     assert set(PAGES) - {ROOT / "README.md"} <= linked
-
-
-def test_readme_is_a_first_page() -> None:
-    """Within the first screen are `make demo`, a picture, and how to run the tests."""
-    first = README.splitlines()[:24]
-    assert any(line.startswith("![") for line in first)
-    assert "make demo" in first
-    assert any("`make test`" in line for line in first)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
-def test_nothing_is_left_to_fill_in(page: Path) -> None:
-    """No page has a placeholder in capitals with underscores, or a TODO."""
-    assert re.findall(r"^[A-Z]+_[A-Z_]+$|TODO|FIXME|XXX", PAGES[page], re.MULTILINE) == []

@@ -3,19 +3,13 @@
 Nothing here calls the product. The rules are those of the docstrings, written out with their numbers.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from naive_windows import Matrix
+from naive_windows import Matrix
 
 #: Spans of time are compared to the microsecond: frame times are rounded.
 MICROSECOND = 1e-6

@@ -1,12 +1,11 @@
 """Every codec: decoded, what was encoded comes back; any other bytes are a value or the codec's one error, counted."""
 
-from __future__ import annotations
-
 import json
 import re
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -38,11 +37,6 @@ from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
 from kinespace.stream.zeromq.frames import Packed, decode_packed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)
@@ -154,7 +148,6 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     packet = osc.encode_recognition(recognition)
     part = osc.address_part(recognition.performer)
     read = osc.decode_answer(packet)
-    assert read is not None
     assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
     assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
@@ -269,7 +262,6 @@ _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
 def test_a_sent_body_is_read_back(frame: Frame, carried: Carried | None) -> None:
     """Name, time and positions come back; skeleton and weights where they are the frame's."""
     read = decode_body(encode_body(frame, _STICK, carried))
-    assert read is not None
     performer, header, positions = read
     assert (performer, header.t, header.joints) == (frame.performer, frame.time, len(frame.positions))
     assert np.array_equal(np.frombuffer(positions, "<f4").reshape(-1, 3), frame.positions)

@@ -1,7 +1,5 @@
 """The values passed on: invalid ones are refused at the border; sums, rates and percentiles."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,9 +1,7 @@
 """Several performers: each recognised as if alone, followed from first frame to silence, bounded in number."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,15 +9,11 @@ from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import SkeletonMismatchError
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Event, Recognition
 
 POSE = stick_clip("bow").positions[0]
 FIVE = STICK.joints[:5]
@@ -132,7 +126,6 @@ def test_frames_of_some_of_the_joints_are_compared_by_them(sticks: MotionLibrary
     assert_same(_pushed(performers, _with_joints(frames, sent)), _alone(view, _with_joints(frames, kept)))
     assert performers.compared == {"p": "5 of 6 joints"}
     whole = performers.ordered(_with_joints(frames, sent)[0])
-    assert whole is not None
     assert whole.positions[kept].tolist() == frames[0].positions[kept].tolist()
     assert_same(_pushed(performers, _frames("q", "wave")), _alone(sticks, _frames("q", "wave")))
     assert performers.refused == {}

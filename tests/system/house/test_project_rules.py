@@ -1,7 +1,5 @@
 """The rules of the house that a reader can count on, checked in the sources themselves."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shutil

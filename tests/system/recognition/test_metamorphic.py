@@ -1,31 +1,24 @@
 """A feed changed in a way that must not matter gets the same answers, bit for bit or but for rounding."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from performed import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+Feed = list[Frame]
 
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-
-    Feed = list[Frame]
-
-#: Everything holds of the compiled kernels and of numpy.
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
+pytestmark = pytest.mark.slow
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 

@@ -1,26 +1,20 @@
 """`kinespace gateway` and `work`: real processes that are fed over OSC, and stopped as a person stops them."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import subprocess
 import sys
 import time
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
 
+from kinespace.stream import osc
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import OscFrameSender
 from kinespace.tools.loopback.answers import Listener, answer_in
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.stream import osc
 
 pytest.importorskip("zenoh")
 

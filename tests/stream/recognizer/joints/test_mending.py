@@ -1,28 +1,19 @@
 """Joints that cannot be believed: mended or left out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from performed import pushed, shown
 from synthetic import STICK
 
-from kinespace.library.windows.index import opened
-from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints
 from kinespace.stream.recognizer.limits import threshold_for
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Recognition
 
 RATE = 30.0
 ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
@@ -69,7 +60,6 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     assert {*asked} == {joints}
     # Less is named where a joint is missing than where there never was one.
     fewer = recognizer._fewer  # noqa: SLF001 - the limit itself
-    assert fewer is not None
     assert fewer.threshold > threshold_for(view, Settings())
     assert len(answers) == len(whole) == len(sound)
     assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)

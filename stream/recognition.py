@@ -184,6 +184,9 @@ class Recognition:
         Index of the best guess, with any outcome. Usually the class with the highest score; at a change of motion
         the class before, until the new one has led for long enough. None: the class with the highest score; -1: no
         class is known.
+    so_far
+        Index of the class that the movement of the last seconds is nearest to: the guess of a moment falls off at a
+        motion's end, this one does not; -1: no class is known.
     evidence
         The evidence that the guess is known; None with the paper's signature, which does not know unknown motion.
     progress
@@ -216,6 +219,7 @@ class Recognition:
     share: float = 0.0
     gap: float = 0.0
     guess: int | None = None
+    so_far: int = -1
     evidence: Evidence | None = field(default=None, repr=False)
     progress: Progress | None = None
     events: tuple[Event, ...] = ()
@@ -286,7 +290,7 @@ class Recognition:
     def as_dict(self) -> dict[str, Any]:
         """Give the answer as a flat row of numbers and texts for a table, like a pandas DataFrame.
 
-        `class`, `guess` and `event` are empty where there is none; `score <class>` is the score of each class.
+        `class`, `guess`, `so_far` and `event` are empty where there is none; `score <class>` is each class's score.
         """
         names = (*self.classes, "")
         return {
@@ -296,6 +300,7 @@ class Recognition:
             "label": self.label,
             "class": names[self.class_index],
             "guess": names[self.guess_index],
+            "so_far": names[self.so_far],
             "score": self.score,
             "margin": self.margin,
             "movement": float(self.movement),

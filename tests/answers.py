@@ -9,31 +9,26 @@ can be compared on one machine: another processor rounds otherwise, so these dig
 answers by numpy.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import math
 import os
 import sys
 import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary, Reading, compiled, opened, read_recordings
+from kinespace.library import Clip, MotionLibrary, Reading, compiled, opened, read_recordings
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.feeding.utkinect import read_take
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
 
 FILE = Path(__file__).with_name("answers.toml")
 #: How far a kept mean may be off: more than another processor's rounding, less than any change of the method.
@@ -61,6 +56,7 @@ _SENT = {
 }
 
 
+@cache
 def _asked() -> tuple[MotionLibrary, list[Clip]]:
     """Give the built-in library without a person, and this person's first motion of each class."""
     whole = MotionLibrary.builtin()
@@ -154,13 +150,18 @@ def _broken() -> list[Recognition]:
     return _answers(Recognizer(library, Settings()), map(spoilt, _frames(clips, 60.0)))
 
 
-def _taught() -> list[Recognition]:
-    """Teach two new classes while the feed runs, then take them away."""
+@cache
+def _known_and_taught() -> tuple[WindowIndex, WindowIndex]:
     library, clips = _asked()
     known = opened(library.without(classes=["squat1Reps", "kickLFront1Reps"]))
     further = [replace(each, actor="ann") for each in clips if each.class_name in ("squat1Reps", "kickLFront1Reps")]
+    return known, known.with_motions(further)
+
+
+def _taught() -> list[Recognition]:
+    """Teach two new classes while the feed runs, then take them away."""
+    clips, (known, taught) = _asked()[1], _known_and_taught()
     recognizer, answers = Recognizer(known), list[Recognition]()
-    taught = known.with_motions(further)
     for frame in _frames([*clips, *clips], 60.0):
         if len(answers) == 400 and recognizer.library is known.library:
             recognizer.exchange(taught)

@@ -1,45 +1,38 @@
 """Fixtures for every test: recordings and other programs, found in one place; hypothesis made repeatable."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import pickle
 import shutil
 import signal
 import time
+from collections.abc import Iterator
 from contextlib import closing, nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from types import ModuleType
+from typing import NoReturn
 
+import numpy as np
 import programs
 import pytest
 from films import demo_film as place_of_demo_film
 from hypothesis import settings
+from numpy.typing import NDArray
 from programs import LOOPBACK, builtin_library
 from refused import refuse
 from synthetic import stick_clips
 
 from kinespace.library import compiled
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.recordings import find_recordings, read_recordings
-from kinespace.library.windows.index import opened
+from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.bench import recorded
 from kinespace.tools.camera import models
 from kinespace.tools.camera.joints import require_extra
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.terminal.console import console
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from types import ModuleType
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.windows.index import WindowIndex
 
 # The same examples in every run, therefore few, and no deadline: a slow machine is not a failure.
 settings.register_profile("kinespace", derandomize=True, deadline=None, max_examples=50)

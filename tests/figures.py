@@ -13,20 +13,16 @@ evaluations measure only those (`FIGURES="teach --update"`). The takes are found
 the change's price.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import json
 import os
 import sys
 import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 FILE = Path(__file__).with_name("figures.toml")
 

@@ -7,8 +7,6 @@ file's own folder first, then the others, the fastest first. A change that makes
 found.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import collections

@@ -1,7 +1,8 @@
 """Answers as OSC messages.
 
-`/motion/<performer>/class i index f score f margin`, `/motion/<performer>/guess i index`, `/motion/<performer>/label s`
-and `/motion/<performer>/scores f*K` in one bundle for each recognition, and with them, while a motion is followed,
+`/motion/<performer>/class i index f score f margin`, `/motion/<performer>/guess i index`,
+`/motion/<performer>/sofar i index`, `/motion/<performer>/label s` and `/motion/<performer>/scores f*K` in one bundle
+for each recognition, and with them, while a motion is followed,
 `/motion/<performer>/progress i index of its class f phase f speed f amplitude f sure f scrub i cycles`;
 `/motion/<performer>/event s start or end s label i index f score f time` when a motion starts or ends;
 `/motion/classes s*K`; `/motion/status`.
@@ -9,8 +10,8 @@ and `/motion/<performer>/scores f*K` in one bundle for each recognition, and wit
 The class message holds numbers only, because TouchDesigner's OSC In CHOP reads only numbers. Its index is the named
 class's, in the order of `/motion/classes`, and -1 when no class is named. The label then says why: "unknown" when the
 guess is not near enough to the library, "gone" once when the performer has left. The guess is the moment's best class,
--1 when there is no guess. Score and margin belong to the guess. No number is larger than a float, because Pure Data and
-many libraries know no double.
+-1 when there is no guess; "sofar" is the class that the movement of the last seconds is nearest to. Score and margin
+belong to the guess. No number is larger than a float, because Pure Data and many libraries know no double.
 """
 
 from __future__ import annotations
@@ -53,10 +54,11 @@ def encode_recognition(recognition: Recognition) -> bytes:
     In a library of more than some 200 classes the scores do not fit and are left out; class and label always fit.
     """
     heads = _answer_heads(recognition.performer, len(recognition.scores))
-    class_head, guess_head, label_head, scores_head, _ = heads
+    class_head, guess_head, so_far_head, label_head, scores_head, _ = heads
     messages = [
         class_head + _CLASS.pack(recognition.class_index, recognition.score, recognition.margin),
         guess_head + _SIZE.pack(recognition.guess_index),
+        so_far_head + _SIZE.pack(recognition.so_far),
         label_head + _label(recognition.label),
     ]
     if recognition.progress:
@@ -71,7 +73,14 @@ def encode_recognition(recognition: Recognition) -> bytes:
 def _answer_heads(performer: str, classes: int) -> tuple[bytes, ...]:
     """Give the bytes before the arguments of an answer's messages; all of a performer's answers share them."""
     start = f"/motion/{address_part(performer)}"
-    layouts = {"class": ",iff", "guess": ",i", "label": ",s", "scores": "," + "f" * classes, "progress": ",ifffffi"}
+    layouts = {
+        "class": ",iff",
+        "guess": ",i",
+        "sofar": ",i",
+        "label": ",s",
+        "scores": "," + "f" * classes,
+        "progress": ",ifffffi",
+    }
     return tuple(padded(f"{start}/{last}") + padded(types) for last, types in layouts.items())
 
 
@@ -91,6 +100,7 @@ def encode_gone(performer: str) -> bytes:
     return encode_bundle(
         encode_message(f"{start}/class", -1, 0.0, 0.0),
         encode_message(f"{start}/guess", -1),
+        encode_message(f"{start}/sofar", -1),
         encode_message(f"{start}/label", GONE),
     )
 

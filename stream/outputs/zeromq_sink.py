@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.teaching.wire import as_json
@@ -13,11 +13,12 @@ from kinespace.stream.zeromq.bodies import encode_body
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Done, Event, Recognition
+    from kinespace.stream.recognizer.joints.carried import Carried
     from kinespace.stream.status import Status
     from kinespace.stream.teaching.notices import Notice
-    from kinespace.stream.workers.gateway import Recognising
     from kinespace.stream.zeromq.sockets import ZmqSender
 
 
@@ -89,6 +90,16 @@ class ZmqSink(Sink):
         self.sender.close()
 
 
+class Shown(Protocol):
+    """Performers as `BodySink` asks about them; `kinespace.stream.recognizer.Performers` is one."""
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the joints of a performer's frames; None for a stranger."""
+
+    def carried(self, name: str) -> Carried | None:
+        """Say which joints carry the last answer to a performer; None without an answer."""
+
+
 class BodySink(Sink):
     """Publishes thirty frames a second of each performer on a ZeroMQ endpoint.
 
@@ -100,7 +111,7 @@ class BodySink(Sink):
         The performers.
     """
 
-    def __init__(self, sender: ZmqSender, performers: Recognising) -> None:
+    def __init__(self, sender: ZmqSender, performers: Shown) -> None:
         self._sender, self._performers = sender, performers
         #: The time of each performer's last body, and how many were sent before it.
         self._sent: dict[str, tuple[float, int]] = {}

@@ -16,6 +16,8 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.recognition import Event, EventKind, Outcome
@@ -23,7 +25,6 @@ from kinespace.stream.recognition import Event, EventKind, Outcome
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from kinespace.library.windows.index import WindowIndex
@@ -52,6 +53,8 @@ _ENDED_AFTER = {
     Outcome.AMBIGUOUS: 0.4,
     Outcome.IMPLAUSIBLE: 0.8,
 }
+#: Seconds over which `SoFar` averages, and the largest log distance, which a class without windows has.
+_SO_FAR, _FARTHEST = 1.5, 20.0
 #: Seconds for which a course that was near lets a class start that has led for long enough.
 _NEAR_FOR = 0.2
 #: Seconds after which a motion that is not seen again may have ended, beside one and a half times its length.
@@ -115,6 +118,29 @@ class Hysteresis:
             return False
         self.current = leader
         return True
+
+
+class SoFar:
+    """Follows which class the last seconds are nearest to: an average of log distances, by movement.
+
+    A motion's end, the return to rest, moves little and weighs little, so that no beginning need be found.
+    """
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything, as at the start."""
+        self._sums: NDArray[np.float64] | float = 0.0
+        self._time = math.nan
+
+    def push(self, distances: NDArray[np.float64], movement: float, time: float) -> int:
+        """Take in each class's log distance, (classes,), how much the window moves, and seconds; give the nearest."""
+        elapsed = _FIRST_HOP if math.isnan(self._time) else time - self._time
+        self._time = time
+        weighed = movement * elapsed * np.minimum(distances, _FARTHEST)
+        self._sums = math.exp(-elapsed / _SO_FAR) * self._sums + weighed
+        return int(self._sums.argmin())
 
 
 class Judgement:

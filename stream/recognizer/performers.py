@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.oddities import FLAT
 from kinespace.stream.frame import Announcement, Frame, NewSender
-from kinespace.stream.recognizer.following import Following
 from kinespace.stream.recognizer.joints.carried import carried_by
 from kinespace.stream.recognizer.joints.kinds import NOTES
 from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
-from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts, require_order
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, require_order
 from kinespace.stream.recognizer.settings import Settings
 
 if TYPE_CHECKING:
@@ -49,10 +48,19 @@ class SentJoints:
     naming: Naming = field(default_factory=Naming)
 
 
+_Value = TypeVar("_Value")
 #: The note on a body unlike the library's.
 UNLIKE = "these joints move unlike the library's: expect few right names, teach your own (--teach)"
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
+#: Performers at once that may be asked for.
+MAX_PERFORMERS = 10_000
+#: The joint names, and the like, of so many times the maximum number of performers are remembered.
+_MAX_REMEMBERED = 4
+#: A performer that was not answered for so many seconds makes room for a newcomer that sent so many frames in them: an
+#: answer needs a quarter of a second of feed, and names without a body behind them never get one.
+_STEADY_SECONDS = 1.0
+_STEADY_FRAMES = 12
 
 
 @dataclass(slots=True)
@@ -102,7 +110,7 @@ class _Performer:
         return self.recognizer.end()
 
 
-class Performers(Following[_Performer]):
+class Performers:
     """One recogniser per performer.
 
     Parameters
@@ -141,7 +149,22 @@ class Performers(Following[_Performer]):
         views: Views = WindowIndex.by_joints,
         classes: Sequence[str] = (),
     ) -> None:
-        super().__init__(most, silence)
+        if not 1 <= most <= MAX_PERFORMERS:
+            raise ValueError(f"most: expected 1 to {MAX_PERFORMERS} performers, got {most}")
+        if not (math.isfinite(silence) and silence > 0):
+            raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
+        self.most, self.silence = most, silence
+        self._performers: dict[str, _Performer] = {}
+        #: Frames without room, and performers dropped.
+        self._no_room = self._dropped = 0
+        #: Ends of motions of performers who were dropped to make room, not given out yet.
+        self._ended: list[Event] = []
+        #: Performers who were dropped, not given out yet.
+        self._gone: list[str] = []
+        #: Performers for whom there was no room: since when, and how many frames they have sent.
+        self._waiting: dict[str, tuple[float, int]] = {}
+        # A sender may announce its joints once, so announcements are kept through a silence.
+        self._announced: dict[str, Announcement] = {}
         self.settings = settings or Settings()
         self._compare_with(index_for(library, self.settings), classes)
         self._views = views
@@ -159,6 +182,78 @@ class Performers(Following[_Performer]):
         self._other_joints = self._opening = 0
         #: Counts of recognisers that are no longer needed.
         self._past = RecognizerCounts()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The performers now followed, in the order of their first frames."""
+        return tuple(self._performers)
+
+    def drop_silent(self, now: float) -> list[Event]:
+        """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
+        self._drop_silent(now)
+        return self._take_ended()
+
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now, as their next frames would show."""
+        paused = (each for each in self._performers.values() if now - each.newest > MAX_PAUSE)
+        return [event for each in paused if (event := each.end())]
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since the last call."""
+        gone, self._gone = self._gone, []
+        return gone
+
+    def end(self) -> list[Event]:
+        """Give the ends of all motions going on, because nothing more will come."""
+        return [*self._take_ended(), *(event for each in self._performers.values() if (event := each.end()))]
+
+    def _take_ended(self) -> list[Event]:
+        ended, self._ended = self._ended, []
+        return ended
+
+    def _remember(self, known: dict[str, _Value], name: str, value: _Value) -> None:
+        """Remember a value by a performer's name; of too many the oldest is forgotten."""
+        if name not in known and len(known) >= _MAX_REMEMBERED * self.most:
+            del known[next(iter(known))]
+        known[name] = value
+
+    def _forget(self, name: str) -> None:
+        """Forget a performer; the end of its motion is given out with the ends of silent performers."""
+        if performer := self._performers.pop(name, None):
+            self._retire(performer)
+            self._dropped += 1
+
+    def _drop_silent(self, now: float) -> None:
+        for name in [name for name, each in self._performers.items() if now - each.newest > self.silence]:
+            self._forget(name)
+            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
+
+    def _performer(self, name: str, now: float) -> _Performer | None:
+        """Give a performer who sends something now; None when there is no room."""
+        performer = self._performers.get(name)
+        if performer is None:
+            if len(self._performers) >= self.most:
+                self._drop_silent(now)
+            if len(self._performers) >= self.most and not self._make_room(name, now):
+                return None
+            self._waiting.pop(name, None)
+            self._gone = [each for each in self._gone if each != name]
+            performer = self._performers[name] = self._begin(name, now)
+        performer.newest = now
+        return performer
+
+    def _make_room(self, name: str, now: float) -> bool:
+        """Drop a performer that is idle, for a newcomer that sends steadily; say whether there is room."""
+        since, frames = self._waiting.get(name, (now, 0))
+        if now - since > _STEADY_SECONDS:
+            since, frames = now, 0
+        self._remember(self._waiting, name, (since, frames + 1))
+        if frames + 1 < _STEADY_FRAMES:
+            return False
+        idle = next((other for other, each in self._performers.items() if _is_idle(each, now)), None)
+        if idle is not None:
+            self._forget(idle)
+        return idle is not None
 
     def _compare_with(self, index: WindowIndex, order: Sequence[str]) -> None:
         require_order(order, index.library)
@@ -276,11 +371,6 @@ class Performers(Following[_Performer]):
         if performer is None or given is None:
             return None
         return carried_by(given, performer.index.library.skeleton.pairs, performer.order, len(performer.joints))
-
-    def recognizer_of(self, name: str, arrival: float | None = None) -> Recognizer | None:
-        """Give a performer's recogniser; with a time of arrival also a newcomer's, if there is room."""
-        performer = self._performers.get(name) if arrival is None else self._performer(name, arrival)
-        return performer.recognizer if performer else None
 
     def _described(self, performer: _Performer) -> str:
         used, wanted = len(performer.index.library.skeleton.joints), len(self.library.skeleton.joints)
@@ -461,7 +551,8 @@ class Performers(Following[_Performer]):
     def _retire(self, performer: _Performer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
         self._past.add(performer.recognizer.counts)
-        super()._retire(performer)
+        if ended := performer.end():
+            self._ended.append(ended)
 
     def _begin(self, name: str, now: float) -> _Performer:
         recognizer = Recognizer(self._index, self.settings, self._views, self._order)
@@ -470,6 +561,12 @@ class Performers(Following[_Performer]):
         if name in self._announced:
             self._learn_joints(performer, self._announced[name])
         return performer
+
+
+def _is_idle(performer: _Performer, now: float) -> bool:
+    """Say whether a performer was never answered, or sends fewer frames a second than any feed has."""
+    seconds, (frames, answers) = now - performer.begun, performer.frames_and_answers
+    return seconds > _STEADY_SECONDS and (not answers or frames * _STEADY_SECONDS < _STEADY_FRAMES * seconds)
 
 
 def _oddity(recognizer: Recognizer) -> str:

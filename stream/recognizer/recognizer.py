@@ -21,7 +21,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.signature.body import Body
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognition import Done, Outcome, Recognition
-from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.decision import Decision, SoFar
 from kinespace.stream.recognizer.done import DoneFollower, Found, Look
 from kinespace.stream.recognizer.joints.fitting import Fitting
 from kinespace.stream.recognizer.joints.mending import Joints
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
     from kinespace.stream.recognizer.joints.kinds import Kind
-    from kinespace.stream.recognizer.joints.mending import LongAgo
     from kinespace.stream.recognizer.windows.live_windows import Seen
 
     #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
@@ -141,6 +140,7 @@ class Recognizer:
         require_order(classes, index.library)
         self.counts = RecognizerCounts()
         self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
+        self._so_far = SoFar()
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
         promised = self.settings.promised
         self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
@@ -191,6 +191,7 @@ class Recognizer:
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes
         self._longest_gap = min(self.settings.longest_gap, self._windows.longest)
+        self._so_far.clear()
 
     def _forget_fewer(self) -> None:
         """Forget the windows of fewer joints."""
@@ -264,28 +265,11 @@ class Recognizer:
         """Whether the body lies in a plane; False until it has moved."""
         return self._fitting.flat
 
-    @property
-    def long_ago(self) -> LongAgo | None:
-        """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
-        return self._joints.long_ago
-
-    def go_on(self, known: LongAgo) -> None:
-        """Go on for another recogniser, whose last frames this one has seen or is about to see."""
-        self._joints.go_on(known)
-
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
         if math.isfinite(self._due) and self.settings.hop:
             self.counts.skipped += max(math.floor((until - self._due) / self.settings.hop + _SAME_HOP), 0)
         self._due = max(self._due, until)
-
-    def keep_time_with(self, answered: float) -> None:
-        """Answer the same frames as another recogniser, which answered the frame of this time, seconds."""
-        hop = self.settings.hop
-        hops = math.floor((self._newest - answered) / hop + _SAME_HOP) + 1 if self._newest >= answered else 0
-        self._due = answered + hops * hop
-        # The other one has said it.
-        self._ended_at = None
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
@@ -406,7 +390,8 @@ class Recognizer:
 
     def _begin_again(self) -> None:
         """Forget the rows, and what was read off them; a motion that goes on stays."""
-        for each in (self._windows, self._smoother, self._decision, self._fewer, self._progress, self._done):
+        parts = (self._windows, self._smoother, self._decision, self._so_far, self._fewer, self._progress, self._done)
+        for each in parts:
             if each:
                 each.clear()
 
@@ -481,6 +466,7 @@ class Recognizer:
             scores=np.divide(1.0, scores, out=scores),
             # A window nearest to `nothing` is unknown; its best guess is the nearest class.
             guess=self.classes.index(decided.guess) if decided.guess in self.classes else int(distances.argmin()),
+            so_far=self._so_far.push(distances, signature.movement, frame.time),
             movement=signature.movement,
             lead=decided.lead,
             eigenvector_class=classes[best] if classes[best] in self.classes else None,

@@ -1,1 +1,1 @@
-"""The running service: the loop, its counters, and the thread that prepares libraries."""
+"""The running service: the loop, its counters, and threads and processes of our own."""

@@ -1,36 +1,45 @@
-"""A gateway: frames go to the workers that have their performers by Zenoh, and the workers' answers come back."""
+"""A gateway: frames go to the workers that have their performers by Zenoh, and the workers' answers come back.
+
+It keeps the last seconds of each performer's frames. When a worker comes or goes, another one is shown these, and goes
+on: no worker knows that there are others.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 import uuid
-from collections import deque
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.naming import hdm05
+from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.limits import needed_lead, usual_sensitivity
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.status import InputCounts
 from kinespace.stream.workers import terms as agreed
+from kinespace.stream.workers import wire
 from kinespace.stream.workers.bus import Inbox, joined, unreached
-from kinespace.stream.workers.router import Router
-from kinespace.stream.workers.wire import GATEWAYS, WORKERS, FormatError, Orders, decode_answers, encode, key, last_of
+from kinespace.stream.workers.track import Track
+from kinespace.stream.workers.wire import Answers, FormatError, Orders, Report, decode, encode, key, last_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
+    from kinespace.library.skeleton import Skeleton
     from kinespace.stream.frame import Admitted
     from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer import Performers
+    from kinespace.stream.recognizer import Settings
     from kinespace.stream.workers.terms import Terms
-    from kinespace.stream.workers.wire import SentFrame
-
-    #: The recognisers as the service, the sinks and the lessons call them: in this process, or spread over workers.
-    Recognising: TypeAlias = "Performers | Gateway"
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
 MAX_SILENT = 0.8
@@ -38,64 +47,31 @@ MAX_SILENT = 0.8
 _STOPPED = 0.4
 #: Seconds in which the last frames are answered at the end.
 _MAX_ENDING = 0.5
-#: Seconds between two messages of frames to a worker, at least, where its frames come closer together than `_SPARSE` on
-#: average: being woken costs a worker as much as a frame.
-_MIN_APART = 0.002
-#: Seconds on average from which on frames are sent at once: the frames of a few performers never wait.
-_SPARSE = 0.0004
-#: The weight of the newest frames in that average.
-_NEW = 0.05
+#: Seconds without an answer after which a performer makes room for a newcomer.
+_UNHEARD = 1.0
+#: The joints of so many times the maximum number of performers are remembered.
+_MAX_REMEMBERED = 4
 
 
-@dataclass(slots=True)
 class _Member:
-    """A worker that works for this gateway.
+    """A worker that works for this gateway: the way to it, when its last message came, and its last report."""
 
-    Attributes
-    ----------
-    membership
-        The worker's name for its membership, another one at each start.
-    sends
-        Sends frames; drops them if the way is full.
-    newest
-        When its last message came.
-    leaves, let_go
-        Whether it wants to end, and whether it knows that it may.
-    """
+    def __init__(self, sends: Any, report: Report) -> None:  # noqa: ANN401 - Zenoh's
+        self.sends, self.report, self.newest, self.messages = sends, report, time.monotonic(), 0
 
-    membership: str
-    sends: Any
-    newest: float
-    leaves: bool = False
-    let_go: bool = False
-    #: Frames that wait for the next message, when the last message was sent, and how many messages were sent.
-    held: list[SentFrame] = field(default_factory=list)
-    sent_at: float = -math.inf
-    messages: int = 0
-    #: When the last frames came, and the average time between two frames, seconds.
-    came: float = -math.inf
-    spacing: float = 2 * _SPARSE
-
-    def take(self, frames: list[SentFrame], now: float) -> bool:
-        """Keep frames for the next message; say whether it is due."""
-        apart = min(now - self.came, 2 * _SPARSE) / len(frames)
-        self.spacing += _NEW * (apart - self.spacing)
-        self.came = now
-        self.held += frames
-        return self.spacing > _SPARSE or self.is_due(now)
-
-    def is_due(self, now: float) -> bool:
-        """Say whether the last message was sent long enough ago."""
-        return now - self.sent_at >= _MIN_APART
+    def send(self, frames: list[wire.SentFrame]) -> None:
+        """Send frames; Zenoh drops them if the way is full."""
+        self.messages += 1
+        self.sends.put(encode(Orders(frames=frames, number=self.messages, at=time.monotonic())))
 
 
-class Gateway(Router):
+class Gateway:
     """Takes the place of `Performers`; its workers may run on other machines.
 
     Parameters
     ----------
     session
-        An open session of Zenoh; closed by `close`.
+        An open session of Zenoh; closed by `source.close`.
     library
         Motions to compare with.
     terms
@@ -111,8 +87,18 @@ class Gateway(Router):
     ----------
     name
         The gateway's name, another at every start.
+    terms
+        The terms now.
     source
-        The source of the answers; the service reads and closes it.
+        Where the workers' messages come in; the service reads and closes it.
+    publish
+        Gets each answer, and for how many seconds its frame has waited for it.
+    outdated
+        Answers that were not passed on: of former workers, or to performers who have left.
+    unread
+        Workers' messages and answers that could not be read.
+    unsent
+        Frames that no worker got, because there was none.
     """
 
     def __init__(  # noqa: PLR0913 - three by position
@@ -128,171 +114,341 @@ class Gateway(Router):
         import zenoh  # noqa: PLC0415 - an extra
 
         self._zenoh: Any = zenoh
-        self._packed = pack(library)
-        super().__init__(library, msgspec.structs.replace(terms, digest=agreed.digest_of(self._packed)))
+        self._pack, self.terms = pack, terms
+        self._know(library, terms.classes)
+        self.most, self.silence = terms.most, terms.silence
         self.name = uuid.uuid4().hex[:12]
         self.inbox = Inbox()
         self.source = GatewaySource(self)
-        self._session, self._connect, self._show, self._pack = session, connect, show, pack
-        self._looked = time.monotonic()
-        self._members: dict[str, _Member] = {}
-        self._lost, self._last_lost = 0, ""
-        self._joined = set[str]()
+        self.publish: Callable[[Recognition, float], None] = lambda *_: None
+        self.outdated = self.unread = self.unsent = 0
+        self._session, self._connect, self._show = session, connect, show
+        self._tracks: dict[str, Track] = {}
+        # A sender may announce its joints once, so announcements are kept through a silence.
+        self._announced: dict[str, tuple[str, ...]] = {}
+        self._ended, self._gone = list["Event"](), list[str]()
+        #: The workers whose tokens are there, and those of them that work.
+        self._there, self._members = set[str](), dict[str, _Member]()
+        #: The counts of workers that have ended.
+        self._past = Report(PerformerCounts())
+        self._no_room = self._dropped = self._lost = 0
+        self._last_lost, self._joined, self._looked = "", set[str](), time.monotonic()
+        live = session.liveliness()
         self._declared = [
-            session.declare_queryable(key(self.name, "library"), self._reply),
-            session.declare_subscriber(f"{key(self.name, 'back')}/*", self._note_message),
-            session.liveliness().declare_subscriber(f"{WORKERS}/*", self._note_token),
-            session.liveliness().declare_token(f"{GATEWAYS}/{self.name}"),
+            session.declare_queryable(key(self.name, "terms"), lambda query: _reply(query, encode(self.terms))),
+            session.declare_queryable(key(self.name, "library"), lambda query: _reply(query, self._packed)),
+            session.declare_subscriber(
+                f"{key(self.name, 'back')}/*",
+                lambda sample: self.inbox.put(self._take_in, last_of(sample), bytes(sample.payload)),
+            ),
+            live.declare_subscriber(
+                f"{wire.WORKERS}/*",
+                lambda sample: self.inbox.put(self._see, last_of(sample), sample.kind == zenoh.SampleKind.PUT),
+                history=True,
+            ),
+            live.declare_token(f"{wire.GATEWAYS}/{self.name}"),
         ]
 
-    def _reply(self, query: Any) -> None:  # noqa: ANN401 - Zenoh's
-        with query:
-            query.reply(query.key_expr, self._packed)
+    def _know(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
+        motions = library.library if isinstance(library, WindowIndex) else library
+        self._skeleton, self._packed = motions.skeleton, self._pack(library)
+        self._usual_sensitivity, self._lead = usual_sensitivity(motions), needed_lead(motions, self.settings)
+        self.classes = tuple(order) or motions.classes
+        self.terms = msgspec.structs.replace(self.terms, classes=tuple(order), digest=agreed.digest_of(self._packed))
 
-    def _note_message(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
-        self.inbox.put(self._take_in, last_of(sample), bytes(sample.payload))
+    # --- as `Performers` ---
 
-    def _note_token(self, sample: Any) -> None:  # noqa: ANN401 - Zenoh's
-        if sample.kind == self._zenoh.SampleKind.DELETE:
-            self.inbox.put(self._drop, last_of(sample), "is gone")
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The performers now followed, in the order of their first frames."""
+        return tuple(self._tracks)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of all recognisers."""
+        return self.terms.settings
+
+    @property
+    def sensitivity(self) -> float:
+        """The sensitivity of all recognisers."""
+        return self._usual_sensitivity if self.settings.sensitivity is None else self.settings.sensitivity
+
+    @property
+    def promise(self) -> tuple[float, float | None]:
+        """False alarms an hour that `done` promises; what is missed the workers know."""
+        return self.settings.promised, None
+
+    def set_sensitivity(self, share: float) -> None:
+        """Recognise all performers with another sensitivity soon."""
+        self.terms = msgspec.structs.replace(self.terms, settings=replace(self.settings, sensitivity=share))
+        self._send_all(Orders(changed=True))
+
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
+        """Compare all performers with another library soon; end the motions whose class it lacks."""
+        self._know(library, order)
+        self._send_all(Orders(changed=True))
+        return [event for each in self._tracks.values() if (event := each.exchange(self.classes, self._lead))]
+
+    @property
+    def reported(self) -> Report:
+        """The sums of all that workers have counted."""
+        return _summed([self._past, *(member.report for member in self._members.values())])
+
+    @property
+    def counts(self) -> PerformerCounts:
+        """Counts of what happened to all frames so far, as far as workers have reported it."""
+        counts = self.reported.counts
+        counts.no_room, counts.dropped = self._no_room, self._dropped
+        return counts
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Performers whose frames are refused for their joints, with the reason."""
+        return self._told("refused")
+
+    @property
+    def doubted(self) -> dict[str, str]:
+        """Performers with joints that cannot be believed, and the reason."""
+        return self._told("doubted")
+
+    @property
+    def compared(self) -> dict[str, str]:
+        """The joints by which performers are compared, if these are not all."""
+        return self._told("compared")
+
+    def _told(self, what: str) -> dict[str, str]:
+        """Give what workers tell of performers."""
+        reports = [getattr(member.report, what) for member in self._members.values()]
+        return {name: text for told in reports for name, text in told.items()}
+
+    def carried(self, name: str) -> None:
+        """Give nothing: no worker tells which joints carry an answer, because nearly nobody asks."""
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the joints of a performer's frames, by our names where we know them; None for an unknown performer."""
+        if name not in self._tracks:
+            return None
+        own = self._skeleton if self._skeleton.parents else hdm05.SKELETON
+        return own.linked(self._joints_of(name))
+
+    def _joints_of(self, name: str) -> tuple[str, ...]:
+        wanted, sent = self._skeleton.joints, self.terms.joints
+        return sent.naming.met(self._announced.get(name) or sent.assumed or wanted, wanted).joints
+
+    def ordered(self, frame: Frame) -> Frame | None:
+        """Give a frame in the order of the library's joints; None if it has too few joints."""
+        wanted, joints = self._skeleton.joints, self._joints_of(frame.performer)
+        if len(frame.positions) != len(joints) or len(set(joints).intersection(wanted)) < MIN_JOINTS:
+            return None
+        if joints == wanted:
+            return frame
+        return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
+
+    def drop_silent(self, now: float) -> list[Event]:
+        """Forget performers that sent nothing for `silence` seconds; give the ends of motions."""
+        for name in [name for name, each in self._tracks.items() if now - each.newest > self.silence]:
+            self._forget(name)
+            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
+        ended, self._ended = self._ended, []
+        return ended
+
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now."""
+        paused = (each for each in self._tracks.values() if now - each.newest > MAX_PAUSE)
+        return [event for each in paused if (event := each.end())]
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since the last call."""
+        gone, self._gone = self._gone, []
+        return [name for name in gone if name not in self._tracks]
+
+    def end(self) -> list[Event]:
+        """Wait for the last answers; give the ends of all motions going on, because no more frames will come."""
+        until, hop = time.monotonic() + _MAX_ENDING, self.settings.hop
+        while time.monotonic() < until and any(each.is_owed(hop) for each in self._tracks.values() if each.worker):
+            time.sleep(0.001)
+            self.inbox.deal()
+        return [*self._ended, *(event for each in self._tracks.values() if (event := each.end()))]
+
+    def push_all(
+        self,
+        events: Sequence[Admitted],
+        arrival: float,
+        *,
+        newest_only: bool = False,  # noqa: ARG002 - as `Performers`; the workers see for themselves what has waited
+    ) -> list[Recognition | None]:
+        """Send frames to their workers, in order; their answers go to `publish` later."""
+        for_worker: dict[str, list[wire.SentFrame]] = {}
+        for event in events:
+            if isinstance(event, Frame):
+                self._route(event, arrival, for_worker)
+            elif isinstance(event, Announcement):
+                if event.performer not in self._announced and len(self._announced) >= _MAX_REMEMBERED * self.most:
+                    del self._announced[next(iter(self._announced))]
+                self._announced[event.performer] = event.joints
+            elif isinstance(event, NewSender):
+                self._announced.pop(event.performer, None)
+                self._forget(event.performer)
+        for worker, frames in for_worker.items():
+            self._members[worker].send(frames)
+        return [None] * len(events)
+
+    # --- performers ---
+
+    def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[wire.SentFrame]]) -> None:
+        """Add a frame to those of the worker that answers it, if there is room for its performer."""
+        if (track := self._track(frame.performer, arrival)) is None:
+            self._no_room += 1
+            return
+        sent = track.send(frame, self._announced.get(frame.performer))
+        if track.worker:
+            for_worker.setdefault(track.worker, []).append(sent)
+        else:
+            self.unsent += 1
+
+    def _track(self, name: str, now: float) -> Track | None:
+        """Give a performer who sends a frame now; None when there is no room."""
+        track = self._tracks.get(name)
+        if track is None:
+            if len(self._tracks) >= self.most:
+                idle = min(self._tracks, key=lambda other: self._tracks[other].heard)
+                if now - self._tracks[idle].heard < _UNHEARD:
+                    return None
+                self._forget(idle)
+                self._gone.append(idle)
+            worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
+            track = self._tracks[name] = Track(now, now, Decision(self._lead), worker)
+        track.newest = now
+        return track
+
+    def _forget(self, name: str) -> None:
+        """Forget a performer; the end of its motion is given out with the ends of silent performers."""
+        if track := self._tracks.pop(name, None):
+            self._dropped += 1
+            if ended := track.end():
+                self._ended.append(ended)
+
+    # --- workers ---
 
     @property
     def ready(self) -> list[str]:
-        """The workers that recognise, and do not want to end."""
-        return [name for name, member in self._members.items() if not member.leaves]
+        """The workers that recognise."""
+        return [*self._members]
 
-    @property
-    def _alive(self) -> list[str]:
-        """The workers that recognise, or that wait until others have their performers."""
-        return [name for name, member in self._members.items() if not member.let_go]
+    def _load(self) -> dict[str, int]:
+        """Count the performers of each worker."""
+        counts = Counter(each.worker for each in self._tracks.values())
+        return {worker: counts[worker] for worker in self._members}
 
-    @property
-    def notes(self) -> list[str]:
-        """Notes for a person, a line each."""
-        lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
-        places = unreached(self._session, self._connect)
-        far = [f"not reached: {', '.join(places)}"] if places else []
-        return [f"workers of gateway {self.name}: {len(self.ready)}", *far, *super().notes, *lost]
-
-    def set_sensitivity(self, share: float) -> None:
-        """Recognise all performers with another sensitivity from the next hop on."""
-        self._change(settings=replace(self.settings, sensitivity=share))
-
-    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
-        """Compare all performers with another library from now on; end the motions whose class it lacks."""
-        ended = super().exchange(library, order)
-        self._packed = self._pack(library)
-        self._change(digest=agreed.digest_of(self._packed))
-        return ended
-
-    def _change(self, **changes: object) -> None:
-        """Change the terms, and let the workers know."""
-        self.terms = msgspec.structs.replace(self.terms, **changes)
-        for worker in self._members:
-            self._send(worker, Orders(terms=self.terms))
-
-    def end(self) -> list[Event]:
-        """Give the last events, and the ends of all motions going on, because no more frames will come."""
-        asked = {worker: self._ask(worker) for worker in self.ready}
-        until = time.monotonic() + _MAX_ENDING
-        while time.monotonic() < until and any(self._last.get(name, 0) < number for name, number in asked.items()):
-            time.sleep(0.001)
-            self.inbox.deal()
-        last = [event for recognition, _ in self.source.answers for event in recognition.events]
-        self.source.answers.clear()
-        return [*last, *super().end()]
-
-    def _send_frames(self, worker: str, frames: list[SentFrame]) -> None:
-        member = self._members[worker]
-        if member.take(frames, time.monotonic()):
-            self._flush(member)
-
-    def _flush(self, member: _Member) -> None:
-        """Send the frames that wait; Zenoh drops them if the way to the worker is full."""
-        frames, member.held, member.sent_at = member.held, [], time.monotonic()
-        member.messages += 1
-        member.sends.put(encode(Orders(member.membership, frames=frames, number=member.messages)))
+    def _balance(self, now: float) -> None:
+        """Give each performer without a worker to the one with the fewest, and one performer of the one with most."""
+        if not (load := self._load()):
+            return
+        most = max(load, key=load.__getitem__)
+        spared = most if load[most] > min(load.values()) + 1 else None
+        for name, track in self._tracks.items():
+            if track.worker in load and track.worker != spared:
+                continue
+            if track.worker == spared:
+                spared = None
+                load[most] -= 1
+            track.worker = least = min(load, key=load.__getitem__)
+            load[least] += 1
+            seen, due = track.past(self._announced.get(name), now)
+            self._send(least, Orders(due, seen))
 
     def _send(self, worker: str, orders: Orders) -> None:
-        member = self._members[worker]
-        if member.held:
-            self._flush(member)
-        orders.member = member.membership
-        self._put(worker, orders)
-
-    def _put(self, worker: str, orders: Orders) -> None:
         """Send a message that is not dropped."""
         congestion = self._zenoh.CongestionControl.BLOCK
         self._session.put(key(self.name, "to", worker), encode(orders), congestion_control=congestion)
 
-    def _drop(self, worker: str, why: str) -> None:
+    def _send_all(self, orders: Orders) -> None:
+        for worker in self._members:
+            self._send(worker, orders)
+
+    def _see(self, worker: str, is_there: bool) -> None:  # noqa: FBT001 - a sample's kind
+        """Note a worker's token, which vanishes with its process."""
+        if is_there:
+            self._there.add(worker)
+        else:
+            self._there.discard(worker)
+            self._drop(worker, "is gone")
+
+    def _drop(self, worker: str, why: str, *, is_lost: bool = True) -> None:
+        """Give the performers of a worker to others; keep its counts."""
         if member := self._members.pop(worker, None):
             member.sends.undeclare()
-            if not member.let_go:
+            self._past = _summed([self._past, member.report])
+            if is_lost:
                 self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
-                self._say(worker, why)
-            self._remove(worker, self.ready, self._alive)
+            self._say(worker, why)
+            for track in self._tracks.values():
+                track.worker = "" if track.worker == worker else track.worker
+            self._balance(time.monotonic())
 
     def _take_in(self, worker: str, message: bytes) -> None:
         """Read a worker's message."""
         try:
-            back = decode_answers(message)
+            back = decode(Answers, message)
         except FormatError:
             self.unread += 1
             return
         member = self._members.get(worker)
-        if member is None or member.membership != back.member:
-            self.outdated += len(back.answered)
-            self._drop(worker, "began again")
-            self._put(worker, Orders(back.member, self.terms, begins=True))
-            if back.report and not back.report.leaves:
-                self._welcome(worker, back.member)
-            return
-        member.newest = time.monotonic()
-        self.source.answers += self.accept(worker, back)
+        if member is None and back.report and worker in self._there and not back.report.leaves:
+            self._welcome(worker, back.report)
+        elif member:
+            member.newest, member.report = time.monotonic(), back.report or member.report
+        for answer in back.answers:
+            self._accept(worker, answer)
         if back.report and back.report.leaves:
-            self._let_go(worker, member)
+            self._there.discard(worker)
+            self._drop(worker, "leaves", is_lost=False)
 
-    def _welcome(self, worker: str, membership: str) -> None:
+    def _accept(self, worker: str, answer: Recognition) -> None:
+        """Pass on an answer, if it is its performer's worker's, and news."""
+        track = self._tracks.get(answer.performer)
+        if not _is_whole(answer):
+            self.unread += 1
+        elif track and track.worker == worker and (accepted := track.accept(answer, self.classes)):
+            recognition, arrival = accepted
+            self.publish(recognition, max(time.monotonic() - arrival, 0.0))
+        else:
+            self.outdated += 1
+
+    def _welcome(self, worker: str, report: Report) -> None:
         congestion = self._zenoh.CongestionControl.DROP
         sends = self._session.declare_publisher(key(self.name, "to", worker), congestion_control=congestion)
-        self._members[worker] = _Member(membership, sends, time.monotonic())
+        self._members[worker] = _Member(sends, report)
         self._say(worker, "works")
-        self._balance(self.ready, self._alive)
-
-    def _let_go(self, worker: str, member: _Member) -> None:
-        """Give the performers of a worker that wants to end to others, as long as there are any; then let it end."""
-        if not member.leaves:
-            member.leaves = True
-            self._say(worker, "leaves")
-            self._balance(self.ready, self._alive)
-        has_performers = any(each.worker == worker for each in self._performers.values())
-        if not member.let_go and not (has_performers and self.ready):
-            member.let_go = True
-            self._send(worker, Orders(let_go=True))
 
     def _say(self, worker: str, what: str) -> None:
         new = joined(self._session, self._joined)
         self._show(f"worker {worker} {what}; workers: {len(self.ready)}{'; joined: ' * bool(new)}{', '.join(new)}")
 
     @property
-    def due_in(self) -> float:
-        """Seconds until frames must be sent that wait for others, or the workers must be looked after."""
-        sent = [member.sent_at for member in self._members.values() if member.held]
-        return max(min(sent) + _MIN_APART - time.monotonic(), 0.0) if sent else TENDING
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each."""
+        counts = {
+            "frames that no worker took": self.unsent,
+            "messages of workers that cannot be read": self.unread,
+            "answers of former workers or to frames answered before": self.outdated,
+        }
+        lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
+        places = unreached(self._session, self._connect)
+        far = [f"not reached: {', '.join(places)}"] if places else []
+        counted = [f"{count} {what}" for what, count in counts.items() if count]
+        return [f"workers of gateway {self.name}: {len(self.ready)}", *far, *counted, *lost]
 
     def tend(self, now: float) -> None:
-        """Send the frames that have waited long enough; drop the workers that do not report."""
-        for member in self._members.values():
-            if member.held and member.is_due(now):
-                self._flush(member)
+        """Read messages; drop the workers that do not report; move a performer if a worker has too many."""
+        self.inbox.deal()
         if now - self._looked > _STOPPED:
             for member in self._members.values():
                 member.newest = max(member.newest, now - MAX_SILENT / 2)
         self._looked = now
         for worker in [name for name, member in self._members.items() if now - member.newest > MAX_SILENT]:
-            # Once it reports again it may join; now the way to it may be closed, and a message would wait.
             self._drop(worker, "does not report")
+        self._balance(now)
 
     def close(self) -> None:
         """Leave Zenoh; without effect a second time."""
@@ -301,63 +457,75 @@ class Gateway(Router):
 
 
 class GatewaySource:
-    """The answers of all workers, as a source for the service.
+    """The messages of all workers, as a source of the service; no frames come in here."""
 
-    Attributes
-    ----------
-    answers
-        Answers that were not taken yet, each with the arrival of its frame.
-    waited
-        Seconds since the frame of the last answer came.
-    pollable
-        The inbox, which Zenoh's threads wake.
-    counts
-        No counts: answers are not input.
-    lag
-        0: the workers see what has waited.
-    """
-
-    #: No frames come in here.
     place = ""
-    lag, patience = 0.0, math.inf
+    lag = waited = 0.0
+    patience = math.inf
+    tended_within = TENDING
 
     def __init__(self, gateway: Gateway) -> None:
-        self.answers = deque[tuple["Recognition", float]]()
-        self.waited = 0.0
-        self.pollable, self.counts = gateway.inbox, InputCounts()
-        self._gateway = gateway
-
-    @property
-    def tended_within(self) -> float:
-        """Seconds within which frames must be sent that wait for others, or the workers must be looked after."""
-        return self._gateway.due_in
+        self.gateway, self.pollable = gateway, gateway.inbox
 
     @property
     def has_put_aside(self) -> bool:
-        """Whether answers were read and not taken yet."""
-        return bool(self.answers)
+        """Whether messages wait for which the loop was not woken; none ever does."""
+        return False
+
+    @property
+    def counts(self) -> InputCounts:
+        """Counts of what was dropped on the way to recognisers."""
+        total = self.gateway.reported
+        return InputCounts(stale=total.stale, missing=total.missing)
 
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
-        return self._gateway.notes
+        return self.gateway.notes
 
-    def take(self, arrival: float) -> Sequence[Admitted] | None:
-        """Give the next answer as an event, which `Gateway.push_all` gives back; None when none has come."""
-        if not self.answers:
-            self._gateway.inbox.deal()
-        if not self.answers:
-            return None
-        recognition, at = self.answers.popleft()
-        self.waited = max(arrival - at, 0.0)
-        return (cast("Admitted", recognition),)
+    def take(self, arrival: float) -> None:  # noqa: ARG002 - as any source
+        """Read the messages that have come; they hold no frames."""
+        self.gateway.inbox.deal()
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Look after the workers."""
-        self._gateway.inbox.deal()
-        self._gateway.tend(now)
+        self.gateway.tend(now)
         return ()
 
     def close(self) -> None:
         """Leave Zenoh."""
-        self._gateway.close()
+        self.gateway.close()
+
+
+def _reply(query: Any, answer: bytes) -> None:  # noqa: ANN401 - Zenoh's
+    with query:
+        query.reply(query.key_expr, answer)
+
+
+def _summed(reports: Sequence[Report]) -> Report:
+    """Add up reports: the counts that the gateway does not know itself."""
+    counts = PerformerCounts()
+    for each in reports:
+        counts.recognizers.add(each.counts.recognizers)
+        counts.other_joints += each.counts.other_joints
+        counts.opening += each.counts.opening
+    return Report(counts, stale=sum(each.stale for each in reports), missing=sum(each.missing for each in reports))
+
+
+def _is_whole(given: Recognition) -> bool:
+    """Say whether an answer has a score for each class, names none but these, and its numbers are finite."""
+    classes, progress, evidence, done, seen = len(given.classes), given.progress, given.evidence, given.done, given.seen
+    numbers = (
+        *(given.time, given.ended_at or 0.0, given.movement, given.eigenvector_score, given.share, given.gap),
+        *((progress.phase, progress.scrub, progress.speed, progress.amplitude, progress.sure) if progress else ()),
+        *((*evidence.distances, *evidence.leads, evidence.noise) if evidence else ()),
+        *((done.start, done.duration, done.score, done.speed, done.amplitude) if done else ()),
+        *((seen.score, seen.seconds) if seen else ()),
+        *given.scores.tolist(),
+    )
+    named = all(each is None or each.class_name in given.classes for each in (progress, seen))
+    named = named and (done is None or given.classes[done.index : done.index + 1] == (done.label,))
+    # The only class of a library leads infinitely.
+    is_known = named and not math.isnan(given.lead) and all(map(math.isfinite, numbers))
+    is_known = is_known and 0 < classes == len(given.scores)
+    return is_known and 0 <= (given.guess or 0) < classes and -1 <= given.so_far < classes

@@ -17,7 +17,7 @@ from kinespace.stream.recognizer.performers import SentJoints
 from kinespace.stream.recognizer.settings import Settings  # noqa: TC001 - msgspec reads annotations
 
 #: The version of the messages.
-PROTOCOL = 8
+PROTOCOL = 9
 #: Bytes of a library's file, at most.
 MAX_LIBRARY = 1 << 28
 #: Performers of a gateway, at most.

@@ -43,7 +43,7 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
     """Encode an answer: its class, its scores, and the leading eigenvector's numbers.
 
     `class` is the named class or null and `index` its index or -1, `guess` the best guess or null and `guess_index` its
-    index or -1.
+    index or -1; `so_far` the class that the last seconds are nearest to.
     """
     scores = [round(score, _SCORE_DIGITS) for score in recognition.scores.tolist()]
     names, second = (*recognition.classes, None), recognition.second_index
@@ -55,6 +55,7 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "guess": names[recognition.guess_index],
         "index": recognition.class_index,
         "guess_index": recognition.guess_index,
+        "so_far": names[recognition.so_far],
         "outcome": recognition.outcome.value,
         "score": recognition.score,
         "runner_up": names[second],
@@ -80,6 +81,7 @@ def encode_gone(performer: str) -> list[bytes]:
         "guess": None,
         "index": -1,
         "guess_index": -1,
+        "so_far": None,
         "outcome": GONE,
         "score": 0.0,
         "margin": 0.0,

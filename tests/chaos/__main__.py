@@ -1,23 +1,16 @@
 """`make chaos`: attacks and faults, one after the other, and their effect on a performer."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from chaos.trial import Effort, tried
+from chaos.trial import Effort, Outcome, tried
 from chaos.trials import TRIALS
 
 from kinespace.tools.bench import recorded
 from kinespace.tools.bench.run import machine
 from kinespace.tools.terminal.console import progress
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from chaos.trial import Outcome
 
 _HEADINGS = (
     *("what goes wrong", "answers / expected", "p99 before, ms", "p99, ms", "MB before / most / after", "s to recover"),

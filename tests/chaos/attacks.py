@@ -1,13 +1,12 @@
 """Attacks of strangers: each runs in a process of its own until it is stopped."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import time
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from itertools import count, cycle, repeat
-from typing import TYPE_CHECKING
+from multiprocessing.synchronize import Event
 
 import numpy as np
 import zmq
@@ -15,12 +14,7 @@ from golden import bundle
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from multiprocessing.synchronize import Event
-
-    from kinespace.tools.loopback.program import Place
+from kinespace.tools.loopback.program import Place
 
 #: The performer whom the attacks must not harm.
 INNOCENT = "innocent"

@@ -6,30 +6,25 @@ import json
 import math
 import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from chaos.attacks import INNOCENT
+from numpy.typing import NDArray
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-from kinespace.tools.bench.crowd import play
+from kinespace.tools.bench.crowd import Played, play
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
 from kinespace.tools.loopback.answers import Listener
+from kinespace.tools.loopback.program import Place
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.tools.bench.crowd import Played
-    from kinespace.tools.loopback.program import Place
-
-    #: Makes faulty cues of the intended cues of a feed.
-    Fault = Callable[[list[Cue]], list[Cue]]
+#: Makes faulty cues of the intended cues of a feed.
+Fault = Callable[[list[Cue]], list[Cue]]
 
 FRAME_RATE, ANSWER_RATE = 120.0, 30.0
 NAMES = Announcement(INNOCENT, SKELETON.joints)

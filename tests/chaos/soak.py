@@ -13,12 +13,14 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import zmq
 from chaos.trial import ended_with, page_of, started
+from numpy.typing import NDArray
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -28,13 +30,7 @@ from kinespace.stream.teaching.memory import REMEMBERED
 from kinespace.tools.bench import recorded
 from kinespace.tools.bench.run import machine
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from kinespace.tools.loopback.program import Program
+from kinespace.tools.loopback.program import Program
 
 #: Performers, frames a second of each, and seconds for which each is there and is away: longer than a silence.
 PERFORMERS, FRAME_RATE, THERE, AWAY = 8, 30.0, 4.5, 5.5

@@ -1,30 +1,25 @@
 """The short form of `make chaos`: nothing ends the program, and the performer is still answered. No time is held."""
 
-from __future__ import annotations
-
 import math
 import signal
 import threading
 import time
 from contextlib import closing
 from itertools import count
-from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from chaos.__main__ import table
 from chaos.attacks import INNOCENT
 from chaos.performer import NAMES, cues_of
 from chaos.trial import Effort, ended_with, started, tried
 from chaos.trials import TRIALS
+from numpy.typing import NDArray
 from programs import PATIENCE
 
 from kinespace.stream import zeromq
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.feeding.feed import OscFrameSender
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 #: The attacks on one recogniser, one after the other, and the seconds of each.
 SUFFERED = [each.attack for each in TRIALS if each.attack and not each.first]

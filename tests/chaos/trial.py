@@ -1,7 +1,5 @@
 """One trial: a running `kinespace live`, an innocent performer, and an attack or a fault for some seconds."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import re
@@ -9,27 +7,23 @@ import signal
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from multiprocessing.synchronize import Event, Semaphore
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from chaos.performer import FRAME_RATE, Performer, cues_of
+from chaos.performer import FRAME_RATE, Fault, Performer, cues_of
+from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.inputs.recording import RawFile
 from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.loopback.program import Place, Program
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from multiprocessing.synchronize import Event, Semaphore
-
-    from chaos.performer import Fault
-    from numpy.typing import NDArray
-
-    #: Runs until it is stopped.
-    Attack = Callable[[Place, Event], None]
+#: Runs until it is stopped.
+Attack = Callable[[Place, Event], None]
 
 #: Seconds a program may take to begin or end.
 _PATIENCE = 60.0

@@ -1,33 +1,25 @@
 """The trials: attacks of strangers, faults of the performer's feed, and what befalls the recogniser's process."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 from chaos import attacks
 from chaos.attacks import flood, publish
-from chaos.performer import FRAME_RATE
+from chaos.performer import FRAME_RATE, Fault
 from chaos.trial import Trial, kept, page_of
+from numpy.typing import NDArray
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
+from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.loopback.program import Program
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from pathlib import Path
-
-    from chaos.performer import Fault
-    from numpy.typing import NDArray
-
-    from kinespace.tools.feeding.feed import Cue
 
 _WRISTS = [SKELETON.joints.index(name) for name in ("lwrist", "rwrist")]
 #: Bytes after which a disk is full.

@@ -1,7 +1,5 @@
 """Skeletons, clips, and the distances between all joints."""
 
-from __future__ import annotations
-
 import naive
 import numpy as np
 import pytest

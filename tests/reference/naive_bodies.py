@@ -1,15 +1,10 @@
 """The slow twin of plausibility: lengths, steps and frozen joints, one joint and one frame at a time."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    Place = Sequence[float]
-    Posture = Sequence[Place]
+Place = Sequence[float]
+Posture = Sequence[Place]
 
 
 def length(one: Place, other: Place) -> float:

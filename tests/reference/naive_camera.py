@@ -5,8 +5,6 @@
 `world_landmark_projection_calculator.cc`, `refine_landmarks_from_heatmap_calculator.cc`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Courses by definition: one step, one joint, one pair of directions at a time."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,17 +1,11 @@
 """How far in a motion, the slow way: time warping by its recursion, the forward filter a moment at a time."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 
 def warped_phase(first: NDArray[np.float64], second: NDArray[np.float64]) -> list[float]:

@@ -3,24 +3,18 @@
 Nothing here calls the product. Everything is computed from all rows of a window, part by part, window by window.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from naive import distance_rows
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+from kinespace.library.clip import Clip
+from kinespace.library.skeleton import Skeleton
 
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.skeleton import Skeleton
-
-    Matrix = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 #: A marker's noise, relative to the body's size.
 NOISE = 1 / 60

@@ -3,12 +3,7 @@
 Nothing here calls the product. Gestures are (start, end, label), words (time, class).
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from collections.abc import Sequence
 
 Gesture = tuple[float, float, str]
 Word = tuple[float, str]

@@ -1,20 +1,13 @@
 """A library's windows for the slow twins: learned numbers are taken over, and the comparison is computed again."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
-from naive_windows import NaiveComparison, NaiveMetric, as_vector, body_of, nearest, numbers_of, ratio
+from naive_windows import Matrix, NaiveComparison, NaiveMetric, as_vector, body_of, nearest, numbers_of, ratio
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from naive_windows import Matrix
-
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.library.windows.metric import Metric
+from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.metric import Metric
 
 
 def _metric(metric: Metric | None) -> NaiveMetric | None:

@@ -1,12 +1,11 @@
 """Every codec: decoded, what was encoded comes back; any other bytes are a value or the codec's one error, counted."""
 
-from __future__ import annotations
-
 import json
 import re
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -38,11 +37,6 @@ from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
 from kinespace.stream.zeromq.frames import Packed, decode_packed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)
@@ -77,6 +71,7 @@ def recognitions(draw: st.DrawFn) -> Recognition:
         share=draw(st.floats(0, 1)),
         gap=draw(st.floats(0, 1)),
         guess=draw(st.none() | st.integers(0, len(classes) - 1)),
+        so_far=draw(st.integers(-1, len(classes) - 1)),
         progress=draw(st.none() | followed),
     )
 
@@ -153,13 +148,13 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     packet = osc.encode_recognition(recognition)
     part = osc.address_part(recognition.performer)
     read = osc.decode_answer(packet)
-    assert read is not None
     assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
     assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
     assert len(packet) <= osc_answers.MAX_ANSWER
     said = {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
     assert said[f"/motion/{part}/guess"] == [recognition.guess_index]
+    assert said[f"/motion/{part}/sofar"] == [recognition.so_far]
     scores = said.get(f"/motion/{part}/scores")
     assert scores == np.float32(recognition.scores).tolist() if scores else len(recognition.scores) > 100
     followed = recognition.progress
@@ -186,6 +181,7 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
         "guess": recognition.classes[recognition.best] if recognition.guess_index >= 0 else None,
         "index": recognition.class_index,
         "guess_index": recognition.guess_index,
+        "so_far": recognition.classes[recognition.so_far] if recognition.so_far >= 0 else None,
         "outcome": recognition.outcome,
         "score": best,
         "runner_up": recognition.classes[others[0]] if others else None,
@@ -266,7 +262,6 @@ _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
 def test_a_sent_body_is_read_back(frame: Frame, carried: Carried | None) -> None:
     """Name, time and positions come back; skeleton and weights where they are the frame's."""
     read = decode_body(encode_body(frame, _STICK, carried))
-    assert read is not None
     performer, header, positions = read
     assert (performer, header.t, header.joints) == (frame.performer, frame.time, len(frame.positions))
     assert np.array_equal(np.frombuffer(positions, "<f4").reshape(-1, 3), frame.positions)

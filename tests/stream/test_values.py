@@ -1,7 +1,5 @@
 """The values passed on: invalid ones are refused at the border; sums, rates and percentiles."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -123,13 +121,6 @@ def test_any_other_name_will_do(performer: str) -> None:
     """Names of 1 to 64 characters of any script are accepted."""
     assert Frame(performer, -5.0, _positions()).performer == performer
     assert Announcement(performer, ("a",)).performer == performer
-
-
-def test_an_unchecked_frame_is_the_same_value() -> None:
-    """A frame made without checks has the fields of a checked one."""
-    made, checked = Frame.unchecked("p", 2.0, _positions()), Frame("p", 2.0, _positions())
-    assert (made.performer, made.time) == (checked.performer, checked.time)
-    assert np.array_equal(made.positions, checked.positions)
 
 
 # --- recognition ------------------------------------------------------------------------------------------------------

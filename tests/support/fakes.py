@@ -1,23 +1,17 @@
 """A service among fakes: a clock that a test turns, sources of what it puts in, sinks that keep what they get."""
 
-from __future__ import annotations
-
 import math
 import socket
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
+from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.outputs import Sink
 from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.recognizer import Performers
 from kinespace.stream.service.loop import Service
 from kinespace.stream.status import InputCounts, Status
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.frame import Announcement, Frame
-    from kinespace.stream.recognizer import Performers
-    from kinespace.stream.teaching import Notice
+from kinespace.stream.teaching import Notice
 
 
 class FakeClock:

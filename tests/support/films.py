@@ -1,22 +1,16 @@
 """Films for tests, written by OpenCV (the extra `camera`)."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 
 def write(path: Path, pictures: Iterable[NDArray[np.uint8]], rate: float) -> Path:
@@ -27,7 +21,6 @@ def write(path: Path, pictures: Iterable[NDArray[np.uint8]], rate: float) -> Pat
     for picture in pictures:
         writer = writer or cv2.VideoWriter(str(own), cv2.VideoWriter_fourcc(*"MJPG"), rate, picture.shape[1::-1])
         writer.write(picture)
-    assert writer is not None
     writer.release()
     return own.replace(path)
 

@@ -7,12 +7,11 @@ As a program it sends as many packets as asked:
 and ends with exit status 1 at the first packet that raises or is not counted.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import singlepart
@@ -20,21 +19,15 @@ from golden import LAYOUTS, Moment, bundle, message
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc, zeromq
-from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs import Source, ZmqDecoder
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.zeromq.bodies import decode_body, encode_body
 from kinespace.stream.zeromq.frames import decode_packed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.frame import Input
 
 #: Bytes with a meaning in OSC are tried more often than others.
 _TELLING = (b"\0", b",", b"/", b"#", b"#bundle\0", b"f", b"s", b"i", b"[", b"]", b"\xff\xff\xff\xff", b"\x7f\xc0\0\0")

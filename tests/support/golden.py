@@ -5,26 +5,21 @@ product's units, axes, names and messages, and gives the datagrams of one frame 
 them.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import struct
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kinespace.stream.feeds import builtin_preset
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
-    from numpy.typing import NDArray
-
-    Places = Mapping[str, NDArray[np.floating]]
-    #: Gives the datagrams of a frame.
-    Layout = Callable[["Moment"], list[bytes]]
+Places = Mapping[str, NDArray[np.floating]]
+#: Gives the datagrams of a frame.
+Layout = Callable[["Moment"], list[bytes]]
 
 #: The time tag that means "immediately".
 IMMEDIATELY = struct.pack(">Q", 1)

@@ -1,21 +1,14 @@
 """The answers of a recogniser to frames, answers that must be the same, and one answer with all its numbers."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome, Recognition
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer import Recognizer
 
 #: The second of three classes is named.
 NAMED = Recognition(

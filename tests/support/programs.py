@@ -1,11 +1,7 @@
 """The programs as a person starts them: child processes that tests read while they run, and end."""
 
-from __future__ import annotations
-
-import atexit
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -13,28 +9,21 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
 import zmq
+from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.library.windows.index import keeping_lessons
 from kinespace.stream import Frame, osc, zeromq
-from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
+from kinespace.stream.recognition import Answer
+from kinespace.tools.feeding.feed import Cue, OscFrameSender, Packet, without_pause
 from kinespace.tools.loopback.answers import Listener, answer_in
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from kinespace.stream.recognition import Answer
-    from kinespace.tools.feeding.feed import Packet
-    from kinespace.tools.loopback.service_process import Transport
+from kinespace.tools.loopback.service_process import Transport
 
 #: A line on what is odd about a body that could be read (`library.windows.oddities.remarks`).
 REMARK = re.compile(r"^[^:]*: (names not known|joints|flat|size|frame rate): ")
@@ -171,15 +160,6 @@ def small_library() -> MotionLibrary:
 
 
 @cache
-def small_library_file() -> Path:
-    """Keep the small library, with the numbers that it teaches, in a file until Python ends."""
-    folder = Path(tempfile.mkdtemp())
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    keeping_lessons(small_library()).save(folder / "small.npz")
-    return folder / "small.npz"
-
-
-@cache
 def _motion_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
     motions = (motion for motion in builtin_library().motions if motion.class_name == class_name)
     # The last frame at 60 a second has no frame at 120 after it.
@@ -267,12 +247,7 @@ class Stage:
 
 @contextmanager
 def live(*options: object, transport: Transport = "osc", environment: dict[str, str] | None = None) -> Iterator[Stage]:
-    """Run `kinespace live` on ports chosen by the system: frames in by one transport, answers out by OSC.
-
-    It recognises by the small library, which takes half the time to open, unless the options name another.
-    """
-    if "--library" not in options:
-        options = ("--library", small_library_file(), *options)
+    """Run `kinespace live` on ports chosen by the system: frames in by one transport, answers out by OSC."""
     with ExitStack() as stack:
         receiver = osc.OscReceiver(LOOPBACK, 0)
         stack.callback(receiver.close)

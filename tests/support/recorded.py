@@ -1,15 +1,10 @@
 """Recordings made by the tests: a small body with two arms, in files named and laid out like HDM05's cut clips."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from synthetic import TinyBody, TinyBone, amc_text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 #: Two arms that bend at the elbow, and a head: the distances show which bone bends the elbow.
 TWO_ARMS = TinyBody(

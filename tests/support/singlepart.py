@@ -1,16 +1,11 @@
 """Frames in one msgpack map, as a sender writes them who cannot send several parts."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.frame import Frame
+from kinespace.stream.frame import Frame
 
 
 def encode(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> bytes:

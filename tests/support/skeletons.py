@@ -1,7 +1,5 @@
 """Names of joints in other programs: labels of their files and feeds, typed from their documents."""
 
-from __future__ import annotations
-
 _FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")
 
 MIXAMO = tuple(

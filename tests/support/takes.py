@@ -1,15 +1,10 @@
 """Continuous labelled takes made by the tests: a body with two arms does one motion after another."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from synthetic import TinyBody, TinyBone, amc_text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 #: A trunk with a head, and two arms of two bones.
 PUPPET = TinyBody(

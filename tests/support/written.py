@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import naive
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from synthetic import METRE, TinyBody, TinyBone, amc_text
 
 from kinespace.library.recordings.formats.units import METRES
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 TURNS = ("Zrotation", "Yrotation", "Xrotation")
 MOVES = ("Xposition", "Yposition", "Zposition")

@@ -1,7 +1,5 @@
 """Packets of our own protocols that are wrong, by the counter in which each must show: one table for all tests."""
 
-from __future__ import annotations
-
 import json
 import pickle
 

@@ -4,8 +4,6 @@ The clone, its environment and kinespace's cache lie in a temporary folder; pack
 load of the machine stands below the table: on a busy one every figure is larger.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import socket
@@ -13,12 +11,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Seconds from the clone to the first answer, and from the installed program to the paper's table; seconds for which

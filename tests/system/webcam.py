@@ -7,8 +7,6 @@ The film is Sports2D's demonstration (BSD-3), fetched by pip as the tests do: a 
 jumps down. `clone` needs git, and pip's and npm's registries.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -18,13 +16,15 @@ import tempfile
 import threading
 import time
 import venv
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
 import zmq
+from numpy.typing import NDArray
 
 from kinespace.tools.camera import film, models
 from kinespace.tools.programs.camera import session
@@ -33,12 +33,7 @@ from kinespace.tools.terminal.console import say
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from films import demo_film, fetched_demo, write
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    Picture = NDArray[np.uint8]
+Picture = NDArray[np.uint8]
 
 #: Pictures a second of the webcam; seconds that are measured, and that do not count before.
 _RATE, _SECONDS, _WARM_UP = 25.0, 30.0, 5.0

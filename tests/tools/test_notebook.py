@@ -1,19 +1,15 @@
 """The notebook, cell by cell, as Jupyter runs it."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import pytest
 from programs import ROOT
 
 from kinespace.library import MotionLibrary
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.slow

@@ -73,6 +73,7 @@ def described(known: Known) -> _Node:
         at = f"/motion/{address_part(name)}"
         add(f"{at}/class", "iff", _SENT, "index (-1: none), score, margin", index, _SHARE, {"MIN": -1.0, "MAX": 1.0})
         add(f"{at}/guess", "i", _SENT, "index of the best guess", index)
+        add(f"{at}/sofar", "i", _SENT, "index of the class that the last seconds are nearest to", index)
         add(f"{at}/label", "s", _SENT, "class, or why none is named", labels)
         add(f"{at}/scores", "f" * count, _SENT, "score of each class", *[_SHARE] * count)
         event: list[_Node | None] = [{"VALS": [str(each) for each in EventKind]}, names, index, _SHARE, _ANY]

@@ -11,7 +11,7 @@ from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, ClassVar, Self
 from urllib.parse import urlsplit
 
-from kinespace.stream.workers.child_process import Child, leave_signals_to_parent
+from kinespace.stream.service.child_process import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.page.link import Subscription, ask_control

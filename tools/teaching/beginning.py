@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
     from pathlib import Path
 
-    from kinespace.stream.workers.gateway import Recognising
+    from kinespace.stream.service.loop import Recognising
 
 #: The share of a feed's joints, or of HDM05's, that both must have for HDM05's metrics to compare the examples: a hand
 #: with twenty bones has neither.

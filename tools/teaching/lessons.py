@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Event
+    from kinespace.stream.service.loop import Recognising
     from kinespace.stream.teaching import Notice, Teacher
-    from kinespace.stream.workers.gateway import Recognising
     from kinespace.tools.teaching.roster_file import RosterFile
 
 #: Seconds after a lesson in which its performer is still not answered: a motion is done some tenths after its end.

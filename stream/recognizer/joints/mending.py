@@ -10,7 +10,7 @@ again. While nearly all movement is jumps no class is named.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,34 +43,6 @@ _SHOWN = 5.0
 _MIN_LEFT = 0.5
 #: Metres: zeros are a lost joint only if the joint was farther than this from the origin.
 _ELSEWHERE = 0.05
-
-
-class LongAgo(NamedTuple):
-    """A recogniser's knowledge of its feed that the last seconds of the feed need not show.
-
-    Attributes
-    ----------
-    mirrored, factor
-        Whether left and right are exchanged, and the factor on the unit that puts it right.
-    last_jump
-        When the whole body last jumped, seconds on the feed's clock; None for never.
-    tremble
-        By how much the body's segments change, metres.
-    """
-
-    mirrored: bool = False
-    factor: float = 1.0
-    last_jump: float | None = None
-    tremble: float = 0.0
-
-    @property
-    def of_the_body(self) -> LongAgo:
-        """The same without jumps, for frames that still contain the jumps."""
-        return self._replace(last_jump=None)
-
-
-#: Nothing that has to be known.
-_NOTHING = LongAgo()
 
 
 class Joints:
@@ -156,18 +128,6 @@ class Joints:
     def only_jumps(self, time: float) -> bool:
         """Say whether nearly all movement in the windows that end now is jumps of the whole body."""
         return time - self._last_jump < _IN_WINDOWS and self._jumped > ONLY_JUMPS * self._moved
-
-    @property
-    def long_ago(self) -> LongAgo | None:
-        """Facts for another recogniser that goes on with the last seconds of this feed; None for none."""
-        last_jump = self._last_jump if math.isfinite(self._last_jump) else None
-        known = LongAgo(self._mirrored, self._factor, last_jump, self._plausibility.tremble)
-        return None if known == _NOTHING else known
-
-    def go_on(self, known: LongAgo) -> None:
-        """Go on where another recogniser was."""
-        self._mirrored, self._factor, self._plausibility.tremble = known.mirrored, known.factor, known.tremble
-        self._last_jump = -math.inf if known.last_jump is None else known.last_jump
 
     # --- frames ---
 

@@ -1,7 +1,5 @@
 """The library's file: written whole or not at all; a damaged file is refused in one line."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json
@@ -12,21 +10,18 @@ import stat
 import sys
 import tracemalloc
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from synthetic import STICK, stick_clip, stick_clips
 
 from kinespace.library.motion_library import MotionLibrary, library_file
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.motion_library.library_file import LibraryFileError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
 SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
 #: Bytes that refusing any file here may take at most.

@@ -1,24 +1,18 @@
 """The motion library: made of clips, changed, merged, and the one that comes with the package."""
 
-from __future__ import annotations
-
 import dataclasses
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from kinespace.library.clip import Clip
 
 SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
 
@@ -222,7 +216,6 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
     library.save(tmp_path / "library.npz")
     loaded = MotionLibrary.load(tmp_path / "library.npz")
     _assert_equal(loaded, library)
-    assert loaded.learned is not None
     arrays, expected = loaded.learned.named, learned.named
     assert list(arrays) == list(expected)
     assert all(np.array_equal(arrays[name], expected[name]) for name in expected)

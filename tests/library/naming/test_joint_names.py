@@ -1,10 +1,9 @@
 """The names of joints in other programs: their tables, the conventions, HDM05's own names."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import msgspec
 import naive
@@ -12,17 +11,12 @@ import numpy as np
 import pytest
 import skeletons
 
+from kinespace.library.clip import Clip
 from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
 from kinespace.library.naming.checked_toml import Text, read_toml
 from kinespace.library.naming.convention import parse_convention
 from kinespace.library.recordings.formats.acclaim import read_clip
 from kinespace.stream.feeds import builtin_names, builtin_preset
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from kinespace.library.clip import Clip
-
 
 # --- checked toml -----------------------------------------------------------------------------------------------------
 
@@ -249,7 +243,6 @@ def test_names_are_found(skeleton: str) -> None:
     """Every convention's skeleton is known by its names, and each of its joints gets the name that is meant."""
     labels, convention, ours, some = KNOWN[skeleton]
     named = Naming().read(labels)
-    assert named.convention is not None
     assert named.convention.name == convention
     assert sum(joint in OURS for joint in named.joints) == ours
     assert len(set(named.joints)) == len(labels)

@@ -1,7 +1,5 @@
 """How far in its motion each moment is: recordings warped onto each other, and the tables made of them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,9 +1,7 @@
 """Recorded files found in folders and read one after the other."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,9 +17,6 @@ from kinespace.library.recordings import (
 )
 from kinespace.library.recordings.formats import acclaim
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def _touch(folder: Path, *names: str) -> None:

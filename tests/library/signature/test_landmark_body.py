@@ -1,19 +1,13 @@
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.motion_library import MotionLibrary
 
 _SENT = builtin_preset("mediapipe").sent
 

@@ -1,9 +1,5 @@
 """What a window's signature is made of: basis, body, leading eigenvector, parts."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import naive
 import naive_windows
 import numpy as np
@@ -11,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from naive_windows import body_of, rank_k_product
+from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
@@ -33,13 +30,7 @@ from kinespace.library.signature.parts import (
 )
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.cutting import eigenpairs_of
-from kinespace.library.windows.index import learned_basis
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.windows.index import WindowIndex
-
+from kinespace.library.windows.index import WindowIndex, learned_basis
 
 # --- basis ------------------------------------------------------------------------------------------------------------
 

@@ -1,7 +1,5 @@
 """The decoder of other products' packets: hosts told apart, and the last packet that could not be read."""
 
-from __future__ import annotations
-
 from kinespace.stream.feeds.decoder import MAX_SENDERS, SenderNumbers
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
 

@@ -1,8 +1,6 @@
 """Frames out of joints: the closing rules, split and nested bundles, late and absent joints, several performers."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -16,9 +14,6 @@ from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, MAX_PERFORMERS,
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import decode_packet
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 JOINTS = ("a", "b", "c", "d")
 

@@ -1,7 +1,5 @@
 """Forward kinematics against the textbook's: a product of 4 × 4 matrices down from the root."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

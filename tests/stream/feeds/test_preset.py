@@ -1,9 +1,7 @@
 """Presets: the built-in ones are complete, and a mistake in a user's own is one line with its place."""
 
-from __future__ import annotations
-
 from importlib import resources
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,9 +10,6 @@ from hypothesis import strategies as st
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import PresetError, builtin_names, builtin_preset, load_preset
 from kinespace.stream.feeds.preset import Closing, parse_preset
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 GOOD = """
 port = 7000

@@ -1,7 +1,5 @@
 """One message a joint, by the preset `joints`: a body has the joints that come, whatever they are."""
 
-from __future__ import annotations
-
 import numpy as np
 from golden import message
 

@@ -1,7 +1,5 @@
 """Packets that are no OSC become messages; a packet of another form raises one kind of error."""
 
-from __future__ import annotations
-
 import json
 import struct
 

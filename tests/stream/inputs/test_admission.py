@@ -1,11 +1,9 @@
 """Admission: a performer's own sender, times that go on, and allowed performers and networks."""
 
-from __future__ import annotations
-
 import ipaddress
 import time
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,14 +11,10 @@ import zmq
 from programs import LOOPBACK, PATIENCE
 from synthetic import STICK, stick_clip
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
 from kinespace.stream.frame import NewSender
 from kinespace.stream.inputs import Admission
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from kinespace.library.motion_library import MotionLibrary
 
 ANN, EVE = ("10.0.0.5", 4000), ("10.0.0.7", 4000)
 POSITIONS = np.zeros((3, 3))

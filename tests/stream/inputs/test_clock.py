@@ -1,26 +1,19 @@
 """Senders' clocks: each kind is found within the first second, for any pattern of arrivals."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from synthetic import stick_clip
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import Frame, Performers
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.clock import SenderClock
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.motion_library import MotionLibrary
-
-    #: From the moments at which frames are made, seconds (frames,), to the times that are sent with them.
-    Clock = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+#: From the moments at which frames are made, seconds (frames,), to the times that are sent with them.
+Clock = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 EPOCH, BOOT = 1_795_000_000.0, 40_000.0
 

@@ -1,10 +1,8 @@
 """Commands among a feed's packets: who may give them, what is counted, and frames that come in the same bundle."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from contextlib import closing
 from ipaddress import ip_network
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,9 +13,6 @@ from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.teaching import Asked, commands
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HERE, ELSEWHERE = ("127.0.0.1", 5), ("192.0.2.9", 5)
 STOP, WRONG = encode_message("/motion/teach/stop"), encode_message("/motion/teach/fly")

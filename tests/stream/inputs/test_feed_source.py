@@ -1,26 +1,19 @@
 """Feeds whose senders are asked: the messages for a sender, their times, and their port; what comes is counted."""
 
-from __future__ import annotations
-
 import math
 import socket
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import pytest
 from golden import message
 
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.preset import parse_preset
+from kinespace.stream.feeds.preset import AskedMessage, Preset, parse_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.feed_source import SILENCE, FeedSource, is_due, packets_for_sender
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from kinespace.stream.feeds.preset import AskedMessage, Preset
 
 LOOPBACK, NEVER = "127.0.0.1", -math.inf
 

@@ -1,7 +1,5 @@
 """Senders that take more than their share are served last: others' packets are never kept waiting behind theirs."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,15 +1,13 @@
 """Our OSC: packets decoded as by python-osc, answers that it reads, and the two sockets."""
 
-from __future__ import annotations
-
 import dataclasses
 import select
 import socket
 import struct
 import sys
 import threading
+from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -27,10 +25,6 @@ from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
 from kinespace.stream.recognition import Answer, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 
 # --- osc packet -------------------------------------------------------------------------------------------------------
 
@@ -125,6 +119,7 @@ def test_a_performer_who_left_has_no_class() -> None:
     assert _params(packet) == {
         "/motion/Ada_L/class": [-1, 0.0, 0.0],
         "/motion/Ada_L/guess": [-1],
+        "/motion/Ada_L/sofar": [-1],
         "/motion/Ada_L/label": ["gone"],
     }
     assert osc.decode_answer(packet) == Answer("Ada_L", -1, 0.0, 0.0, "gone")
@@ -152,7 +147,7 @@ def test_performers_stand_in_addresses(performer: str, part: str) -> None:
     """Characters that OSC reserves or that do not print become underscores in addresses."""
     assert osc.address_part(performer) == part
     addresses = _params(osc.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
-    assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "label", "scores")}
+    assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "sofar", "label", "scores")}
 
 
 def test_the_status_is_sent() -> None:
@@ -270,10 +265,10 @@ def test_a_host_is_looked_up_without_waiting(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(udp, "_resolved", answer)
     pauses: list[float] = []
     monkeypatch.setattr(udp.time, "sleep", pauses.append)
+    others = {*threading.enumerate()}
     found = LookedUp("stage.local", 9)
-    for thread in threading.enumerate():
-        if thread.name == "kinespace look-up":
-            thread.join(10.0)
+    for thread in {*threading.enumerate()} - others:
+        thread.join(10.0)
     assert (found.address, pauses) == ((LOOPBACK, 9), [5.0, 5.0])
 
 

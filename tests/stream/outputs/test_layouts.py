@@ -1,7 +1,5 @@
 """Each layout read back with python-osc, several at once, and replies to each performer's own sender."""
 
-from __future__ import annotations
-
 import dataclasses
 import socket
 from contextlib import ExitStack

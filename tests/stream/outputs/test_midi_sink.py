@@ -1,8 +1,7 @@
 """Answers as MIDI: what a port is sent, and a file that mido reads."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import mido
 import numpy as np
@@ -10,9 +9,6 @@ import pytest
 
 from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 START = Event("ann", EventKind.START, "jump", 1, 0.75, 4.0)
 END = Event("ann", EventKind.END, "jump", 1, 0.75, 5.0)

@@ -1,8 +1,6 @@
 """Layouts that a person wrote: what is sent, and what is said of mistakes."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +9,6 @@ from pythonosc.osc_packet import OscPacket
 from kinespace.stream.outputs import LayoutSink
 from kinespace.stream.outputs.written_layout import LayoutFileError, WrittenLayout
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FILMS = """
 title = "a mixer of films"

@@ -1,14 +1,12 @@
 """What ZeroMQ sinks publish: every message of the service, and thirty bodies a second."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
+from kinespace.library.skeleton import Skeleton
 from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs import ZmqSink
@@ -19,9 +17,6 @@ from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
 from kinespace.stream.zeromq import answers as zeromq_answers
-
-if TYPE_CHECKING:
-    from kinespace.library.skeleton import Skeleton
 
 POSE = stick_clip("bow").positions[0]
 CARRIED = Carried((1.0, *[0.0] * (len(POSE) - 1)), ((0, 1), (0, 2)))

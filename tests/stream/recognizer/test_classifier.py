@@ -1,7 +1,5 @@
 """Whole clips classified by scikit-learn's conventions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,11 +1,9 @@
 """The decision: the guess, whether it is known, and events that come once, even if the guess flickers."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import naive_stream
 import numpy as np
@@ -13,20 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
+from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
 from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
 
 CLASSES = ("bow", "jump", "wave")
 START, END = EventKind.START, EventKind.END
@@ -169,7 +163,6 @@ def test_reasons_for_naming_no_class(
     decision = Decision(NEEDED, stillness=stillness)
     decided = decision.push(LiveWindows(index, threshold), _seen(0.1, 1.0, 1.0, signature=signature), 0.01, 0.0)
     assert decided.outcome is outcome
-    assert decided.evidence is not None
     assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))
 
 
@@ -235,9 +228,7 @@ def test_alternating_guesses_start_nothing_new(period: int) -> None:
     _pushed(decision, _course((1.0, NAMED, 2)))
     assert _pushed(decision, (_recognition(11 + k * HOP, k // period % 2) for k in range(300))) == []
     going_on = decision.going_on
-    assert going_on is not None
     ended = decision.end(30.0)
-    assert ended is not None
     assert (ended.kind, ended.label, ended.time, ended.score) == (END, "wave", 30.0, going_on.score)
     assert (decision.end(31.0), decision.going_on) == (None, None)
     # Another recogniser goes on with the motion: no second start, and one end.
@@ -263,7 +254,6 @@ def test_in_another_library_the_motion_goes_on_if_its_class_does(index: WindowIn
         ended = decision.exchange(index, classes, 6.0, 20.0)
         assert (ended is None) is lasts
         if lasts:
-            assert decision.going_on is not None
             assert decision.going_on.index == 1
             events = _pushed(decision, (_recognition(12 + k * HOP, 0, classes=classes) for k in range(30)))
             assert _told(events) == [(END, "wave"), (START, "nope")]

@@ -1,29 +1,22 @@
 """Motions that begin, and motions that were really done: once each, at their end, none that was broken off."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import naive_courses as naive
 import numpy as np
 import pytest
 
 from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library.clip import Clip
 from kinespace.library.signature.own_frame import STEP, size_of
 from kinespace.library.windows.courses import path_of
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream import Frame, Recognizer, Settings
-from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognition import Done, EventKind
 from kinespace.stream.recognizer import done
 from kinespace.stream.recognizer.done import DoneFollower
 from kinespace.tools.teaching.beginning import open_taught
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.library.clip import Clip
-    from kinespace.stream.recognition import Done
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
 
@@ -60,6 +53,7 @@ def said(index: WindowIndex, clips: Sequence[np.ndarray], rate: float = 60.0, **
     return [answer.done for answer in answers if answer and answer.done]
 
 
+@pytest.mark.slow
 def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
     """Four squats one behind the other are four motions, each about where it was and as long as it was."""
     clips = clips_of(SQUAT)[2:6]
@@ -100,6 +94,7 @@ def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     assert not said(taught, [clip.positions])
 
 
+@pytest.mark.slow
 def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) -> None:
     """What is said with a strict promise is also said with a lax one; with none nothing is said."""
     clips = [clip.positions for name in (ARMS, SQUAT, DOWN) for clip in clips_of(name)[:2]]
@@ -141,6 +136,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
     return best[1]
 
 
+@pytest.mark.slow
 def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None:
     """The same motions at the same looks, on real motions one behind the other."""
     few = index.of_some(range(0, len(index.library.motions), 4))

@@ -1,29 +1,23 @@
 """Progress: how far, how fast, how large."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache
 from itertools import groupby, islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from naive_progress import Pace, beginning_of, below, gone_on, weighed
+from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.progress.phase_table import VELOCITY, PhaseTable
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream import Frame, Recognizer, Settings
+from kinespace.stream.recognition import Progress
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.stream.recognition import Progress
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
 

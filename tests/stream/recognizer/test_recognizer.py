@@ -1,10 +1,8 @@
 """The recogniser of one performer: when it answers, what it refuses, and when it begins anew."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import naive
 import numpy as np
@@ -16,21 +14,15 @@ from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import SkeletonMismatchError
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import opened
+from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer.windows.live_windows import Seen
 
 
 def _frames(class_name: str, *, seconds: float = 3.0, rate: float = 120.0, start: float = 0.0) -> list[Frame]:
@@ -91,7 +83,6 @@ def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(sticks: MotionLibra
         first = [(event.kind, event.label, event.time) for event in after[0].events]
         assert (first[:1] == [(EventKind.END, "bow", pytest.approx(359 / 120))]) is ended
         end = recognizer.end()
-        assert end is not None
         assert (end.label, end.time, recognizer.end()) == ("jump", start + 359 / 120, None)
 
 
@@ -179,7 +170,6 @@ def test_in_another_library_no_window_and_no_answer_is_lost(
     assert recognizer.exchange(index) is None
     answers += pushed(recognizer, frames[200:280])
     ended = recognizer.exchange(fewer)
-    assert ended is not None
     assert (ended.kind, ended.label, ended.time) == (EventKind.END, "bow", frames[279].time)
     for answer, other in zip(answers, expected, strict=False):
         np.testing.assert_allclose(answer.scores, other.scores, atol=1e-4)

@@ -1,9 +1,8 @@
 """Settings: checked once; and what they mean for a library."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +12,6 @@ from kinespace.library import MotionLibrary
 from kinespace.library.windows.index import opened
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for, usual_sensitivity
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 PAPER = LiveSignature.PAPER
 

@@ -1,7 +1,5 @@
 """A whole clip recognised at once, and answers as rows of a table."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,12 +1,10 @@
 """The loop: packets of every source are counted and answered to every sink, and none stops the loop."""
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from fakes import Bench, FakeSink, FakeSource
 from performed import pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source
@@ -27,11 +26,6 @@ from kinespace.stream.service.overload import LATE, MAX_AGE
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import Asked, State, Step, commands
 from kinespace.stream.zeromq import Endpoint
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
 
 LOOPBACK = "127.0.0.1"
 ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)

@@ -1,10 +1,8 @@
 """Overload, on a machine whose slowness is given: answers get rarer for all alike, and stay fresh."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -12,15 +10,11 @@ from fakes import Bench, FakeClock, FakeSink, FakeSource
 from performed import shown
 from synthetic import STICK, stick_clip
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.service.overload import CAUTION, MAX_PERFORMERS, MAX_WAITING, Overload, Taken
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Recognition
 
 #: Seconds that a packet and an answer take.
 _PACKET, _ANSWER = 2e-4, 5e-3
@@ -59,6 +53,7 @@ class SlowSink(FakeSink):
         self.ages.append(self.clock.now - recognition.time)
 
 
+@pytest.mark.slow
 def test_answers_get_rarer_for_all_alike_and_stay_fresh(sticks: MotionLibrary) -> None:
     """All get a fair share of what the machine can do, none is old, and afterwards all is as it was."""
     frames = list[Frame]()

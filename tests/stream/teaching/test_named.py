@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 from test_teacher import Stage
 
@@ -147,8 +145,6 @@ def test_a_person_speaks_of_the_motion_that_there_was_time_to_see() -> None:
     named.push(_event(EventKind.START, 2.2, "kick"))
     named.push(_event(EventKind.END, 2.3, "squat"))
     before, now = named.meant("ann", 2.5), named.meant("ann", 3.0)
-    assert before is not None
-    assert now is not None
     assert (before.class_name, before.span(2.5)) == ("squat", pytest.approx((0.2, 2.0)))
     assert (now.class_name, now.span(3.0)) == ("kick", (2.0, 3.0))
     assert now.span(30.0) == (15.0, 30.0)

@@ -1,26 +1,18 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from synthetic import gesture, stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Example, Roster
 from kinespace.stream.frame import Frame
-from kinespace.stream.teaching import Changed, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
 from kinespace.stream.teaching.memory import Memory
 from kinespace.stream.teaching.notices import Tried
 from kinespace.stream.teaching.teacher import OFFER
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
-    from kinespace.stream.teaching import Command, Notice
 
 RATE = 60.0
 
@@ -185,13 +177,11 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     stage.stand(0.5)
     stage.perform()
     recent = stage.teacher.recent(1)
-    assert recent is not None
     assert recent.clip().duration == pytest.approx(10.3, abs=0.4)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     stage.perform()
     stage.ask(commands.Last("ann", 1.0, "bow"))
     again = stage.teacher.recent(2)
-    assert again is not None
     spans = [(each.start, each.end) for each in again.shown]
     assert len(spans) == 2
     assert spans[0] == pytest.approx((110.2, 112.5), abs=0.5)

@@ -1,27 +1,21 @@
 """Keys: files that only their owner reads, and sockets that only peers with known keys reach."""
 
-from __future__ import annotations
-
 import os
 import re
 import stat
 from contextlib import ExitStack
 from ipaddress import ip_network
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import zmq
 from programs import LOOPBACK, PATIENCE
+from zmq import Socket
 from zmq.auth import load_certificate
 
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqReceiver, ZmqSender
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from zmq import Socket
 
 #: Milliseconds in which a stranger, who must not be let in, is surely refused; the result does not depend on it.
 A_MOMENT = 150
@@ -166,6 +160,7 @@ def test_nobody_knows_it_is_open_to_others(address: str, kind: int, tmp_path: Pa
     Endpoint(address, bind=True, to_anybody=True).open(kind).close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "option"),
     [

@@ -1,7 +1,5 @@
 """ZeroMQ messages of one part: msgpack and OSC, believed no more than others."""
 
-from __future__ import annotations
-
 import msgpack
 import numpy as np
 import singlepart

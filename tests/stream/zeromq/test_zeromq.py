@@ -1,14 +1,12 @@
 """ZeroMQ messages and sockets: every message is checked, and the traps of PUB and SUB are avoided."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,10 +21,6 @@ from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
 from kinespace.stream.zeromq import answers as zeromq_answers
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
 
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.

@@ -3,8 +3,6 @@
 The tests that need it are then skipped, or fail where none may be skipped.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,17 +1,13 @@
 """The network is refused while tests run, in their process and in the programs that they start: this machine alone."""
 
-from __future__ import annotations
-
 import errno
 import ipaddress
 import socket
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, wraps
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from typing import Any
 
 _SENDING = {"socket.connect", "socket.sendto", "socket.sendmsg"}
 _LOOKING_UP = {"socket.getaddrinfo", "socket.gethostbyname", "socket.gethostbyaddr"}

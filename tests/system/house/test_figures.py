@@ -1,7 +1,5 @@
 """The quick figures are no worse than `figures.toml` says; `make figures` measures all, and changes them."""
 
-from __future__ import annotations
-
 import figures
 import pytest
 from figures import Figure

@@ -1,7 +1,5 @@
 """No test asks a network, nor does a program that a test starts."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

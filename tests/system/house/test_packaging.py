@@ -1,7 +1,5 @@
 """The package: its modules, their data, and a built-in library made by our own command."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -10,16 +8,14 @@ import tomllib
 import zipfile
 from importlib import resources
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from programs import ROOT
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 #: Each folder that is shipped, and the name it is imported by.
 FOLDERS = {"tools/front": "kinespace"} | {

@@ -1,7 +1,5 @@
 """The rules of the house that a reader can count on, checked in the sources themselves."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shutil
@@ -21,7 +19,7 @@ BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "str
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
 CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
 CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py")
-CORE += tuple(f"stream/workers/{name}.py" for name in ("wire", "track", "worker", "router"))
+CORE += tuple(f"stream/workers/{name}.py" for name in ("wire", "track"))
 CORE += (
     "stream/inputs/decoder.py",
     "stream/inputs/detection.py",

@@ -1,13 +1,11 @@
 """README and its pages: their examples run, and their links and options exist."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
 from fractions import Fraction
 from itertools import compress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from programs import ROOT
@@ -15,9 +13,6 @@ from programs import ROOT
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 #: The text of each page, by its path.
 PAGES = {
@@ -132,17 +127,3 @@ def test_every_page_is_linked() -> None:
         if "://" not in link
     }
     assert set(PAGES) - {ROOT / "README.md"} <= linked
-
-
-def test_readme_is_a_first_page() -> None:
-    """Within the first screen are `make demo`, a picture, and how to run the tests."""
-    first = README.splitlines()[:24]
-    assert any(line.startswith("![") for line in first)
-    assert "make demo" in first
-    assert any("`make test`" in line for line in first)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
-def test_nothing_is_left_to_fill_in(page: Path) -> None:
-    """No page has a placeholder in capitals with underscores, or a TODO."""
-    assert re.findall(r"^[A-Z]+_[A-Z_]+$|TODO|FIXME|XXX", PAGES[page], re.MULTILINE) == []

@@ -1,7 +1,5 @@
 """The site that `make docs` makes."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

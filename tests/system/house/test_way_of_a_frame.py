@@ -1,11 +1,9 @@
 """CONTRIBUTING's way of one frame is the way that a frame takes: traced from the datagram to the answer."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import FrameType
 
 import numpy as np
 import pytest
@@ -17,9 +15,6 @@ from kinespace.stream.inputs import Admission, OscDecoder, Source
 from kinespace.stream.outputs import LayoutSink, NativeLayout
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.service.loop import Service
-
-if TYPE_CHECKING:
-    from types import FrameType
 
 ROOT = Path(__file__).resolve().parents[3]
 #: Frames a second, frames until the windows are full, and frames in all.

@@ -1,10 +1,9 @@
 """Fewer joints, joints without names, and joints in other programs' names."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,23 +12,17 @@ from performed import pushed, shown
 from programs import ghost_cues, live
 from written import MOVES, Node, bvh_text, trc_text
 
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.feeding.joint_sets import joints_in_order, joints_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from kinespace.library.clip import Clip
-    from kinespace.stream.recognition import Recognition
-
 
 # --- restricted -------------------------------------------------------------------------------------------------------
 

@@ -1,32 +1,24 @@
 """Bodies of other laboratories, sensors and cameras: their joints, what is believed of them, whom they are like."""
 
-from __future__ import annotations
-
-import io
 import json
-from contextlib import redirect_stdout
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kinespace.library import Reading
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.library.naming.convention import convention_named
+from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import Segments
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.joints.fitting import UNLIKE
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from pathlib import Path
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
 
 pytestmark = pytest.mark.slow
 
@@ -75,12 +67,9 @@ def _differences(data: Path, convention: str, naming: Naming, builtin: MotionLib
 # --- honest feeds -----------------------------------------------------------------------------------------------------
 
 
-#: Markers of another laboratory, three depth sensors and a camera, each by one person or some; `make figures` measures
-#: the share doubted of more.
+#: A depth sensor and films, each by one person or some; `make figures` measures the share doubted of every set.
 FEEDS = {
-    "uiprmd": ("uiprmd/takes/s01_*.npz", "--actor-in", "name"),
     "uiprmd_kinect": ("uiprmd_kinect/takes/s04_*.npz", "--actor-in", "name"),
-    "kindergator": ("kindergator/takes/a565_*.npz", "--actor-in", "name"),
     "camera": (
         "camera/p[26]*_[rs]*.npz",
         "--actor-in",
@@ -89,30 +78,22 @@ FEEDS = {
         "squat=squat1Reps",
         "run=jogLeftCircle4StepsRstart",
     ),
-    "utkinect": ("utkinect/joints_s0[123]_*.txt", "--map", "throw=throwBasketball"),
 }
 
 
 @pytest.mark.parametrize("feed", FEEDS)
-def test_an_honest_feed_is_believed(feed: str, data_folder: Path) -> None:
-    """At most .5 % of the time is doubted, and believing everything guesses no more than .3 points better."""
-    with_check, without = (_score(data_folder, FEEDS[feed], *more) for more in ((), ("--no-plausibility",)))
-    assert with_check["doubted"] <= 0.005
-    assert without["doubted"] == 0.0
-    for figure in ("frame_accuracy", "segment_accuracy", "known_answered"):
-        assert with_check[figure] >= without[figure] - 0.003, figure
+def test_an_honest_feed_is_believed(feed: str, data_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At most .5 % of the time is doubted, and none where everything is to be believed."""
+    pattern, *options = FEEDS[feed]
+    takes = [str(each) for each in _some(sorted(data_folder.glob(pattern)), 4)]
+    for more, most in (((), 0.005), (("--no-plausibility",), 0.0)):
+        assert main(["evaluate", "stream", *takes, *options, *more, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["doubted"] <= most
 
 
 def _some(places: list[Path], count: int) -> list[Path]:
     """Give so many of the recordings at most, from the whole list."""
     return places[:: -(-len(places) // count)]
-
-
-def _score(data: Path, arguments: tuple[str, ...], *more: str) -> dict[str, Any]:
-    printed, takes = io.StringIO(), map(str, _some(sorted(data.glob(arguments[0])), 4))
-    with redirect_stdout(printed):
-        assert main(["evaluate", "stream", *takes, *arguments[1:], *more, "--json"]) == 0
-    return dict(json.loads(printed.getvalue()))
 
 
 # --- unlike bodies ----------------------------------------------------------------------------------------------------
@@ -138,7 +119,7 @@ def test_it_is_said_within_ten_seconds_whether_the_library_fits(
 ) -> None:
     """Nine of ten takes that are long enough are judged as their whole set is."""
     pattern, unlike = SETS[name]
-    places = _some(sorted((data_folder / name).glob(pattern)), 20)
+    places = _some(sorted((data_folder / name).glob(pattern)), 10)
     takes = read_takes(Sources(places) if name == "utkinect" else Sources(unknown=places), Reading())
     found = [each for take in takes if (each := _decided(take, builtin_index)) is not None]
     assert len(found) >= 5

@@ -1,37 +1,29 @@
 """Libraries of one's own: small ones, and one that is taught while a feed runs."""
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 import zmq
+from numpy.typing import NDArray
 from performed import pushed, shown
 from programs import LOOPBACK, PATIENCE, builtin_library, started, wait_until_read
 from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.osc import OscReceiver, OscSender
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.osc.packet import decode_packet, encode_message
-from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.tools.teaching.beginning import open_taught
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.stream.recognition import Recognition
 
 pytestmark = pytest.mark.slow
 
@@ -230,8 +222,6 @@ def test_a_file_answers_the_same_taught_and_as_a_library(builtin: MotionLibrary)
         both = [pushed(Recognizer(index), frames) for index in indices]
         for one, other in zip(*both, strict=True):
             assert one.label == other.label
-            assert one.evidence is not None
-            assert other.evidence is not None
             assert one.evidence.compared == pytest.approx(other.evidence.compared, abs=1e-4)
             names.add(one.outcome)
     assert {Outcome.NAMED, Outcome.UNKNOWN} <= names

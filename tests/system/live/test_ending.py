@@ -1,7 +1,5 @@
 """Every program ends soon on any signal and with any feed, in one line and with end events."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import signal

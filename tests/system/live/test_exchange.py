@@ -1,22 +1,16 @@
 """A library is exchanged while a feed runs: from the next hop on the answers are the new one's, and none is lost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from performed import pushed, shown
 
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-
-if TYPE_CHECKING:
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.frame import Frame
-
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]

@@ -1,12 +1,10 @@
 """`kinespace live --feed`: another product's packets into a real process, answers out in several layouts."""
 
-from __future__ import annotations
-
 import re
 import socket
 import time
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from golden import LAYOUTS, Moment
@@ -17,9 +15,6 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 from kinespace.tools.programs.live.recognisers import fitted
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,23 +1,16 @@
 """Recordings from one process into a recogniser in another, over real sockets of this machine."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from programs import LOOPBACK, SMALL_CLASSES, finished, live, small_library
 from written import trc_text
 
-from kinespace.library import read_recordings
+from kinespace.library import Clip, read_recordings
 from kinespace.stream import Settings
 from kinespace.tools.feeding.feed import clip_cues
 from kinespace.tools.loopback.answers import expected_answers
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library import Clip
 
 pytestmark = pytest.mark.slow
 

@@ -1,31 +1,24 @@
 """A feed changed in a way that must not matter gets the same answers, bit for bit or but for rounding."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from performed import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+Feed = list[Frame]
 
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-
-    Feed = list[Frame]
-
-#: Everything holds of the compiled loops and of numpy.
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
+pytestmark = pytest.mark.slow
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 
@@ -175,21 +168,6 @@ def test_frames_are_neither_changed_nor_kept(small_library: MotionLibrary, feed:
         buffer[:] = 1e6
     assert_same(answers, expected)
     assert all(np.array_equal(answer.scores, before) for answer, before in zip(answers, scores, strict=True))
-
-
-def test_another_recogniser_answers_the_same_frames(small_library: MotionLibrary, feed: Feed) -> None:
-    """One that takes over keeps the time of the one before it, and sees the same in the same windows."""
-    expected = pushed(Recognizer(small_library), feed)
-    recognizer, place = Recognizer(small_library), len(expected) // 2
-    answered = expected[place].time
-    recognizer.only_follow(answered + 0.001)
-    before = [frame for frame in feed if frame.time <= answered + 0.05]
-    assert not [each for each in pushed(recognizer, before) if each.time <= answered]
-    recognizer.keep_time_with(answered)
-    found = pushed(recognizer, feed[len(before) :])
-    times = [each.time for each in expected if each.time > before[-1].time]
-    assert [each.time for each in found] == times
-    np.testing.assert_allclose(found[-1].scores, expected[-1].scores, atol=1e-3)
 
 
 def test_interleaved_performers_get_the_answers_they_get_alone(small_library: MotionLibrary, clips: list[Clip]) -> None:

@@ -1,23 +1,16 @@
 """Loss of precision: rolling sums at places where they lose digits, compared with exact sums."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import naive_windows
 import numpy as np
 import pytest
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream.recognizer.windows.window import Window
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from kinespace.library.clip import Clip
-
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]

@@ -1,11 +1,8 @@
 """Bad feeds: all that a sender does wrong is counted, nothing raises, and valid frames are recognised."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,17 +12,14 @@ from fuzzfeeds import broken, golden_packets, run, run_messages
 from performed import assert_same, pushed, shown
 from programs import LOOPBACK, PATIENCE
 
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import Frame, osc, zeromq
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.detection import Survey
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-
-if TYPE_CHECKING:
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-
 
 # --- bad feed ---------------------------------------------------------------------------------------------------------
 

@@ -1,15 +1,13 @@
 """Bad input: programs end with one line that names file and mistake."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re
 import resource
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -22,10 +20,6 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs.recording import kinerec as rawfile
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
 

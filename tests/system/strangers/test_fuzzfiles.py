@@ -3,8 +3,6 @@
 Some hundred in `make test`; `make fuzz` reads 20,000, and `make fuzz FILES=100000` as many as asked.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import resource
@@ -13,8 +11,9 @@ import sys
 import tempfile
 import time
 import zipfile
+from collections.abc import Callable, Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,10 +28,6 @@ from kinespace.library.recordings.reader import ENDINGS
 from kinespace.stream.feeds.preset import builtin_preset
 from kinespace.stream.inputs.recording import kinerec
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,12 +1,11 @@
 """Golden packets: every product's layout is read right, frame by frame, and recognised over real sockets."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
+from numpy.typing import NDArray
 from programs import ghost_cues
 
 from kinespace.library.naming.hdm05 import SKELETON
@@ -14,12 +13,6 @@ from kinespace.library.signature.landmark_body import LandmarkBody
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
 from kinespace.stream.feeds.unpackers import UNPACKERS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
 
 #: Seconds by which a frame's time may be wrong where a sender rounds it: Xsens to whole milliseconds.
 _TIME = {"xsens": 6e-4}

@@ -1,11 +1,10 @@
 """OSC that is not ours on both ends of the wire: liblo sends to us and reads what we send."""
 
-from __future__ import annotations
-
 import socket
 import time
+from collections.abc import Callable, Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -19,16 +18,10 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.osc.packet import decode_packet
 from kinespace.stream.outputs import layouts
-from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognition import Event, EventKind, Recognition
 from kinespace.stream.recognizer import Recognizer
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from types import ModuleType
-
-    from kinespace.stream.recognition import Recognition
 
 pytestmark = pytest.mark.slow
 

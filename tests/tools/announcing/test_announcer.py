@@ -1,11 +1,10 @@
 """`kinespace live` announced: found by another mDNS than ours, described over HTTP, gone when it ends."""
 
-from __future__ import annotations
-
 import json
 import time
+from collections.abc import Callable
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
@@ -13,16 +12,12 @@ import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port, ghost_cues, started
 from zeroconf import ServiceBrowser, ServiceStateChange, Zeroconf
 
+from kinespace.library import MotionLibrary
 from kinespace.stream.osc import OscSender
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.tools.announcing.announcer import QUERY_SERVICE, Announcer
 from kinespace.tools.announcing.description import Known
 from kinespace.tools.announcing.finding import OSC_SERVICE
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from kinespace.library import MotionLibrary
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -40,9 +35,8 @@ def asked(address: str) -> Any:  # noqa: ANN401 - JSON
 
 
 @pytest.mark.slow
-def test_live_is_found_and_described(small_library: MotionLibrary, tmp_path: Any) -> None:  # noqa: ANN401 - a path
+def test_live_is_found_and_described(builtin: MotionLibrary) -> None:
     """Both services have the right ports; the description names port, classes and performer; the end is said."""
-    small_library.save(tmp_path / "small.npz")
     port, seen = free_udp_port(), dict[str, ServiceStateChange]()
 
     def note(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:
@@ -53,22 +47,21 @@ def test_live_is_found_and_described(small_library: MotionLibrary, tmp_path: Any
     ends = ("--osc-in", f"{LOOPBACK}:{port}", "--osc-out", f"{LOOPBACK}:{free_udp_port()}", "--plain", "--announce")
     with closing(Zeroconf([LOOPBACK])) as network, closing(OscSender(LOOPBACK, port)) as sender:
         ServiceBrowser(network, [OSC_SERVICE, QUERY_SERVICE], handlers=[note])
-        with started("live", *ends, "--library", tmp_path / "small.npz") as program:
+        with started("live", *ends) as program:
             address = program.expect(r"OSCQuery: (http://\S+)")[1]
             until(lambda: all(seen.get(name) is ServiceStateChange.Added for name in names))
             osc, query = (network.get_service_info(name.partition(".")[2], name) for name in names)
-            assert osc is not None
-            assert query is not None
             assert (osc.port, osc.parsed_addresses()) == (port, [LOOPBACK])
             assert address == f"http://{LOOPBACK}:{query.port}/"
             assert asked(f"{address}?HOST_INFO")["OSC_PORT"] == port
-            assert len(asked(f"{address}motion/classes?RANGE")["RANGE"]) == len(small_library.classes)
+            assert len(asked(f"{address}motion/classes?RANGE")["RANGE"]) == len(builtin.classes)
             sender.send(encode_frame(ghost_cues("squat1Reps", 0.5, performer="ann")[0].frame))
             until(lambda: "ann" in asked(f"{address}motion")["CONTENTS"])
             assert program.interrupt() == 0
         until(lambda: all(seen.get(name) is ServiceStateChange.Removed for name in names))
 
 
+@pytest.mark.slow
 def test_a_rebound_name_gets_nothing() -> None:
     """A page that calls this machine by a name of its own learns nothing; the threads end with the announcer."""
     with closing(Announcer((LOOPBACK, free_udp_port()), Known(31, ("wave",)))) as announcer:

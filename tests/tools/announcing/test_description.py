@@ -1,11 +1,11 @@
 """OSCQuery's objects: every address we take and send, with types, access and ranges."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from programs import builtin_library, ghost_cues
+from pythonosc.osc_message import OscMessage
 
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import encode_announcement
@@ -13,11 +13,6 @@ from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.outputs.layouts import LAYOUTS
 from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.announcing.description import Known, described, host_info, reply
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pythonosc.osc_message import OscMessage
 
 LIBRARY = builtin_library()
 KNOWN = Known(31, LIBRARY.classes, ("Ada L",), teaches=True)
@@ -54,6 +49,7 @@ def test_every_answer_has_its_node() -> None:
         "class",
         "guess",
         "label",
+        "sofar",
         "scores",
         "event",
         "classes",

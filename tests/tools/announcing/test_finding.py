@@ -1,12 +1,12 @@
 """Programs found by the names that another mDNS, python-zeroconf, announces over loopback."""
 
-from __future__ import annotations
-
 import socket
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import zeroconf
@@ -17,12 +17,6 @@ from zeroconf import ServiceInfo, Zeroconf
 from kinespace.stream import osc
 from kinespace.tools.announcing import finding
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from kinespace.library import MotionLibrary
 
 
 @contextmanager
@@ -67,6 +61,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(finding, "announced", announced)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("alone", "patient")
 def test_a_program_is_found_by_its_name() -> None:
     """Capitals do not matter; where nobody has the name, those who have others are listed."""
@@ -188,6 +183,7 @@ def test_the_recogniser_that_is_meant(monkeypatch: pytest.MonkeyPatch, receiver:
         finding.recogniser(usual)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("alone", "patient")
 @pytest.mark.parametrize("announced", [True, False])
 def test_replay_finds_live(
@@ -209,14 +205,11 @@ def test_replay_finds_live(
 
 
 @pytest.mark.slow
-def test_live_answers_to_a_program_by_its_name(
-    small_library: MotionLibrary, receiver: osc.OscReceiver, tmp_path: Path
-) -> None:
+def test_live_answers_to_a_program_by_its_name(receiver: osc.OscReceiver) -> None:
     """`--out NAME` and `--out LAYOUT=NAME` send there; with --no-announce the name is a mistake."""
-    small_library.save(tmp_path / "small.npz")
     port = receiver.address[1]
     name, place = f"films {port}", f"{LOOPBACK}:{port}"
-    ends = ("--osc-in", f"{LOOPBACK}:0", "--library", tmp_path / "small.npz", "--plain", "--out")
+    ends = ("--osc-in", f"{LOOPBACK}:0", "--plain", "--out")
     with announcing(name, port):
         # On a busy machine a search may end before the answer comes; the program then ends, and is started again.
         until = time.monotonic() + PATIENCE

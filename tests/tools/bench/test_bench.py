@@ -1,11 +1,9 @@
 """`kinespace bench` as a person runs it, small. No figure is held against a limit here."""
 
-from __future__ import annotations
-
 import json
 import math
 from itertools import islice
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +12,6 @@ from kinespace.tools.bench import against, recorded, sockets, stages
 from kinespace.tools.bench.report import rounded, shown
 from kinespace.tools.bench.timing import in_turns
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 #: What receivers of `--json` rely on.
 KEYS = {

@@ -1,7 +1,5 @@
 """`kinespace bench peers`: the other methods compute the right numbers, and all are judged alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import naive_camera
 import numpy as np
 import pytest

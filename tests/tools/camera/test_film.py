@@ -1,11 +1,10 @@
-from __future__ import annotations
-
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing, suppress
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,9 +15,6 @@ with suppress(ImportError):
 
 pytestmark = pytest.mark.usefixtures("camera_extra")
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 _COUNT, _RATE = 20, 20.0
 

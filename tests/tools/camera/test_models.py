@@ -1,21 +1,16 @@
-from __future__ import annotations
-
 import hashlib
 import io
 import subprocess
 import sys
 import tarfile
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from kinespace.tools.camera import models
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _DETECTOR, _FULL = "pose_detection.tflite", "pose_landmark_full.tflite"
 

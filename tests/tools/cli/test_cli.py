@@ -1,23 +1,19 @@
 """The command line: the program asked for runs, and every failure is one line and an exit status."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import pytest
 import shtab
 from programs import ROOT
 
+from kinespace.tools.announcing import finding
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main, whole_parser
 from kinespace.tools.programs.recordings import info
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 
 def fails_with(monkeypatch: pytest.MonkeyPatch, error: BaseException, module: ModuleType = info) -> None:
@@ -130,8 +126,12 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
-def test_wrong_arguments_end_with_2(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_arguments_end_with_2(
+    arguments: str, message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A wrong program, option, value or name ends with 2 and one line that names it, and with its neighbours."""
+    # Nobody is looked for on the network, for which a second and a half would be waited.
+    monkeypatch.setattr(finding, "announced", lambda *_: [])
     try:
         status = main(arguments.split())
     except SystemExit as ended:

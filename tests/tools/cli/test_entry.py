@@ -1,7 +1,5 @@
 """Where the program starts."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """What is said of a take: as live, and by start events."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -26,6 +24,7 @@ def asked() -> Asked:
     return Asked(take, replace(builtin, motions=tuple(some)), "")
 
 
+@pytest.mark.slow
 def test_a_take_is_judged_as_live(asked: Asked) -> None:
     """The squat is done once, its half is not; nothing is done where nothing is promised."""
     take = done_take(asked, Settings())

@@ -1,11 +1,11 @@
 """`kinespace evaluate stream`: the takes and libraries of each protocol replayed by hand, and what options change."""
 
-from __future__ import annotations
-
 import csv
 import json
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,14 +20,9 @@ from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.harness import INSIDE, shared_joints
 from kinespace.tools.evaluation.scoring.stream_score import score_courses
+from kinespace.tools.evaluation.scoring.timeline import Course
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.feeding.joint_sets import joints_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from kinespace.tools.evaluation.scoring.timeline import Course
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

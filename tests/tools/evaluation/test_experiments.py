@@ -1,11 +1,10 @@
 """Every experiment as a person runs it: its keys, its table, and the input that it refuses."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +15,6 @@ from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation import evaluate_teach
 from kinespace.tools.evaluation.evaluate_teach import begun, stood
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -115,26 +111,31 @@ def _keys(value: Any) -> set[str]:  # noqa: ANN401 - JSON
 
 
 @pytest.mark.parametrize("run", RUNS)
-def test_every_key_is_on_the_page(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    """What is printed with --json has every key in its program's row, and two runs print the same."""
-    arguments = _arguments(RUNS[run][0], folders)
-    printed = list[Any]()
-    for _ in range(2):
-        assert main([*arguments, "--json"]) == 0
-        out = capsys.readouterr().out
-        assert out.count("\n") == 1
-        printed.append(json.loads(out))
-    row = ROWS[f"evaluate {arguments[1]}"]
-    assert sorted(key for key in _keys(printed[0]) if f"`{key}`" not in row) == []
-    assert printed[0] == printed[1]
-
-
-@pytest.mark.parametrize("run", RUNS)
-def test_a_person_reads_a_table(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    """Without --json a table says what its figures rest on."""
+def test_keys_are_on_the_page_and_a_table_says_its_basis(
+    run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With --json every key is in its program's row; without it a table says what its figures rest on."""
     line, basis = RUNS[run]
-    assert main(_arguments(line, folders)) == 0
+    arguments = _arguments(line, folders)
+    printed = _printed(arguments, capsys)
+    row = ROWS[f"evaluate {arguments[1]}"]
+    assert sorted(key for key in _keys(printed) if f"`{key}`" not in row) == []
+    assert main(arguments) == 0
     assert basis in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("run", ["faults", "teach beside", "show"])
+def test_what_is_drawn_is_drawn_again(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Two runs print the same figures, also where chance decides what is played."""
+    arguments = _arguments(RUNS[run][0], folders)
+    assert _printed(arguments, capsys) == _printed(arguments, capsys)
+
+
+def _printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> Any:  # noqa: ANN401 - JSON
+    assert main([*arguments, "--json"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("\n") == 1
+    return json.loads(out)
 
 
 @pytest.mark.parametrize("line", REFUSED)

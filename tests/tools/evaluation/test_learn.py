@@ -1,9 +1,8 @@
-from __future__ import annotations
-
 import csv
 import json
 from collections import defaultdict
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +12,6 @@ from kinespace.library import Clip, MotionLibrary, distance_rows
 from kinespace.library.windows.rejection import RATES, Evidence, Rejection, most_of_few
 from kinespace.tools.cli import main
 from kinespace.tools.evaluation.learn import Lesson, fitted, joined
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 
@@ -108,24 +103,6 @@ def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return table
 
 
-def test_learn_keeps_its_numbers_in_the_library(
-    small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The library that is written has the same motions, and a rejection that names less at a smaller rate."""
-    output = tmp_path / "learned.npz"
-    arguments = ["learn", str(small_file), "-o", str(output), "--takes", str(takes_file), "--json"]
-    assert main.main(arguments) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert [each["rate"] for each in printed] == list(RATES)
-    library = MotionLibrary.load(output)
-    assert len(library) == len(MotionLibrary.load(small_file))
-    assert library.learned is not None
-    rejection = Rejection.of_kept(library.learned, 5)
-    assert set(rejection.biases) == set(rejection.slopes) == set(_CLASSES)
-    assert (np.diff(rejection.thresholds) <= 1e-6).all()
-    assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
-
-
 def test_a_library_of_one_person_is_taught_by_its_other_motions(
     small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -150,7 +127,7 @@ def test_a_library_of_one_person_is_taught_by_its_other_motions(
 def test_takes_with_fewer_joints_teach_numbers_for_few_joints(
     small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """They lie beside the numbers for all joints, which stay the same, and the library keeps its guests."""
+    """They lie beside the numbers for all joints; a smaller rate names less; motions and guests stay."""
     library, folder = MotionLibrary.load(small_file), takes_file.parent
     table, joints = tmp_path / "fewer.csv", [*library.skeleton.joints[:8], "lhumerus", "rhumerus", "head"]
     rows = takes_file.read_text(encoding="utf-8").splitlines()
@@ -166,13 +143,18 @@ def test_takes_with_fewer_joints_teach_numbers_for_few_joints(
     library.with_guests([squat.restricted_to(joints)]).save(tmp_path / "guested.npz")
     arguments = ["learn", str(tmp_path / "guested.npz"), "-o", str(tmp_path / "learned.npz"), "--json", "--takes"]
     assert main.main([*arguments, str(takes_file), str(table)]) == 0
-    capsys.readouterr()
+    printed = json.loads(capsys.readouterr().out)
+    assert [each["rate"] for each in printed] == list(RATES)
+    assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
     learned = MotionLibrary.load(tmp_path / "learned.npz")
+    assert len(learned) == len(library)
     assert [guest.actor for guest in learned.guests] == ["mm"]
     assert learned.learned is not None
     assert most_of_few(learned.learned) == len(joints)
     few, whole = (Rejection.of_kept(learned.learned, 5, few=each) for each in (True, False))
-    assert (np.diff(few.thresholds) <= 1e-6).all()
+    assert set(whole.biases) == set(whole.slopes) == set(_CLASSES)
+    for each in (few, whole):
+        assert (np.diff(each.thresholds) <= 1e-6).all()
     assert not np.array_equal(few.weights, whole.weights)
 
 

@@ -1,11 +1,10 @@
 """An evaluation's page: what was performed and answered is in it, in one file that needs nothing else."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +13,6 @@ from synthetic import stick_clip
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.tools.evaluation.report import spans, write_report
 from kinespace.tools.evaluation.scoring.timeline import Course
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CLASSES = ("bow", "</script><b>wave")
 

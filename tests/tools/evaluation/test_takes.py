@@ -1,10 +1,8 @@
 """Takes to be recognised: labelled, unknown, listed in tables, whole clips, and takes with a sensor's gaps."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +13,6 @@ from kinespace.library import NOTHING, MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn, RecordingError
 from kinespace.library.recordings.formats.labels import LabelError, Segment
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 BY_NAME = Reading(actor_in=ActorIn.NAME)
 

@@ -1,14 +1,12 @@
 """The examples in other languages: each that can run here sends its squat to a recogniser and gets its class."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -18,9 +16,6 @@ from kinespace.stream import Frame, Recognizer
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 pytestmark = pytest.mark.slow
 

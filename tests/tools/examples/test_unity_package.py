@@ -1,7 +1,5 @@
 """Unity's package: compiled with types named like Unity's, it sends frames that we read and hears what we answer."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

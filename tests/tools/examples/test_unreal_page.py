@@ -1,10 +1,8 @@
 """The page for Unreal: its tables are read as it says, and the messages of its nodes are a body's frames."""
 
-from __future__ import annotations
-
 import re
 import tomllib
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 from golden import message
@@ -14,9 +12,6 @@ from kinespace.stream.feeds import builtin_preset, load_preset
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.outputs.written_layout import WrittenLayout
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PAGE = (ROOT / ".github" / "docs" / "unreal.md").read_text(encoding="utf-8")
 ANSWERS, JOINTS = re.findall(r"```toml\n(.+?)```", PAGE, re.DOTALL)

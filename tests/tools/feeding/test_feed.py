@@ -1,7 +1,5 @@
 """A fake live feed: the times of its frames, faults on request, and the two senders."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,13 +1,13 @@
 """LSL both ways, on this machine alone: answers to pylsl's inlet, and positions from pylsl's outlet."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +17,6 @@ from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.outputs.lsl_sink import FURTHER, LslSink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.tools.feeding.lsl_feed import Layout, LslFeed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 pylsl = pytest.importorskip("pylsl", reason="pylsl finds no library of LSL", exc_type=(ImportError, RuntimeError))
 #: No packet leaves this machine, and no stream is another program's, or another run's of these tests.
@@ -75,6 +71,7 @@ def _answer(at: float) -> Recognition:
     return Recognition("ann", at, Outcome.NAMED, CLASSES, scores, movement=0.1, progress=FOLLOWED)
 
 
+@pytest.mark.slow
 def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
     """An event's stamp lies as far before the answer as on the sender's clock, but for what LSL mistakes."""
     with closing(LslSink()) as sink:
@@ -145,6 +142,7 @@ def _received(receiver: osc.OscReceiver, count: int) -> list[object]:
     return got
 
 
+@pytest.mark.slow
 def test_a_stream_that_is_not_there_is_said_with_those_that_are() -> None:
     """The message names the streams of the network."""
     outlet = _outlet("studio")

@@ -1,9 +1,7 @@
 """UTKinect's takes: frames that a depth camera skipped, wrote twice or left empty, and labels by frame numbers."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +11,6 @@ from kinespace.library.recordings import RecordingError
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.feeding.utkinect import read_take, takes_in
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 POSTURES = np.random.default_rng(3).normal(size=(4, 20, 3))
 #: The camera skipped frames 11 and 13, wrote frame 12 twice, and saw nobody in frame 15.

@@ -1,11 +1,8 @@
 """Answers: every packet with its receiver and its moment; answers computed beforehand, and paired with their frames."""
 
-from __future__ import annotations
-
 import time
 from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,10 +14,8 @@ from kinespace.stream import Frame, Recognizer, Settings, osc
 from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.recognition import Answer
 from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, classes_in, expected_answers
-
-if TYPE_CHECKING:
-    from kinespace.tools.feeding.feed import Cue
 
 
 def test_every_packet_is_received_in_order_with_its_moment(stage: osc.OscReceiver) -> None:

@@ -1,7 +1,5 @@
 """A service in a process of its own ends with the block that began it."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,5 @@
 """The board: what pages are told of a recogniser's messages, newest only, and of the last minute."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from typing import Any
@@ -204,6 +202,7 @@ def test_the_page_says_what_is_promised_and_missed(promised: float, missed: floa
     assert _told(_board(zeromq_answers.encode_status(status)))[0]["status"]["promise"] == line
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([b"class/a/", b"event/", b"classes/", b"status/", b"teach/", b"body/a/", b"other/", b""]),
     st.binary(max_size=60),

@@ -1,23 +1,17 @@
 """The page's link to a recogniser that ends and comes again."""
 
-from __future__ import annotations
-
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
 
+import pytest
 import zmq
 
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.page import link
 from kinespace.tools.page.link import Subscription, ask_control
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import pytest
 
 PATIENCE = 60.0
 
@@ -80,5 +74,4 @@ def test_commands_are_carried_out_again_after_a_restart(monkeypatch: pytest.Monk
         replying.start()
         reply = control({"do": "undo"})
         replying.join()
-    assert reply is not None
     assert reply["classes"] == ["bow"]

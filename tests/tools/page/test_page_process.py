@@ -1,7 +1,5 @@
 """The page's program: what is missing, or taken, is told in one line."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -10,8 +8,8 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 import pytest
 from programs import PATIENCE
@@ -19,9 +17,6 @@ from websockets.sync.client import connect
 
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.page.process import PagePlan, PageProcess
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 #: An endpoint at which nobody publishes: a page waits for it without complaint.
 NOBODY = "tcp://127.0.0.1:9"
@@ -53,7 +48,6 @@ def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
                     socket.send(sent)
                     time.sleep(0.05)
                     parts = receiver.receive()
-    assert parts is not None
     assert parts[0] == b"frame/browser/"
     with (
         PageProcess(PagePlan("127.0.0.1:0", NOBODY)) as page,

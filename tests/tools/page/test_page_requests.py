@@ -1,23 +1,17 @@
 """Who is let in, and what an open page may say."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from importlib import resources
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from websockets.http11 import Response
 
 from kinespace.tools.camera import models
 from kinespace.tools.page.requests import MAX_MESSAGE, WORKER, Gate, read_message
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from websockets.http11 import Response
 
 OURS = {"host": "127.0.0.1:8010", "origin": "http://127.0.0.1:8010"}
 

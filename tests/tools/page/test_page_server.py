@@ -1,26 +1,20 @@
 """The page's server with real WebSockets: one message at a time, nothing for a sleeper, rubbish closes."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import socket
 import time
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
 from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
 from kinespace.tools.page.cameras import Cameras
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate
 from kinespace.tools.page.server import MAX_PAGES, MAX_REPLIES, PageServer
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
-
-    from websockets.asyncio.client import ClientConnection
 
 PATIENCE = 60.0
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.

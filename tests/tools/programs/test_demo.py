@@ -1,7 +1,5 @@
 """`kinespace demo`: play motions into a recogniser on this machine, with the built-in library alone."""
 
-from __future__ import annotations
-
 import json
 import math
 import multiprocessing

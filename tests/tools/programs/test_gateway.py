@@ -1,26 +1,20 @@
 """`kinespace gateway` and `work`: real processes that are fed over OSC, and stopped as a person stops them."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import subprocess
 import sys
 import time
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
 
+from kinespace.stream import osc
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import OscFrameSender
 from kinespace.tools.loopback.answers import Listener, answer_in
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.stream import osc
 
 pytest.importorskip("zenoh")
 
@@ -58,7 +52,7 @@ def test_a_worker_recognises_for_a_gateway(stage: osc.OscReceiver) -> None:
         assert (gateway.interrupt(), gateway.errors) == (0, "")
         work.expect("gateway [0-9a-f]{12} is gone")
         assert (work.interrupt(), work.errors) == (0, "")
-        assert "refused 0, unread 0, strangers 0, dropped 0" in work.output
+        assert "refused 0, unread 0, stale 0, missing 0" in work.output
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """`kinespace latency`: frame sent to answer received, and of a bare echo. No figure is held against a limit here."""
 
-from __future__ import annotations
-
 import json
 import math
 import multiprocessing

@@ -1,13 +1,11 @@
 """`kinespace listen`: every feed is recognised by its packets, and its mistakes are named."""
 
-from __future__ import annotations
-
 import json
 import socket
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,10 +21,6 @@ from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.listen import advice, as_object, command
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 
 # --- listen -----------------------------------------------------------------------------------------------------------
 
@@ -51,7 +45,6 @@ def test_every_feed_is_guessed(layout: str) -> None:
     """A product's packets are recognised as its preset's, with all joints, frames and the rate, none missing."""
     survey = surveyed(layout)
     guess = survey.guess(PRESETS)
-    assert guess is not None
     assert guess.preset.name == LAYOUTS[layout][0]
     assert guess.missing == ()
     assert guess.frames >= 5
@@ -119,14 +112,12 @@ def test_missing_joints_are_named() -> None:
     for without, begin in ((2, "not used, because they never came: head, lowerneck"), (5, "missing for")):
         survey = surveyed("osceleton", without=without)
         guess = survey.guess(PRESETS)
-        assert guess is not None
         assert (guess.preset.name, bool(guess.frames)) == ("osceleton", without == 2)
         assert {"head", "lowerneck"} <= set(guess.missing)
         assert any(line.startswith(begin) for line in advice(survey, guess, None))
     # Of two feeds it is the one of which all joints come; of any a quarter must.
     more = builtin_preset("osceleton").text.replace("[joints]", '[joints]\nthumb = "lthumb"')
     guess = surveyed("osceleton").guess([parse_preset(more, "larger", "larger.toml"), builtin_preset("osceleton")])
-    assert guess is not None
     assert guess.preset.name == "osceleton"
     assert [surveyed("osceleton", without=each).guess(PRESETS) is None for each in (11, 12)] == [False, True]
 
@@ -244,7 +235,6 @@ def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], titl
     """A feed with known names, or with some of our joints, needs no change."""
     survey = _heard(joints)
     guess = survey.guess([builtin_preset(name) for name in builtin_names()])
-    assert guess is not None
     assert (guess.preset.name, guess.frames, len(guess.joints), guess.performers) == ("native", 20, ours, ("ann",))
     assert guess.rate == pytest.approx(30.0)
     assert guess.understood == 1.0

@@ -1,20 +1,13 @@
-from __future__ import annotations
-
 import time
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.stream.teaching.commands import From
 from kinespace.tools.teaching.recordings import MAX_WAITING, RecordingsFolder
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library import Clip
 
 MOTION = MotionLibrary.builtin().motions[40]
 

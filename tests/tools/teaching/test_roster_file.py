@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -8,21 +6,16 @@ import threading
 import time
 from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 from programs import PATIENCE
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.tools.teaching.roster_file import RosterFile
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library import Clip
 
 #: A program that changes a roster at random; it says each change before it hands it over, and the newest one that is
 #: kept.
@@ -151,7 +144,6 @@ def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip
         assert old.take == kept[old.name].take
     (bow,) = (each for each in after.motions if each.class_name == "bow")
     assert np.array_equal(bow.positions[:, -1], bow.positions[:, tip])
-    assert after.learned is not None
     assert {*after.learned.named} == {*before.learned.for_other_motions().named} if before.learned else False
     before.save(path)
     assert {*_saved(path, bare).learned.named} == {*before.learned.named} if before.learned else False
@@ -167,7 +159,6 @@ def test_a_program_that_is_killed_loses_no_change_that_was_kept(tmp_path: Path) 
         program = subprocess.Popen(
             [sys.executable, "-c", CHANGES, str(path), str(first)], stdout=subprocess.PIPE, text=True
         )
-        assert program.stdout is not None
         said = [program.stdout.readline() for _ in range(generator.integers(1, 40))]
         program.send_signal(signal.SIGKILL)
         said += program.stdout.readlines()

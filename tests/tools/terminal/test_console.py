@@ -1,7 +1,5 @@
 """The terminal: progress that passes work through, and names that stay names."""
 
-from __future__ import annotations
-
 from io import StringIO
 
 import pytest

@@ -1,7 +1,5 @@
 """The table of a running recogniser."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from io import StringIO

@@ -1,17 +1,12 @@
 """Where a program is to write is looked at before its work."""
 
-from __future__ import annotations
-
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from kinespace.tools.cli.main import main
 from kinespace.tools.terminal.output_path import require_place_for
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--page")], ids=" ".join)

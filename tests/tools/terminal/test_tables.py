@@ -1,7 +1,5 @@
 """Tables on 80 characters: no name is broken in the middle, no heading cut off."""
 
-from __future__ import annotations
-
 from io import StringIO
 
 import pytest

@@ -1,7 +1,5 @@
 """Frames and answers as WebSocket messages: what a browser sends is the frame that ZeroMQ's decoder reads."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

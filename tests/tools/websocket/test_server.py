@@ -1,36 +1,21 @@
 """`kinespace live --ws`: a client that is not ours sends a body by WebSocket and gets its class back."""
 
-from __future__ import annotations
-
 import json
 import time
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port, ghost_cues, started
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
+from kinespace.library import MotionLibrary
 from kinespace.tools.page.requests import Gate
 from kinespace.tools.websocket.server import answer
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from programs import Program
-    from websockets.sync.client import ClientConnection
-
-    from kinespace.library import MotionLibrary
-
-
-@contextmanager
-def live(library: MotionLibrary, folder: Any, *options: str) -> Iterator[tuple[Program, str]]:  # noqa: ANN401 - a path
-    """Run a recogniser that is reached by WebSocket; give its address."""
-    library.save(folder / "small.npz")
-    ends = ("--osc-in", f"{LOOPBACK}:{free_udp_port()}", "--osc-out", f"{LOOPBACK}:{free_udp_port()}")
-    with started("live", *ends, "--ws", f"{LOOPBACK}:0", "--library", folder / "small.npz", "--plain", *options) as it:
-        yield it, it.expect(r"WebSocket: (ws://\S+)")[1]
+#: A page of another site that may connect.
+EDITOR = "https://editor.p5js.org"
 
 
 def until(client: ClientConnection, kind: str, **fields: object) -> dict[str, Any]:
@@ -44,30 +29,29 @@ def until(client: ClientConnection, kind: str, **fields: object) -> dict[str, An
 
 
 @pytest.mark.slow
-def test_frames_go_in_and_answers_come_out(small_library: MotionLibrary, tmp_path: Any) -> None:  # noqa: ANN401 - as above
-    """JSON frames are recognised; every client gets the answers; rubbish is counted and ends nothing."""
-    with live(small_library, tmp_path) as (program, address), connect(address) as client, connect(address) as other:
-        assert set(until(client, "classes")["classes"]) == set(small_library.classes)
-        client.send("no frame")
-        cues = ghost_cues("squat1Reps", 2.0)[::4]
-        for number, cue in enumerate(cues):
-            named = {} if number else {"joints": small_library.skeleton.joints}
-            frame = {"performer": "ann", "t": cue.frame.time, "positions": cue.frame.positions.tolist(), **named}
-            client.send(json.dumps(frame))
-        for each in (client, other):
-            assert until(each, "event", performer="ann", event="start", **{"class": "squat1Reps"})
-        assert until(client, "status")["inputs"]["foreign"] == 1
-        assert program.interrupt() == 0
-
-
-@pytest.mark.slow
-def test_pages_of_other_sites_are_refused(small_library: MotionLibrary, tmp_path: Any) -> None:  # noqa: ANN401 - as above
-    """A browser's page of another site gets 403, unless its site is named."""
-    with live(small_library, tmp_path, "--ws-origin", "https://editor.p5js.org") as (_, address):
-        with pytest.raises(InvalidStatus, match="403"), connect(address, origin="https://evil.example"):  # type: ignore[arg-type]
+def test_frames_go_in_and_answers_come_out(builtin: MotionLibrary) -> None:
+    """JSON frames are recognised; every client gets the answers; rubbish is counted; pages of other sites get 403."""
+    ends = ("--osc-in", f"{LOOPBACK}:{free_udp_port()}", "--osc-out", f"{LOOPBACK}:{free_udp_port()}")
+    options = ("--ws", f"{LOOPBACK}:0", "--ws-origin", EDITOR, "--plain")
+    with started("live", *ends, *options) as program:
+        address = program.expect(r"WebSocket: (ws://\S+)")[1]
+        with pytest.raises(InvalidStatus, match="403"), connect(address, origin=Origin("https://evil.example")):
             pass
-        with connect(address, origin="https://editor.p5js.org") as client:  # type: ignore[arg-type] # its own type of text
-            assert until(client, "classes")
+        # A client that does not read at once takes all the same, so that the end of the program reaches it.
+        with (
+            connect(address, max_queue=None) as client,
+            connect(address, origin=Origin(EDITOR), max_queue=None) as other,
+        ):
+            client.send("no frame")
+            for number, cue in enumerate(ghost_cues("squat1Reps", 2.0)[::4]):
+                named = {} if number else {"joints": builtin.skeleton.joints}
+                frame = {"performer": "ann", "t": cue.frame.time, "positions": cue.frame.positions.tolist(), **named}
+                client.send(json.dumps(frame))
+            for each in (client, other):
+                assert until(each, "event", performer="ann", event="start", **{"class": "squat1Reps"})
+            assert until(client, "status")["inputs"]["foreign"] == 1
+            assert set(until(client, "classes")["classes"]) == set(builtin.classes)
+            assert program.interrupt() == 0
 
 
 @pytest.mark.parametrize(
@@ -77,7 +61,7 @@ def test_pages_of_other_sites_are_refused(small_library: MotionLibrary, tmp_path
         ("http://localhost:5500", "127.0.0.1:9313", None),
         ("http://127.0.0.1:8000", "localhost:9313", None),
         ("http://10.0.0.5:8000", "10.0.0.5:9313", None),
-        ("https://editor.p5js.org", "127.0.0.1:9313", None),
+        (EDITOR, "127.0.0.1:9313", None),
         ("null", "127.0.0.1:9313", 403),
         ("http://10.0.0.6", "10.0.0.5:9313", 403),
         ("https://evil.example", "127.0.0.1:9313", 403),
@@ -90,7 +74,7 @@ def test_pages_of_other_sites_are_refused(small_library: MotionLibrary, tmp_path
 def test_origins_and_hosts(origin: str | None, host: str, status: int | None) -> None:
     """Pages of this machine, of the name they ask for, and of named sites may connect; rebound names may not."""
     headers = {"host": host} | ({} if origin is None else {"origin": origin})
-    response = answer(Gate(), ("https://editor.p5js.org",), "/", headers)
+    response = answer(Gate(), (EDITOR,), "/", headers)
     assert (response.status_code if response else None) == status
 
 

@@ -18,7 +18,7 @@ from kinespace.library import NOTHING, MotionLibrary
 from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.gestures.report import add_report, report
-from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span, said_in
+from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span, right_so_far, said_in
 from kinespace.tools.teaching.beginning import open_taught
 from kinespace.tools.terminal.console import progress
 
@@ -128,7 +128,8 @@ def listened(take: Take, index: WindowIndex, lessons: Lessons, settings: Setting
     asked = [each for each in take.segments if each.label != _REPEATED and each not in taught]
     skeleton = index.library.skeleton
     feed = harness.Feed.of(take.clip.restricted_to(skeleton.joints), skeleton, take.delivered)
-    said = said_in(harness.answers_to(feed, index, settings))
+    answers = harness.answers_to(feed, index, settings)
     ends = {each: moved(take.clip, each)[1] / take.clip.frame_rate for each in asked}
     seconds = sum(each.duration for each in asked)
-    return Heard(take.person, seconds, asked, said, _SPANS, dict.fromkeys(KINDS, ends))
+    so_far = right_so_far(answers, {each: end for each, end in ends.items() if each.label != NOTHING})
+    return Heard(take.person, seconds, asked, said_in(answers), _SPANS, dict.fromkeys(KINDS, ends), so_far)

@@ -23,7 +23,7 @@ from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.gestures.report import add_report, report
 from kinespace.tools.evaluation.gestures.stage import JOINED, joined, lengths_of, on_bones
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
-from kinespace.tools.evaluation.scoring.words import Heard, Span, said_in
+from kinespace.tools.evaluation.scoring.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.beginning import open_taught
@@ -60,7 +60,8 @@ class Show(NamedTuple):
         """Match what is said with the gestures."""
         ends, starts = ({each: getattr(each, edge) for each in self.segments} for edge in ("end", "start"))
         since, seconds = {"done": ends, "start": starts}, len(self.positions) / _RATE
-        return Heard(self.performer, seconds, self.segments, said_in(answers), _SPANS, since)
+        so_far = right_so_far(answers, ends)
+        return Heard(self.performer, seconds, self.segments, said_in(answers), _SPANS, since, so_far)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

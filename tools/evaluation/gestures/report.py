@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.evaluation.harness import print_json
+from kinespace.tools.evaluation.harness import print_json, written
 from kinespace.tools.evaluation.scoring.answer_tables import write_rows
+from kinespace.tools.evaluation.scoring.bootstrap import Ratio
 from kinespace.tools.evaluation.scoring.stream_tables import rests_on
 from kinespace.tools.evaluation.scoring.words import COLUMNS, score_words, word_rows
 from kinespace.tools.terminal.tables import print_scores
@@ -40,13 +41,15 @@ def report(
         "segments": sum(each.asked for each in heard),
         "persons": len(persons) if all(persons) else None,
     }
+    so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
         write_rows(options.answers, word_rows(heard))
     if options.json:
-        print_json({**scores, **(further or {}), **basis})
+        print_json({**scores, "so_far": so_far, **(further or {}), **basis})
         return 0
     rows = [{"name": kind, **score, "interval": _written(score["intervals"]["f1"])} for kind, score in scores.items()]
-    print_scores(rows, COLUMNS, title=title, caption=f"{rests_on(basis, 'gesture')}; {caption}")
+    caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
+    print_scores(rows, COLUMNS, title=title, caption=caption)
     return 0
 
 

@@ -7,6 +7,7 @@ the share found, of the words the share that is right, their harmonic mean F1, a
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -105,6 +106,8 @@ class Heard:
         For each kind how its words are matched.
     since
         For each kind and gesture the moment from which the delay counts, seconds.
+    so_far
+        How many gestures' class the answers' `so_far` said at the end of their movement.
     """
 
     person: str
@@ -113,6 +116,7 @@ class Heard:
     said: Mapping[str, Sequence[Said]]
     spans: Mapping[str, Span]
     since: Mapping[str, Mapping[Segment, float]] = field(repr=False)
+    so_far: int = 0
 
     @cached_property
     def verdicts(self) -> dict[str, list[Verdict]]:
@@ -156,6 +160,13 @@ def said_in(answers: Iterable[Recognition]) -> dict[str, list[Said]]:
         starts = (each for each in answer.events if each.kind is EventKind.START)
         said["start"] += [Said(each.label, each.time, each.time, each.time) for each in starts]
     return said
+
+
+def right_so_far(answers: Sequence[Recognition], ends: Mapping[Segment, float]) -> int:
+    """Count the gestures whose class `so_far` says at the end of their movement, seconds."""
+    times = [answer.time for answer in answers]
+    last = {each: answers[max(bisect_right(times, end) - 1, 0)] for each, end in ends.items()} if times else {}
+    return sum(answer.classes[answer.so_far] == each.label for each, answer in last.items())
 
 
 def score_words(takes: Sequence[Heard]) -> dict[str, dict[str, Any]]:

@@ -8,7 +8,7 @@ from contextlib import suppress
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Self
 
-from kinespace.stream.workers.child_process import Child, leave_signals_to_parent
+from kinespace.stream.service.child_process import Child, leave_signals_to_parent
 from kinespace.tools.camera.joints import require_extra
 from kinespace.tools.programs.camera.session import CameraPlan, watch
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from kinespace.stream.feeds import Preset
     from kinespace.stream.inputs import Admission
     from kinespace.stream.packet import Networks
-    from kinespace.stream.workers.gateway import Recognising
+    from kinespace.stream.service.loop import Recognising
     from kinespace.stream.zeromq import Keyring
     from kinespace.tools.announcing.announcer import Announcer
     from kinespace.tools.page.process import Plan

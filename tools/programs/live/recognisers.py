@@ -10,7 +10,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.library.windows.index import opened
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
-from kinespace.stream.workers.background_opener import BackgroundViews
+from kinespace.stream.service.background_opener import BackgroundViews
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
-    from kinespace.stream.workers.gateway import Recognising
+    from kinespace.stream.service.loop import Recognising
     from kinespace.stream.workers.local import LocalGateway
     from kinespace.tools.teaching.lessons import Lessons
 

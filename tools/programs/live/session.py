@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
     from kinespace.stream.feeds import Preset
     from kinespace.stream.recognizer import Settings
+    from kinespace.stream.workers.gateway import GatewaySource
     from kinespace.stream.zeromq import Keyring
     from kinespace.tools.programs.live.recognisers import Making
     from kinespace.tools.teaching.lessons import Lessons
@@ -61,7 +62,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
     settings, record = settings_of(options), options.record
     preset = _checked(options, settings)
     performers, lessons = recognisers(options, preset, make)
-    # The answers of workers come back by a source.
+    # What workers send is read as a source is.
     from_workers = [source] if (source := getattr(performers, "source", None)) else []
     in_lines = options.plain or options.log or not console.is_terminal
     shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
@@ -95,6 +96,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         ) as service,
         ExitStack() as running,
     ):
+        _answer_for(from_workers, service)
         for begun in (*servers, *senders):
             running.enter_context(begun)
         if lessons:
@@ -128,6 +130,12 @@ def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
     """Close these if a later one cannot be opened."""
     for each in ends:
         opened.callback(each.close)
+
+
+def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None:
+    """Publish what workers answer."""
+    for each in from_workers:
+        each.gateway.publish = service.publish
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

@@ -1,9 +1,8 @@
 """Every format by the same properties: what was written is read, however it was written; anything else is refused."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,15 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from written import METRES, TURNS, Node, Written, bvh_text, csv_table, trc_text, write_c3d, written
 
+from kinespace.library import Clip
 from kinespace.library.memory import limited_to
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from kinespace.library import Clip
 
 HIERARCHIES, MARKERS, TABLES = ("amc", "bvh"), ("c3d", "trc"), ("csv", "npz")
 TEXTS = ("amc", "bvh", "trc", "csv")

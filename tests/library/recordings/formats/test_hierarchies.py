@@ -1,11 +1,9 @@
 """Acclaim and BVH: geometry worked out by hand, real motions, and the rules that no other format has."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import naive
 import numpy as np
@@ -13,16 +11,12 @@ import pytest
 from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames, write_pair
 from written import MOVES, TURNS, Node, bvh_text
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.recordings import RecordingError
 from kinespace.library.recordings.formats import bvh
 from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
 from kinespace.library.signature.body import Body
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library.clip import Clip
 
 STILL = [0.0] * 6
 

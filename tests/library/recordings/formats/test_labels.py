@@ -1,12 +1,10 @@
 """Labels of continuous takes: read, refused, and the clips cut by them."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import naive_windows
 import numpy as np
@@ -15,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import stick_clip
 
+from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.labels import (
     LabelError,
     Segment,
@@ -24,11 +23,6 @@ from kinespace.library.recordings.formats.labels import (
     read_labels,
     renamed,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library.clip import Clip
 
 HEADER = "start_s,end_s,label\n"
 

@@ -1,23 +1,17 @@
 """C3D and tables of joints: the rules that no other format has; units, names and gaps."""
 
-from __future__ import annotations
-
 import struct
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 from written import csv_table, write_c3d
 
+from kinespace.library import Clip
 from kinespace.library.recordings.formats import joint_table
 from kinespace.library.recordings.formats.joint_choice import chosen, short_names
 from kinespace.library.recordings.formats.markers import c3d
 from kinespace.library.recordings.formats.units import guessed_metres, metres_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library import Clip
 
 LABELS = ("hip", "knee", "heel")
 WALK = np.random.default_rng(3).uniform(0.0, 900.0, (40, 3, 3))

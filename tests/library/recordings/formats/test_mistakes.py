@@ -1,9 +1,7 @@
 """Every mistake in a recording is refused in a line that says what was expected, and where."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +9,6 @@ from synthetic import ARM, write_pair
 from written import MOVES, TURNS, Node, bvh_text, csv_table, trc_text, write_c3d
 
 from kinespace.library.recordings import RecordingError, RecordingReader
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 AMC = (
     ":FULLY-SPECIFIED\n:DEGREES\n1\nroot 0 0 0 0 0 0\nupper 1 2 3\nlower 4\n2\nroot 0 0 0 0 0 0\nupper 1 2 3\nlower 4\n"

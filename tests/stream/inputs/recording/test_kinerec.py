@@ -1,14 +1,13 @@
 """Raw recordings: packets come back byte for byte, also from a file that was cut off or damaged."""
 
-from __future__ import annotations
-
 import errno
 import json
 import re
 import struct
 import zlib
+from collections.abc import Sequence
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -22,10 +21,6 @@ from kinespace.stream.inputs.recording.kinerec import (
     encode_header,
     encode_packet,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")
 PACKETS = [

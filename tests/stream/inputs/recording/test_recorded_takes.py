@@ -1,12 +1,11 @@
 """A recording gives the answers of the live feed, every time it is played."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,19 +19,14 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
 from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.frame import Input
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.recording import Recorder, decoded, source_name
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
 from kinespace.stream.inputs.recording.takes import Seen
+from kinespace.stream.recognition import Recognition
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from pathlib import Path
-
-    from kinespace.stream.frame import Input
-    from kinespace.stream.recognition import Recognition
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 60.0

@@ -1,19 +1,13 @@
 """What carries a decision: shares by joint and the heaviest pairs, against plain loops; performers tell both."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
 from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by
-
-if TYPE_CHECKING:
-    from kinespace.library.motion_library import MotionLibrary
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -26,7 +20,6 @@ def test_shares_equal_plain_loops(seed: int) -> None:
         for end in pair:
             shares[order[end]] += max(each, 0.0) / 2
     carried = carried_by(given, STICK.pairs, order, 8)
-    assert carried is not None
     assert carried.joints == tuple(round(share / sum(shares), 4) for share in shares)
     foremost = sorted(range(len(given)), key=lambda place: -max(given[place], 0.0))[:MAX_PAIRS]
     assert carried.pairs == tuple(tuple(order[STICK.pairs[place]].tolist()) for place in foremost)
@@ -45,7 +38,6 @@ def test_a_recogniser_gives_the_joints_of_its_eigenvector(sticks: MotionLibrary,
         positions[mover] += 0.2 * np.sin(index / 10)
         recognizer.push(Frame("ann", index / 60, positions))
     given = recognizer.pair_contributions()
-    assert given is not None
     assert mover in STICK.pairs[int(given.argmax())]
     assert np.abs(given[~(STICK.pairs == mover).any(axis=1)]).max() < 1e-6 * given.max()
     recognizer.reset()
@@ -63,7 +55,5 @@ def test_performers_tell_joints_in_the_senders_order(sticks: MotionLibrary) -> N
         performers.push(Frame("bob", time, positions), 0.0)
     skeleton, carried, other = performers.skeleton_of("ann"), performers.carried("ann"), performers.carried("bob")
     assert skeleton is not None
-    assert carried is not None
-    assert other is not None
     assert skeleton == STICK.linked(names)
     assert carried.joints == tuple(other.joints[joint] for joint in order)

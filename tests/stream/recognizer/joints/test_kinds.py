@@ -1,13 +1,12 @@
 """The kind of feed that taught a library, and that asks: told by the limbs alone."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
@@ -17,11 +16,6 @@ from kinespace.stream.recognizer import Performers
 from kinespace.stream.recognizer.joints.kinds import NOTES, TITLES, kind_of, kinds_of
 from kinespace.stream.recognizer.limits import usual_sensitivity
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 
 def _before_a_camera(clip: Clip) -> Clip:
@@ -69,6 +63,7 @@ def _asks(library: MotionLibrary, positions: NDArray[np.float64], joints: tuple[
     return performers.compared.get("p", "")
 
 
+@pytest.mark.slow
 def test_another_kind_of_feed_is_said_in_one_line(small_library: MotionLibrary, films: MotionLibrary) -> None:
     """Either way round; the kind that taught the library is not spoken of."""
     measured, seen = small_library.restricted_to(JOINTS), films.motions[0].positions
@@ -88,6 +83,7 @@ def test_a_library_of_several_before_cameras_names_less(films: MotionLibrary) ->
     assert usual_sensitivity(one) > 0.1
 
 
+@pytest.mark.slow
 def test_info_says_what_taught_a_library(
     films: MotionLibrary, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,28 +1,19 @@
 """Joints that cannot be believed: mended or left out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from performed import pushed, shown
 from synthetic import STICK
 
-from kinespace.library.windows.index import opened
-from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints, LongAgo
+from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints
 from kinespace.stream.recognizer.limits import threshold_for
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Recognition
 
 RATE = 30.0
 ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
@@ -69,7 +60,6 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     assert {*asked} == {joints}
     # Less is named where a joint is missing than where there never was one.
     fewer = recognizer._fewer  # noqa: SLF001 - the limit itself
-    assert fewer is not None
     assert fewer.threshold > threshold_for(view, Settings())
     assert len(answers) == len(whole) == len(sound)
     assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)
@@ -98,28 +88,8 @@ def test_changes_in_mid_stream_are_corrected(
         assert answer.label == expected.label
         assert answer.scores == pytest.approx(expected.scores, abs=0.02)
     assert ("left and right" if fault == "sides" else "the unit changed") in recognizer.doubt
-    known = recognizer.long_ago
-    assert known is not None
-    assert (known.mirrored, known.factor) == (False, pytest.approx(1.0, rel=0.01))
-    assert known.of_the_body.last_jump is None
-
-
-def test_another_recogniser_goes_on_with_what_is_known(
-    small_library: MotionLibrary, squat: Clip, sound: list[Recognition]
-) -> None:
-    """Told of exchanged sides and another unit, it answers as one who saw the change; there is nothing to tell else."""
-    mirrored = opened(small_library).segments.mirrored
-    assert mirrored is not None
-    recognizer = Recognizer(small_library)
-    assert recognizer.long_ago is None
-    recognizer.go_on(LongAgo(mirrored=True, factor=0.001))
-    answers = _played(recognizer, 1000 * squat.positions[:, mirrored])
-    assert [answer.label for answer in answers] == [answer.label for answer in sound]
-    known = recognizer.long_ago
-    assert known is not None
-    assert known._replace(tremble=0.0) == LongAgo(mirrored=True, factor=0.001)
-    # The feed's own tremble, in the library's metres, is told as well.
-    assert 0.0 < known.tremble < 0.004
+    joints = recognizer._joints  # noqa: SLF001 - what it corrects now
+    assert (joints._mirrored, joints._factor) == (False, pytest.approx(1.0, rel=0.01))  # noqa: SLF001 - as above
 
 
 @pytest.mark.parametrize("every", [0.4, 1.1])
@@ -177,9 +147,7 @@ def test_a_body_of_another_size_in_its_place_is_no_change_of_unit(small_library:
     both = np.concatenate([squat.positions, 0.5 * squat.positions + np.array([2.0, 0.0, 0.0])])
     recognizer = Recognizer(small_library)
     _played(recognizer, both)
-    known = recognizer.long_ago
-    assert known is not None
-    assert known.factor == 1.0
+    assert recognizer._joints._factor == 1.0  # noqa: SLF001 - what it corrects now
     assert "the whole body jumped" in recognizer.doubt
 
 

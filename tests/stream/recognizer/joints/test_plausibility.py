@@ -1,15 +1,15 @@
 """Which joints can be believed: lengths, steps and frozen places, against the slow twin and on motions made wrong."""
 
-from __future__ import annotations
-
 from collections import Counter
 from statistics import median
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from naive_bodies import keeps_its_place, squares_about_mean, step_length, steps_between
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer.joints.plausibility import (
     ELSEWHERE_STEP,
     SAME_PLACE,
@@ -20,12 +20,6 @@ from kinespace.stream.recognizer.joints.plausibility import (
     steps_of,
 )
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.windows.index import WindowIndex
 
 RATE = 60.0
 #: How many joints must step for a body of 31 to jump.

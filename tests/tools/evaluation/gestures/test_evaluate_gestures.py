@@ -1,7 +1,5 @@
 """Which segments teach, how they are cut, and what is asked."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

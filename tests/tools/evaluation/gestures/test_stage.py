@@ -1,7 +1,5 @@
 """A show's feed: other bodies' movement on a performer's bones, joined without jumps."""
 
-from __future__ import annotations
-
 import argparse
 from itertools import islice
 

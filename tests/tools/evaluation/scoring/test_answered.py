@@ -1,9 +1,7 @@
 """Answers counted one by one: noisy motions and faulty takes replayed by hand, and each fault by its name."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,9 +15,6 @@ from kinespace.tools.evaluation.faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed
 from kinespace.tools.evaluation.scoring.answers import counted
 from kinespace.tools.evaluation.takes import Take
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 B, J, OF = "bow", "jump", Outcome
 #: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.

@@ -1,19 +1,12 @@
 """Figures and their intervals: compared with drawing by hand, and for few units."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import naive_score
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, RocArea
-
-if TYPE_CHECKING:
-    from kinespace.tools.evaluation.scoring.bootstrap import Figure
+from kinespace.tools.evaluation.scoring.bootstrap import Figure, Percentile, Ratio, RocArea
 
 FIRST, SECOND = 2012, 2013
 

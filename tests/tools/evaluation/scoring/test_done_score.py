@@ -1,7 +1,5 @@
 """What was said of takes, shared among their segments and counted by hand."""
 
-from __future__ import annotations
-
 import pytest
 from synthetic import stick_clip
 

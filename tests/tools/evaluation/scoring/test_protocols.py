@@ -1,20 +1,15 @@
 """Which library recognises which take: no library contains a motion that the protocol leaves out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import pytest
 from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
+from kinespace.tools.evaluation.scoring.protocols import Fold, Protocol, folds_of
 from kinespace.tools.evaluation.takes import Take
-
-if TYPE_CHECKING:
-    from kinespace.tools.evaluation.scoring.protocols import Fold
 
 
 def _take(person: str, number: int, label: str = "") -> Take:

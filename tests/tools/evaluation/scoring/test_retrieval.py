@@ -1,10 +1,7 @@
 """The paper's experiment: its figures, and its counting and its metric against loops, sorted lists and an inverse."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import naive
 import naive_retrieval
@@ -13,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.distances import distance_rows
 from kinespace.tools.evaluation.scoring.retrieval import (
     SPLIT_LIBRARY_ACTORS,
@@ -29,9 +27,6 @@ from kinespace.tools.evaluation.scoring.retrieval import (
     spread_distances,
     spread_of,
 )
-
-if TYPE_CHECKING:
-    from kinespace.library import Clip, MotionLibrary
 
 #: 1-NN by the paper's signature, measured independently on 287 of the 288 clips; by the spread, at least.
 NEAREST = {

@@ -1,10 +1,8 @@
 """How streams are scored: each figure of a course with known answers, and of random courses against a naive count."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import naive_score
 import numpy as np
@@ -19,9 +17,6 @@ from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.scoring.stream_score import score_courses
 from kinespace.tools.evaluation.scoring.timeline import LASTING, NONE, Course, course_of
 from kinespace.tools.evaluation.takes import Take
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 CLASSES = ("bow", "jump", "wave")
 BOW, JUMP, WAVE = range(3)

@@ -1,7 +1,5 @@
 """Words matched with gestures: counted by hand, and of random words against a naive count."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import naive_words

@@ -1,22 +1,17 @@
 """`kinespace live` kept running: its log for programs, and what it says to systemd."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket
 import time
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Frame, osc
 from kinespace.tools.loopback.program import Program
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="systemd is Linux's")
 

@@ -1,10 +1,8 @@
 """Packets of which no frame comes: the feed that they look like, and the command that reads it."""
 
-from __future__ import annotations
-
 import threading
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -19,9 +17,6 @@ from kinespace.stream.inputs import OscDecoder
 from kinespace.stream.inputs.source import Source
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.tools.programs.live.unread import Unread
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 PLACE = "127.0.0.1", 9310
 

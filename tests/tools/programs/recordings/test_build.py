@@ -1,8 +1,6 @@
 """`kinespace build`: recordings and libraries in, one motion library file out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +12,6 @@ from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
 from kinespace.library.naming import hdm05
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.recordings.build import by_body
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,8 +1,6 @@
-from __future__ import annotations
-
 import csv
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +10,6 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.recording.kinerec import RawPacket, RawWriter
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

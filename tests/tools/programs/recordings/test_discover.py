@@ -1,18 +1,13 @@
-from __future__ import annotations
-
 import csv
 import json
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

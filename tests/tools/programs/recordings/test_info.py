@@ -1,9 +1,7 @@
 """`kinespace info`: the contents of a motion library, and of folders of recordings."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from recorded import write_takes
@@ -13,9 +11,6 @@ from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.index import opened
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.usefixtures("wide")
 

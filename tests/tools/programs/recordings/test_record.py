@@ -1,19 +1,18 @@
 """`kinespace record` and its files: replayed bit for bit, described, converted, after any end of the recorder."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
 import time
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, Publisher, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, Program, Publisher, ghost_cues, started
 from recorded import JOINTS
 
 from kinespace.library.naming.hdm05 import SKELETON
@@ -22,12 +21,6 @@ from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPac
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.packets import cut
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from programs import Program
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

@@ -1,17 +1,12 @@
 """What `live` says of an odd body, the programs that read a recording of it say, too."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.slow

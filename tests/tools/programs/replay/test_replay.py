@@ -1,23 +1,21 @@
 """`kinespace replay`: recordings as a fake live feed, and the score of its answers."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading
 import time
 from argparse import Namespace
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port
 from recorded import write_take, write_takes
 
-from kinespace.library import MotionLibrary, Reading, find_recordings, read_recordings
+from kinespace.library import Clip, MotionLibrary, Reading, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingReader
 from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
@@ -28,11 +26,6 @@ from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues, piece_cues
 from kinespace.tools.programs.replay.exchange import Score
 from kinespace.tools.programs.replay.recordings import announced, pieces_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from kinespace.library import Clip
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

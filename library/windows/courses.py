@@ -272,6 +272,12 @@ class Courses:
         """Their first parts."""
         return Pieces(*(each[len(self.seconds) :] for each in self.pieces))
 
+    @property
+    def several(self) -> frozenset[str]:
+        """The classes with several motions, beside rounds of one."""
+        others = np.maximum.reduceat(np.isfinite(self.crossed), self.starts) if len(self.starts) else ()
+        return frozenset(name for name, known in zip(self.classes, others, strict=True) if known)
+
     def lowered(self, unwanted: Sequence[Clip]) -> Courses:
         """Lower the limits by further motions that must not be said, as `of` all of them does."""
         paths = [path_of(clip) for clip in unwanted if clip.frames > 1]

@@ -2,7 +2,7 @@
 
 Ten times a second the last positions are compared, by windows of several lengths, with every whole motion and with its
 first part (`library.windows.courses`). A motion begins when its first part is seen in two looks in a row, and was done
-when all of it is. The next motion may begin where this one ended.
+when all of it is; of a class with one example one look is enough. The next motion may begin where this one ended.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 #: Steps from one look to the next.
 _LOOKS_EVERY = 3
-#: Looks in a row that must see the same class.
+#: Looks in a row that must see the same class. The limits of a class with several motions are wider, so that a whole
+#: motion must be seen twice; the limits of one example hold in one look.
 _LOOKS = 2
 #: The share of a window's way, at either end, in which the motion has not begun yet, or is over.
 _STILL_WAY = 0.02
@@ -77,11 +78,11 @@ class _Streak:
     def __init__(self) -> None:
         self._name, self._count = "", 0
 
-    def sees(self, name: str) -> bool:
-        """Take in the class that a look sees, empty for none; say whether it has been seen often enough."""
+    def sees(self, name: str, looks: int = _LOOKS) -> bool:
+        """Take in the class that a look sees, empty for none; say whether so many looks in a row have seen it."""
         self._count = self._count + 1 if name and name == self._name else 1
         self._name = name
-        return bool(name) and self._count >= _LOOKS
+        return bool(name) and self._count >= looks
 
 
 class DoneFollower:
@@ -113,7 +114,7 @@ class DoneFollower:
         width = courses.pieces.ways.shape[1]
         self._points, self._ways = np.zeros((_ROOM * self._longest, width)), np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        self._limits = self._share * courses.limits.ravel()
+        self._limits, self._several = self._share * courses.limits.ravel(), courses.several
         lengths = courses.pieces.lengths
         self._least = float(lengths.min()) / MAX_WAY if len(lengths) else 0.0
         self._most = float(lengths.max()) * MAX_WAY if len(lengths) else 0.0
@@ -234,7 +235,8 @@ class DoneFollower:
         """Say what has been seen in enough looks in a row."""
         near = max((each for each in (whole, begun) if each), key=lambda each: each.score, default=None)
         whole, begun = (each if each and each.score > 0.5 else None for each in (whole, begun))
-        done = whole if self._whole.sees(whole.class_name if whole else "") else None
+        name = whole.class_name if whole else ""
+        done = whole if self._whole.sees(name, _LOOKS if name in self._several else 1) else None
         starts = begun if self._begun.sees(begun.class_name if begun else "") else None
         if done:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()

@@ -69,6 +69,11 @@ class Window:
     fastest
         Frames per second up to which a span keeps its length.
 
+    Raises
+    ------
+    MemoryError
+        There is no room for so many seconds.
+
     Attributes
     ----------
     seconds
@@ -89,6 +94,8 @@ class Window:
         pairs, width = directions.shape
         self._times, self._rows, self._points = np.empty(_ROOM), np.empty((_ROOM, pairs)), np.empty((_ROOM, width))
         self._longest = _Span(self.seconds, fastest)
+        # A window that memory can never hold is refused at once: the system commits only pages that are used.
+        np.empty((self._longest.most, pairs))
         self._moments = {each: _Sums(each, fastest, (pairs,)) for each in of_distances}
         self._products = {each: _Sums(each, fastest, (width, width)) for each in in_basis}
         self._spans = (self._longest, *self._moments.values(), *self._products.values())
@@ -169,14 +176,14 @@ class _Span:
     """The rows of some last seconds: from `begin` to before `end`."""
 
     def __init__(self, seconds: float, fastest: float) -> None:
-        self._seconds, self._most = seconds - TIE, max(2, math.ceil(seconds * fastest))
+        self._seconds, self.most = seconds - TIE, max(2, math.ceil(seconds * fastest))
         self.begin = self.end = 0
 
     def reach(self, times: Numbers, end: int) -> None:
         """Reach up to another row."""
         # Times in other units may be so large that even the newest time is not above this.
         left = int(times[self.begin : end - 1].searchsorted(times.item(end - 1) - self._seconds, side="right"))
-        self.begin, self.end = max(self.begin + left, end - self._most), end
+        self.begin, self.end = max(self.begin + left, end - self.most), end
 
 
 class _Sums(_Span):

@@ -35,7 +35,6 @@ PROGRAMS: Programs = {
     "convert": ("programs.recordings.convert", "write recordings as plain numbers"),
     "latency": ("programs.latency", "measure the time from frame to answer, and of a bare echo"),
     "cut": ("programs.recordings.cut", "propose labels for a recording: a row for each movement"),
-    "discover": ("programs.recordings.discover", "find the motions that repeat in recordings without labels"),
     "build": ("programs.recordings.build", "make a motion library from recordings and other libraries"),
     "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
     "info": ("programs.recordings.info", "describe a motion library or recordings"),
@@ -59,7 +58,6 @@ EXPERIMENTS: Programs = {
         "teach a gesture by one example, and count words in long takes",
     ),
     "show": ("evaluation.gestures.evaluate_show", "teach gestures, and count words in everyday movement between them"),
-    "discover": ("evaluation.evaluate_discover", "find motions in takes with their labels hidden"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
     "done": ("evaluation.evaluate_done", "play takes, and count the motions that were done and the false alarms"),
 }

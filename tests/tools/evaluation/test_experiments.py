@@ -52,7 +52,7 @@ REFUSED = {
     "stream {takes} --protocol leave-one-take-out --map fly=clap": "--map: expected a label of the takes",
     "stream {takes} --protocol leave-one-take-out --window 1": "--window: expected --signature paper",
     "stream {clips} --skeleton octopus": "--skeleton: expected one of",
-    "stream {clips} --page {clips}/no/x.html": "no: No such file or directory",
+    "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
     "faults": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
     "done": "expected takes with --protocol library, got none",

@@ -39,7 +39,7 @@ PROGRAMS: Programs = {
     "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
     "info": ("programs.recordings.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
-    "bench": ("bench.run", "measure the cost of every step, and of other methods"),
+    "bench": ("bench.run", "measure the cost of every step"),
     "keys": ("programs.keys", "make keys, so that only known programs connect by ZeroMQ"),
     "feeds": ("programs.feeds", "list the products whose feeds kinespace understands, and their settings"),
     "examples": ("programs.examples", "list programs and tables of joint names to copy, or print one"),

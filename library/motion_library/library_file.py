@@ -12,6 +12,7 @@ import io
 import math
 import os
 import tempfile
+import warnings
 import zipfile
 from contextlib import contextmanager
 from pathlib import Path
@@ -65,7 +66,6 @@ class Contents(NamedTuple):
     skeleton: Skeleton
     motions: tuple[Clip, ...]
     learned: Learned | None
-    guests: tuple[Clip, ...] = ()
 
 
 class _Motions(msgspec.Struct):
@@ -92,7 +92,7 @@ class _Header(msgspec.Struct):
     origins: list[tuple[str, str, str]]
     #: The shapes of the learned arrays, by name.
     learned: dict[str, tuple[Annotated[int, msgspec.Meta(ge=0, le=MAX_LEARNED_BYTES)], ...]]
-    #: So many of the last motions are guests.
+    #: So many of the last motions of an older file were for bodies of few joints alone; they are left out.
     guests: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
@@ -132,7 +132,7 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     """
     header = msgspec.json.encode(_described(contents))
     _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
-    motions = (*contents.motions, *contents.guests)
+    motions = contents.motions
     _require_sizes(len(contents.skeleton.joints), [motion.frames for motion in motions])
     arrays: dict[str, Any] = _encoded(motions)
     if contents.learned:
@@ -142,7 +142,7 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
 
 
 def _described(contents: Contents) -> _Header:
-    motions = (*contents.motions, *contents.guests)
+    motions = contents.motions
     origins = [(motion.source, motion.licence, motion.attribution) for motion in motions]
     places = {origin: place for place, origin in enumerate(dict.fromkeys(origins))}
     learned = contents.learned.named if contents.learned else {}
@@ -151,7 +151,7 @@ def _described(contents: Contents) -> _Header:
     table = _Motions(**columns, origin=[places[origin] for origin in origins])
     shapes = {name: array.shape for name, array in learned.items()}
     joints, parents = contents.skeleton.joints, contents.skeleton.parents
-    return _Header(FORMAT, VERSION, list(joints), list(parents), table, list(places), shapes, len(contents.guests))
+    return _Header(FORMAT, VERSION, list(joints), list(parents), table, list(places), shapes)
 
 
 def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
@@ -299,8 +299,10 @@ def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
     origins = [header.origins[place] for place in motions.origin]
     each = zip(positions, motions.frame_rate, texts, origins, strict=True)
     clips = tuple(Clip(skeleton, metres, rate, *own, *origin) for metres, rate, own, origin in each)
-    hosts = count - header.guests
-    return Contents(skeleton, clips[:hosts], Learned(learned) if learned else None, clips[hosts:])
+    if header.guests:
+        said = f"{header.guests} guests of an older file are left out: kinespace compares them with no body any more"
+        warnings.warn(said, FutureWarning, stacklevel=2)
+    return Contents(skeleton, clips[: count - header.guests], Learned(learned) if learned else None)
 
 
 def _decoded(

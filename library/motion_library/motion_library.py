@@ -33,10 +33,6 @@ MIN_FRAME_RATE = 1.0
 MAX_FRAME_RATE = 75.0
 #: Metres by which rounding positions to whole millimetres changes a distance, at most: this is no movement.
 _ROUNDING = 0.0035
-#: One in so many frames teaches how missing joints are computed.
-_TAUGHT_EVERY = 12
-#: The ridge of that regression, metres².
-_SHRINKING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,9 +47,6 @@ class MotionLibrary:
         Positions in metres, rounded to whole millimetres; 1 to 75 frames per second.
     learned
         Numbers learned from people for comparing motions; None when nothing was learned.
-    guests
-        Motions of bodies with fewer joints, in the same order; the joints they lack are computed (`with_guests`). They
-        are compared with bodies of few joints alone (`library.windows.index`), and teach no metric.
 
     Raises
     ------
@@ -66,18 +59,15 @@ class MotionLibrary:
     skeleton: Skeleton
     motions: tuple[Clip, ...] = field(repr=False)
     learned: Learned | None = field(default=None, repr=False)
-    guests: tuple[Clip, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         if not self.motions:
             raise ValueError("motions: expected at least one, got none")
         if len(self.skeleton.joints) < MIN_JOINTS:
             raise SkeletonMismatchError(f"joints: expected at least {MIN_JOINTS}, got {len(self.skeleton.joints)}")
-        for name in ("motions", "guests"):
-            clips: tuple[Clip, ...] = getattr(self, name)
-            for clip in clips:
-                self._check(clip)
-            object.__setattr__(self, name, tuple(sorted(clips, key=lambda each: (each.class_name, each.actor))))
+        for clip in self.motions:
+            self._check(clip)
+        object.__setattr__(self, "motions", tuple(sorted(self.motions, key=lambda each: (each.class_name, each.actor))))
 
     def _check(self, motion: Clip) -> None:
         if motion.skeleton is not self.skeleton:
@@ -161,7 +151,7 @@ class MotionLibrary:
         OSError
             The folder cannot be written.
         """
-        contents = library_file.Contents(self.skeleton, self.motions, self.learned, self.guests)
+        contents = library_file.Contents(self.skeleton, self.motions, self.learned)
         library_file.write(Path(path), contents, compressed=compressed)
 
     def __len__(self) -> int:
@@ -185,12 +175,12 @@ class MotionLibrary:
     @property
     def licence(self) -> str:
         """Terms under which the motions may be passed on, each once; empty where none are known."""
-        return _joined(motion.licence for motion in (*self.motions, *self.guests))
+        return _joined(motion.licence for motion in self.motions)
 
     @property
     def attribution(self) -> str:
         """The authors to name with the motions, each once; empty where none are known."""
-        return _joined(motion.attribution for motion in (*self.motions, *self.guests))
+        return _joined(motion.attribution for motion in self.motions)
 
     def with_motions(self, clips: Iterable[Clip]) -> MotionLibrary:
         """Add clips, each as one motion; `learned` stays.
@@ -203,23 +193,7 @@ class MotionLibrary:
             A clip has other joints than the library.
         """
         added = (_as_motion(clip, self.skeleton) for clip in _clips(clips))
-        return self._of(self.skeleton, (*self.motions, *added), self.guests)
-
-    def with_guests(self, clips: Iterable[Clip]) -> MotionLibrary:
-        """Add motions of bodies with fewer joints as guests; of classes that the library has.
-
-        A joint that a body lacks is computed: where HDM05's bodies show it, as weights of the joints that there are,
-        of sum 1, so that it moves and turns with them.
-
-        Raises
-        ------
-        ValueError
-            As in `with_motions`.
-        SkeletonMismatchError
-            A clip has fewer than five of the library's joints.
-        """
-        added = (_as_motion(_completed(clip, self), self.skeleton) for clip in _clips(clips))
-        return self._of(self.skeleton, self.motions, (*self.guests, *added))
+        return self._of(self.skeleton, (*self.motions, *added))
 
     def without(
         self, *, classes: Collection[str] = (), actors: Collection[str] = (), motions: Collection[Clip] = ()
@@ -233,7 +207,7 @@ class MotionLibrary:
         """
         held = {motion.class_name for motion in self.motions}
         _require_known(classes, held, "classes")
-        _require_known(actors, {*self.actors, *(guest.actor for guest in self.guests)}, "actors")
+        _require_known(actors, self.actors, "actors")
         if any(motion not in self.motions for motion in motions):
             raise ValueError("motions: expected some of this library's own, got another")
         left = tuple(
@@ -241,7 +215,7 @@ class MotionLibrary:
             for motion in self.motions
             if not (motion.class_name in classes or motion.actor in actors or motion in motions)
         )
-        return self._of(self.skeleton, left, tuple(each for each in self.guests if each.actor not in actors))
+        return self._of(self.skeleton, left)
 
     def renamed(self, names: Mapping[str, str]) -> MotionLibrary:
         """Rename classes; two classes that get the same name become one.
@@ -252,11 +226,8 @@ class MotionLibrary:
             A class is not in this library, or its new name is empty.
         """
         _require_known(names, {motion.class_name for motion in self.motions}, "classes")
-        changed, guests = (
-            tuple(replace(each, class_name=names.get(each.class_name, each.class_name)) for each in clips)
-            for clips in (self.motions, self.guests)
-        )
-        return self._of(self.skeleton, changed, guests)
+        changed = (replace(each, class_name=names.get(each.class_name, each.class_name)) for each in self.motions)
+        return self._of(self.skeleton, tuple(changed))
 
     def in_our_names(self, naming: Naming) -> MotionLibrary:
         """Give the same motions with our names for the joints, where a convention fits."""
@@ -264,11 +235,8 @@ class MotionLibrary:
         if named == self.skeleton.joints:
             return self
         skeleton = _in_canonical_order(replace(self.skeleton, joints=named))
-        motions, guests = (
-            _over(skeleton, [replace(clip, skeleton=replace(clip.skeleton, joints=named)) for clip in clips])
-            for clips in (self.motions, self.guests)
-        )
-        return self._of(skeleton, motions, guests)
+        renamed = (replace(clip, skeleton=replace(clip.skeleton, joints=named)) for clip in self.motions)
+        return self._of(skeleton, _over(skeleton, renamed))
 
     def restricted_to(self, joints: Collection[str]) -> MotionLibrary:
         """Give the same motions as a body with fewer joints shows them.
@@ -297,7 +265,7 @@ class MotionLibrary:
         if len(kept) == len(names):
             return self
         skeleton = self.skeleton.restricted_to(kept)
-        return self._of(skeleton, _over(skeleton, self.motions), _over(skeleton, self.guests))
+        return self._of(skeleton, _over(skeleton, self.motions))
 
     def merged_with(self, other: MotionLibrary) -> MotionLibrary:
         """Put the motions of two libraries together, over the joints that both have, in this library's order.
@@ -319,16 +287,11 @@ class MotionLibrary:
         known = {_identity(motion) for motion in motions}
         new = (motion for motion in _over(skeleton, second.motions) if _identity(motion) not in known)
         learned = self.learned or other.learned
-        guests = {_identity(guest): guest for guest in _over(skeleton, (*first.guests, *second.guests))}
-        return MotionLibrary(
-            skeleton, (*motions, *new), learned and learned.for_other_motions(), tuple(guests.values())
-        )
+        return MotionLibrary(skeleton, (*motions, *new), learned and learned.for_other_motions())
 
-    def _of(self, skeleton: Skeleton, motions: tuple[Clip, ...], guests: tuple[Clip, ...]) -> MotionLibrary:
-        """Give a library of other motions, with the guests of their classes, and the numbers that hold for them too."""
-        classes = {motion.class_name for motion in motions}
-        guests = tuple(guest for guest in guests if guest.class_name in classes)
-        return MotionLibrary(skeleton, motions, self.learned and self.learned.for_other_motions(), guests)
+    def _of(self, skeleton: Skeleton, motions: tuple[Clip, ...]) -> MotionLibrary:
+        """Give a library of other motions, with the numbers that hold for them too."""
+        return MotionLibrary(skeleton, motions, self.learned and self.learned.for_other_motions())
 
 
 def _clips(given: Iterable[Clip]) -> list[Clip]:
@@ -336,25 +299,6 @@ def _clips(given: Iterable[Clip]) -> list[Clip]:
     if isinstance(given, Clip) or not all(isinstance(each, Clip) for each in clips):
         raise ValueError(f"clips: expected several Clips, got {type(given).__name__}")
     return clips
-
-
-def _completed(clip: Clip, library: MotionLibrary) -> Clip:
-    """Compute the joints of a library that a clip's body lacks (`MotionLibrary.with_guests`)."""
-    joints = library.skeleton.joints
-    shared = library.restricted_to(clip.skeleton.joints).skeleton
-    there = [joints.index(name) for name in shared.joints]
-    seen = clip.positions[:, shared.order_from(clip.skeleton.joints)]
-    shown = np.concatenate([motion.positions[::_TAUGHT_EVERY] for motion in library.motions])
-    middle = shown[:, there].mean(axis=1, keepdims=True)
-    offsets, wanted = (
-        each.transpose(0, 2, 1).reshape(-1, each.shape[1]) for each in (shown[:, there] - middle, shown - middle)
-    )
-    ridge = _SHRINKING * len(offsets) * np.eye(len(there))
-    weights = np.linalg.solve(offsets.T @ offsets + ridge, offsets.T @ wanted)
-    weights += (1 - weights.sum(axis=0)) / len(there)
-    positions = np.einsum("sj,fsd->fjd", weights, seen)
-    positions[:, there] = seen
-    return replace(clip, skeleton=library.skeleton, positions=positions)
 
 
 def _over(skeleton: Skeleton, motions: Iterable[Clip]) -> tuple[Clip, ...]:

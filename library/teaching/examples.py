@@ -221,8 +221,8 @@ class TaughtWindows:
 
     def _courses(self, index: WindowIndex) -> Courses:
         """Give an index's courses; further examples of `nothing` lower limits and change no more, which is quick."""
-        compared = index.compared
-        motions = [compared[place] for place in np.unique(index.motions % len(compared)).tolist()]
+        compared = index.library.motions
+        motions = [compared[place] for place in np.unique(index.motions).tolist()]
         named = [each for each in motions if each.class_name != NOTHING]
         unwanted = [each for each in motions if each.class_name == NOTHING]
         before, known, courses = self._cut
@@ -305,7 +305,7 @@ def checked(index: WindowIndex, number: int) -> Check | None:
     -------
     The check; None when the example is not among the motions of the index.
     """
-    motions = index.compared
+    motions = index.library.motions
     numbered = (place for place, each in enumerate(motions) if each.take == f"{number:04d}")
     place = next((each for each in numbered if motions[each].name == f"{motions[each].class_name} {number}"), None)
     if place is None or place not in index.motions:
@@ -331,7 +331,7 @@ def checked(index: WindowIndex, number: int) -> Check | None:
 
 def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.float64]) -> float:
     """Compare an example's distance to its class with the distance of the class's other examples."""
-    motions = index.compared
+    motions = index.library.motions
     name = motions[place].class_name
     copies = _copies(index, place)
     others = [
@@ -347,7 +347,7 @@ def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.fl
 
 def _copies(index: WindowIndex, place: int) -> list[int]:
     """Give the places of a motion and of its mirrored copy, which is no other example."""
-    of = [(each.class_name, each.actor, _taught_as(each)) for each in index.compared]
+    of = [(each.class_name, each.actor, _taught_as(each)) for each in index.library.motions]
     return [number for number, each in enumerate(of) if each == of[place]]
 
 

@@ -81,7 +81,7 @@ class WindowIndex:
     eigenvectors
         The leading eigenvector of each window over two seconds, in the basis, shape (windows, directions), float32.
     motions
-        Index of each window's motion, shape (windows,), below 0 for guests, counted from their end; the windows of a
+        Index of each window's motion, shape (windows,); the windows of a
         class lie together, and in it the windows of a person.
     head
         What helps to name the classes that taught it, within one laboratory; else None.
@@ -139,7 +139,7 @@ class WindowIndex:
             placed = Placed.of(comparison, cut)
         else:
             placed = measured.placed(comparison, body, kept.basis)
-        return cls(library, body, kept.basis, comparison, *placed, measured.motions, head).with_guests()
+        return cls(library, body, kept.basis, comparison, *placed, measured.motions, head)
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -152,13 +152,8 @@ class WindowIndex:
     @cached_property
     def _whose(self) -> list[tuple[str, str]]:
         """The class and the person of each window."""
-        compared = self.compared
+        compared = self.library.motions
         return [(compared[place].class_name, compared[place].actor) for place in self.motions.tolist()]
-
-    @property
-    def compared(self) -> tuple[Clip, ...]:
-        """The motions and, behind them, the guests: `motions` counts in them."""
-        return (*self.library.motions, *self.library.guests)
 
     @cached_property
     def _windows(self) -> Comparer:
@@ -202,9 +197,8 @@ class WindowIndex:
     @cached_property
     def courses(self) -> Courses:
         """The courses of the motions that have windows here, by which motions are found that begin and are done."""
-        framed = self.framed
-        compared = (*framed.motions, *framed.guests)
-        return Courses.of([compared[place] for place in np.unique(self.motions % len(compared))])
+        framed = self.framed.motions
+        return Courses.of([framed[place] for place in np.unique(self.motions)])
 
     @cached_property
     def segments(self) -> Segments:
@@ -287,31 +281,20 @@ class WindowIndex:
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
         measured = Measured.of(taught, every or _every(library), self.comparison.weighing.first)
         placed = measured.placed(self.comparison, self.body, self.basis)
-        moved = np.where(self.motions < 0, self.motions, before[np.maximum(self.motions, 0)])
         # Motions that are added one after another are all added to the first index, so that no chain grows.
         origin = self.origin if self.origin and self.origin.added and self.origin.every == every else None
         index = replace(
             self,
             library=library,
-            motions=moved,
+            motions=before[self.motions],
             judged_by=self.rejection if self.comparison.weighing.judges else None,
             origin=Origin(origin.source, (*origin.added, *clips), every) if origin else Origin(self, clips, every),
         )
         return index.joined_by(placed, added[measured.motions])
 
-    def with_guests(self) -> Self:
-        """Add the windows of the guests, where a body has few joints; basis, metrics and rejection stay the same."""
-        library, weighing = self.library, self.comparison.weighing
-        if not (library.guests and _is_few(library)) or weighing != usual_weighing(library):
-            return self
-        guests = replace(library, motions=library.guests, guests=())
-        measured = Measured.of(guests, _every(library), weighing.first)
-        placed = measured.placed(self.comparison, self.body, self.basis)
-        return replace(self, judged_by=self.rejection).joined_by(placed, measured.motions - len(library.guests))
-
     def joined_by(self, placed: Placed, motions: NDArray[np.intp]) -> Self:
         """Add windows of some of the compared motions, and put all in order."""
-        clips, motions = self.compared, np.concatenate([self.motions, motions])
+        clips, motions = self.library.motions, np.concatenate([self.motions, motions])
         whose = [(clip.class_name, clip.actor) for clip in clips]
         ranks = {each: rank for rank, each in enumerate(sorted(set(whose)))}
         order = np.argsort(np.array([ranks[each] for each in whose])[motions], kind="stable")
@@ -337,17 +320,14 @@ class WindowIndex:
             Whether these motions teach what is unknown; else the rejection stays the same.
         """
         places = np.unique(motions)
-        learned, own = self.library.learned, set(places.tolist())
+        learned = self.library.learned
         some = tuple(self.library.motions[place] for place in places.tolist())
-        # Guests stay where all motions of their class stay: a class that was switched off has none.
-        left = {each.class_name for place, each in enumerate(self.library.motions) if place not in own}
-        stay = [place < 0 and self.compared[place].class_name not in left for place in self.motions.tolist()]
-        kept = self._kept(np.isin(self.motions, places) | np.array(stay, dtype=bool))
+        kept = self._kept(np.isin(self.motions, places))
         library = replace(self.library, motions=some, learned=learned and learned.for_other_motions())
         return replace(
             kept,
             library=library,
-            motions=np.where(kept.motions < 0, kept.motions, np.searchsorted(places, kept.motions)),
+            motions=np.searchsorted(places, kept.motions),
             judged_by=None if learns else self.judged_by,
             origin=Origin(self, kept=tuple(places.tolist()), learns=learns),
         )
@@ -450,11 +430,9 @@ def _remembered(
 
 def _bare(library: MotionLibrary) -> MotionLibrary:
     """Give a library whose motions keep two frames each."""
-    motions, guests = (
-        tuple(replace(clip, positions=clip.positions[:2].copy()) for clip in clips)
-        for clips in (library.motions, library.guests)
+    return replace(
+        library, motions=tuple(replace(clip, positions=clip.positions[:2].copy()) for clip in library.motions)
     )
-    return replace(library, motions=motions, guests=guests)
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:
@@ -476,8 +454,7 @@ def teacher_of(library: MotionLibrary) -> MotionLibrary:
         if taught.skeleton.joints == skeleton.joints:
             return taught
         motions = tuple(clip.as_of(skeleton) for clip in taught.motions)
-        # Guests teach nothing.
-        return replace(taught, skeleton=skeleton, motions=motions, guests=())
+        return replace(taught, skeleton=skeleton, motions=motions)
     return library
 
 

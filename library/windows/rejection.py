@@ -246,7 +246,7 @@ def learned_rejection(index: WindowIndex) -> Rejection:
     slope[groups:] = np.maximum(slope[groups:], 0.0)
     typical = np.median(known, axis=0)
     thresholds = _thresholds((unknown - typical) @ slope, classes)
-    held = HELD if len({motion.actor for motion in index.compared}) > 1 else HELD_ONE
+    held = HELD if len({motion.actor for motion in index.library.motions}) > 1 else HELD_ONE
     return Rejection(np.append(slope, 0.0), 0.0, {}, {}, thresholds, typical, held=held)
 
 
@@ -272,7 +272,7 @@ def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64]
     Distances and leads of the windows named rightly, (known, 2 groups), and of the windows without their class,
     (unknown, 2 groups); and the classes of the latter.
     """
-    motions = index.compared
+    motions = index.library.motions
     names = np.array([motions[each].class_name for each in index.motions])
     people = np.array([motions[each].actor for each in index.motions])
     classes = np.searchsorted(index.classes, names)

@@ -109,8 +109,8 @@ def _motions(library: MotionLibrary) -> str:
     if library is MotionLibrary.builtin():
         # Not by this alone: a test's own library in its place must not be kept as it.
         return f"builtin {hashlib.sha256(repr([*map(_named, library.motions)]).encode()).hexdigest()}"
-    found = hashlib.sha256(repr((library.skeleton, [*map(_named, (*library.motions, *library.guests))])).encode())
-    for motion in (*library.motions, *library.guests):
+    found = hashlib.sha256(repr((library.skeleton, [*map(_named, library.motions)])).encode())
+    for motion in library.motions:
         found.update(motion.positions.tobytes())
     for name, numbers in sorted(library.learned.named.items() if library.learned else ()):
         found.update(name.encode() + numbers.tobytes())

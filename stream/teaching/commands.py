@@ -129,34 +129,6 @@ class Wrong:
 
 
 @dataclass(frozen=True, slots=True)
-class From:
-    """Take an example out of a recording in the folder given at the start.
-
-    Attributes
-    ----------
-    name
-        The file, relative to the folder.
-    start, end
-        Seconds from the recording's beginning.
-
-    Raises
-    ------
-    CommandError
-        A name is not allowed, or the seconds are out of range.
-    """
-
-    name: str
-    start: float
-    end: float
-    class_name: str
-
-    def __post_init__(self) -> None:
-        _require_class(self.class_name)
-        if not 0 <= self.start < self.end <= self.start + MAX_LAST:
-            raise CommandError(f"end: expected up to {MAX_LAST:g} s after start, got {self.start:g} to {self.end:g}")
-
-
-@dataclass(frozen=True, slots=True)
 class Rename:
     """Rename a taught class; CommandError for a name that is not allowed."""
 
@@ -231,7 +203,7 @@ class List:
 
 
 #: What gives an example, and what changes or ends something.
-_Showing = Teach | Last | Hold | Right | Wrong | From
+_Showing = Teach | Last | Hold | Right | Wrong
 _Changing = Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | List
 Command = _Showing | _Changing
 

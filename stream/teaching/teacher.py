@@ -182,10 +182,6 @@ class Teacher:
         same = [of for each, of in self._shown.items() if names.get(each) == names.get(number) and of[0] == performer]
         return gathered and gathered._replace(shown=[span for _, span in same])
 
-    def take(self, clip: Clip, class_name: str) -> list[Notice | Changed]:
-        """Take a motion of a recording, over the skeleton's joints, as an example; it is trimmed."""
-        return self._add(clip.actor, class_name, clip, Stretch(0.0, clip.duration))
-
     def _begin(self, asked: commands.Teach | commands.Last | commands.Hold, now: float) -> list[Notice | Changed]:
         performer = self._present(asked.performer, now)
         if performer is None:

@@ -27,7 +27,7 @@ from websockets.sync.client import connect
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.teaching.memory import REMEMBERED
-from kinespace.tools.bench import recorded
+from kinespace.tools.bench import crowd
 from kinespace.tools.bench.run import machine
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 from kinespace.tools.loopback.program import Program
@@ -68,7 +68,7 @@ class Stage:
 
     def __init__(self, port: int, control: str, page: str) -> None:
         self._port, self._control, self._page = port, control, page
-        self._positions: NDArray = recorded.positions()[:: round(recorded.FRAME_RATE / FRAME_RATE)]
+        self._positions: NDArray = crowd.positions()[:: round(crowd.FRAME_RATE / FRAME_RATE)]
         self._ended, self._threads = threading.Event(), list[threading.Thread]()
         self.came = self.taught = self.opened = 0
 

@@ -22,17 +22,12 @@ from numpy.typing import NDArray
 from PIL import Image
 from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, started
 
-from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement
 from kinespace.stream.osc.frames import encode_frame
-from kinespace.stream.recognizer import Settings
 from kinespace.tools.camera.joints import film_clip
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.gestures.stage import facing
-from kinespace.tools.evaluation.report import write_report
-from kinespace.tools.evaluation.takes import takes_of
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -396,22 +391,6 @@ def test_an_empty_page_says_where_it_listens_and_what_pours_in(tmp_path: Path) -
         sent = sum(map(len, moments))
         until(page, f"document.querySelector('#counters').innerText.includes('received {sent},')")
         assert complaints == []
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")
-def test_an_evaluation_is_scrubbed_through(tmp_path: Path, small_library: MotionLibrary) -> None:
-    """The page of an evaluation shows what was performed and answered at any second, and the body moves."""
-    motion, complaints = small_library.motions[0], list[str]()
-    (take,), classes = takes_of([motion]), small_library.classes
-    write_report(tmp_path / "out.html", [(course(take, small_library, classes, Settings()), motion)], classes)
-    with opened((tmp_path / "out.html").as_uri(), complaints) as page:
-        before = page.evaluate("document.querySelector('#body').toDataURL()")
-        page.evaluate(f"go({motion.duration / 2})")
-        assert page.inner_text("#performed") == motion.class_name
-        assert page.evaluate("document.querySelector('#body').toDataURL()") != before
-        page.click("#play")
-        until(page, f"kinespace.at > {motion.duration / 2}")
-    assert complaints == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")

@@ -1,1 +1,1 @@
-"""`kinespace bench`: the cost of every step, and of other methods, in one run on real recordings."""
+"""`kinespace bench`: the cost of every step, in one run on real recordings."""

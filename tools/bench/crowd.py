@@ -1,4 +1,4 @@
-"""Performers played to a running recogniser over sockets, and the time for which its processes use a core."""
+"""The feed of every part, motions of the built-in library without end; performers played over sockets; cores' time."""
 
 from __future__ import annotations
 
@@ -6,30 +6,46 @@ import gc
 import math
 import os
 import time
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from kinespace.library import MotionLibrary
+from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Performers, Settings
-from kinespace.tools.bench.recorded import FRAME_RATE, endless
-from kinespace.tools.feeding.feed import Cue, Pace
+from kinespace.tools.feeding.feed import Cue, Pace, without_pause
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     import numpy as np
     from numpy.typing import NDArray
 
-    from kinespace.stream.frame import Frame
     from kinespace.stream.recognition import Recognition
     from kinespace.tools.feeding.feed import FrameSender
     from kinespace.tools.loopback.answers import Listener, Received
 
+#: Frames per second of the feeds.
+FRAME_RATE = 120.0
+#: Every eighth of the library's motions is played, so that there are some of each class.
+_EVERY = 8
 #: Performers whose frames come all at once, to see how many a core holds: frames do so that wait for a full core.
 CROWD = 40
 #: Seconds after the last frame in which answers may still come: fewer than of the silence that ends a motion.
 _LINGER = 0.7
+
+
+def positions() -> NDArray[np.float32]:
+    """Give every eighth motion of the built-in library: shape (frames, 31, 3), metres, 120 frames per second."""
+    return without_pause(MotionLibrary.builtin().motions[::_EVERY], FRAME_RATE)
+
+
+def endless(positions: NDArray[np.floating], performer: str = "bench", begin: int = 0) -> Iterator[Frame]:
+    """Play positions, shape (frames, joints, 3), metres, 120 times a second without end, from one of them on."""
+    # Time 0 would mean "on arrival".
+    return (
+        Frame(performer, 1.0 + number / FRAME_RATE, positions[(begin + number) % len(positions)]) for number in count()
+    )
 
 
 class Feed(NamedTuple):

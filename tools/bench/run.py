@@ -1,7 +1,7 @@
 """`kinespace bench`: run parts, and print their tables or their figures.
 
-Times every step, other methods, the way over sockets, and workers that come and go, on real motions. scale needs pip
-install kinespace[cluster]. Everything takes a quarter of an hour.
+Times every step, the way over sockets, and workers that come and go, on real motions. scale needs pip
+install kinespace[cluster]. Everything takes ten minutes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import platform
 from typing import TYPE_CHECKING
 
 from kinespace.library import compiled
-from kinespace.tools.bench import against, peers, scale, sockets, stages
+from kinespace.tools.bench import against, scale, sockets, stages
 from kinespace.tools.bench.report import Plan, rounded
 from kinespace.tools.cli.arguments import add_shared, count, positive
 from kinespace.tools.terminal.console import console, say
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import argparse
 
 #: The parts in the order in which a reader wants them; each module has `FIGURES`, their names, and `measure`.
-PARTS = {"stages": stages, "peers": peers, "sockets": sockets, "scale": scale}
+PARTS = {"stages": stages, "sockets": sockets, "scale": scale}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -22,8 +22,7 @@ import numpy as np
 
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play
-from kinespace.tools.bench.recorded import FRAME_RATE, positions
+from kinespace.tools.bench.crowd import CROWD, FRAME_RATE, Feed, core_seconds, performers_a_core, play, positions
 from kinespace.tools.bench.report import Measured, shown
 from kinespace.tools.feeding.feed import OscFrameSender
 from kinespace.tools.loopback.answers import Listener

@@ -7,8 +7,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING, get_args
 
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play
-from kinespace.tools.bench.recorded import positions
+from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play, positions
 from kinespace.tools.bench.report import Measured, shown
 from kinespace.tools.loopback.answers import Listener, answer_in
 from kinespace.tools.loopback.service_process import BackgroundService, Transport

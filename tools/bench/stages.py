@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import nullcontext
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -12,13 +13,13 @@ from pythonosc.osc_packet import OscPacket
 from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.tools.bench.recorded import FRAME_RATE, endless, positions
+from kinespace.tools.bench.crowd import FRAME_RATE, endless, positions
 from kinespace.tools.bench.report import Measured
-from kinespace.tools.bench.timing import in_turns, timed
+from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
     from rich.table import Table
@@ -51,6 +52,8 @@ WARM_UP = 300
 ROUND = 480
 #: Rounds, of which medians are taken.
 ROUNDS = 9
+#: Whether the system counts a thread's own time finely enough.
+_FINE = time.get_clock_info("thread_time").resolution <= 1e-6
 
 
 def measure(_: Plan) -> Measured:
@@ -128,3 +131,39 @@ def pushing(
             return timed(push) * 1e6 / ROUND
 
     return run
+
+
+def clock() -> float:
+    """Give the seconds for which this thread has used a core; other programs' time does not count.
+
+    Where the system counts it too coarsely, the wall clock is used.
+    """
+    return time.thread_time() if _FINE else time.perf_counter()
+
+
+def timed(call: Callable[[], object]) -> float:
+    """Give the seconds of a core that a call took."""
+    start = clock()
+    call()
+    return clock() - start
+
+
+def in_turns(jobs: Mapping[str, Callable[[], float]], rounds: int, what: str) -> dict[str, NDArray[np.float64]]:
+    """Run jobs one after the other, in rounds, so that a disturbance of the machine meets all jobs alike.
+
+    Parameters
+    ----------
+    jobs
+        Each job returns its cost, in a unit of its own. The first turn of each job warms up and does not count.
+    rounds
+        Turns that count.
+    what
+        The title of the progress bar.
+
+    Returns
+    -------
+    By job, the cost of each round, shape (rounds,).
+    """
+    turns = range(rounds + 1)
+    costs = [{name: job() for name, job in jobs.items()} for _ in progress(turns, what, len(turns))]
+    return {name: np.array([cost[name] for cost in costs[1:]]) for name in jobs}

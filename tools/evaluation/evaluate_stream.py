@@ -21,7 +21,6 @@ from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.report import write_report
 from kinespace.tools.evaluation.scoring.answer_tables import answer_rows, segment_rows, write_rows
 from kinespace.tools.evaluation.scoring.protocols import Protocol
 from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, score_courses
@@ -56,7 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     text = "leave these parts of the signature out, to see their worth"
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
-    parser.add_argument("--page", type=Path, metavar="HTML", help="write a page that plays takes, answers and bodies")
     parser.add_argument("--answers", type=Path, metavar="CSV", help="write a row for each answer: truth, guess, scores")
     parser.add_argument(
         "--segments", type=Path, metavar="CSV", help="write a row for each segment: right, named, delays"
@@ -66,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay takes, score the answers, and print the results; return the exit status."""
-    for file in filter(None, (options.page, options.answers, options.segments)):
+    for file in filter(None, (options.answers, options.segments)):
         require_place_for(file)
     asked, classes = harness.asked_of(options)
     by_person = options.resample == "persons"
@@ -77,8 +75,6 @@ def run(options: argparse.Namespace) -> int:
     courses = _courses(asked, classes, options)
     score = score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
-    if options.page:
-        write_report(options.page, [*zip(courses, (each.take.clip for each in asked), strict=True)], classes)
     if options.answers:
         write_rows(options.answers, answer_rows(courses, classes))
     if options.segments:

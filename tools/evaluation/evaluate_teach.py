@@ -213,7 +213,7 @@ def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:
     if teacher is not library:
         teacher = replace(strangers, learned=None).restricted_to(library.skeleton.joints)
         ordered = tuple(each.as_of(teacher.skeleton) for each in library.motions)
-        library = replace(library, skeleton=teacher.skeleton, motions=ordered, guests=())
+        library = replace(library, skeleton=teacher.skeleton, motions=ordered)
     return Taught(WindowIndex.of(library, teacher), tuple(names))
 
 

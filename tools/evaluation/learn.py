@@ -254,15 +254,11 @@ class _Body(NamedTuple):
 
     @classmethod
     def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> _Body:
-        """Let takes, and takes that have no other joints, be recognised without guests of their own persons."""
-        guests = {guest.actor for guest in library.guests}
-        opened = {
-            person: WindowIndex.of(library.without(actors={person} & guests), weighing=ACROSS_LABORATORIES)
-            for person in {"", *(take.person for take in fewer)} & {"", *guests}
-        }
-        typical = opened[""].rejection.typical
+        """Let takes, and takes that have no other joints, be recognised."""
+        opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
+        typical = opened.rejection.typical
         shown = [
-            _Course(take, _relative(_windows(opened.get(take.person, opened[""]), clip), typical))
+            _Course(take, _relative(_windows(opened, clip), typical))
             for take in progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
             for clip in [take.clip.restricted_to(library.skeleton.joints)]
         ]
@@ -281,7 +277,7 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     Parameters
     ----------
     library
-        The library, perhaps with guests.
+        The library.
     takes, fewer
         Takes with all joints of the library, and takes of bodies with fewer.
     """
@@ -290,9 +286,9 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     for take in fewer:
         by_joints[tuple(name for name in everyone if name in take.clip.skeleton.joints)].append(take)
     most = max(map(len, by_joints))
-    # Guests are compared where there are numbers for few joints, whatever they are.
-    guesting = replace(library, learned=replace(_NOTHING_LEARNED, joints=most).kept(few=True))
-    bodies = [_Body.of(guesting.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
+    # Where a file has numbers for few joints, evidence is relative to these motions: the numbers do not matter here.
+    judged = replace(library, learned=replace(_NOTHING_LEARNED, joints=most).kept(few=True))
+    bodies = [_Body.of(judged.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
 
     shown = [[*body.courses, *body.fewer] for body in bodies]
 
@@ -343,7 +339,7 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
         own = [(place, library.motions[place]) for place in group]
         for name in {each.class_name for _, each in own} - {NOTHING}:
             left = index.without(
-                [place for place in set(index.motions.tolist()) if index.compared[place].class_name == name]
+                [place for place in set(index.motions.tolist()) if index.library.motions[place].class_name == name]
             )
             asking = [place for place, each in own if each.class_name == name]
             others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]

@@ -37,7 +37,6 @@ def open_lessons(
     performers: Callable[[WindowIndex, Sequence[str]], Recognising],
     stillness: float = STILLNESS,
     *,
-    recordings: Path | None = None,
     either_side: bool = False,
 ) -> Lessons:
     """Open the taught library for lessons.
@@ -54,8 +53,6 @@ def open_lessons(
         Makes the recognisers from an opened library and the order of its classes.
     stillness
         Movement below which a performer stands still (`library.teaching.movement`).
-    recordings
-        The folder of recordings that examples may be taken from; None for none.
     either_side
         Whether taught motions may be done by either side.
 
@@ -76,7 +73,7 @@ def open_lessons(
         index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
         teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
         order = ClassPlaces(windows.base_classes).of(roster)
-        lessons = Lessons(performers(index, order or index.classes), teacher, windows, kept, recordings=recordings)
+        lessons = Lessons(performers(index, order or index.classes), teacher, windows, kept)
         failing.pop_all()
     return lessons
 
@@ -134,7 +131,7 @@ def _base(
     if left_out:
         say(f"taught motions are compared by {shared} of {len(joints)} joints, without {', '.join(left_out)}")
     # One motion is no teacher of its own: as in a library's file, the built-in persons' metrics compare, by all axes.
-    one = replace(builtin, motions=builtin.motions[:1], guests=(), learned=None).restricted_to(joints)
+    one = replace(builtin, motions=builtin.motions[:1], learned=None).restricted_to(joints)
     return WindowIndex.of(one, builtin.without(actors=without).restricted_to(joints)) if without else opened(one)
 
 

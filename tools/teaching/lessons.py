@@ -12,11 +12,9 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.teaching import Asked, Changed, State, Step, commands
 from kinespace.tools.teaching.opener import Change, RosterOpener
-from kinespace.tools.teaching.recordings import RecordingsFolder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
-    from pathlib import Path
 
     from kinespace.library.teaching.examples import Roster, TaughtWindows
     from kinespace.library.windows.index import WindowIndex
@@ -43,8 +41,6 @@ class Lessons(Sink):
         Opens rosters.
     file
         Saves the roster after every change.
-    recordings
-        The folder of recordings that examples may be taken from; None for none.
     clock
         Seconds.
 
@@ -69,7 +65,6 @@ class Lessons(Sink):
         windows: TaughtWindows,
         file: RosterFile,
         *,
-        recordings: Path | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.performers, self._teacher, self._clock = performers, teacher, clock
@@ -81,7 +76,6 @@ class Lessons(Sink):
         #: Who is not answered during a lesson, and until when: what was shown last fires nothing behind it, either.
         self._muted = "", -math.inf
         self._file, self._opener = file, RosterOpener(windows, teacher, self._exchange)
-        self._recordings = RecordingsFolder(recordings, teacher.skeleton)
         self._waiting: queue.SimpleQueue[Asked] = queue.SimpleQueue()
 
     def publish_frame(self, frame: Frame) -> None:
@@ -108,11 +102,6 @@ class Lessons(Sink):
             case commands.Sensitivity(share):
                 self.performers.set_sensitivity(share)
                 notices = [State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
-            case commands.From() as wanted:
-                why = self._recordings.ask(wanted)
-                if refused := self._recordings.refused:
-                    self.notes = [f"teaching: requests for recordings refused: {refused}"]
-                notices = [State("", Step.REFUSED if why else Step.CHECKING, 0.0, why or f"reading {wanted.name}")]
             case command:
                 notices = map(self._explained, self._teacher.command(command, self._clock()))
         states = self._publish(notices)
@@ -136,16 +125,10 @@ class Lessons(Sink):
         self._publish(self._teacher.tick(now))
         self._publish(self._opener.results())
         self._publish(self._file.states())
-        for wanted, part in self._recordings.parts():
-            if isinstance(part, str):
-                self._publish([State("", Step.REFUSED, 0.0, part)])
-            else:
-                self._publish(self._teacher.take(part, wanted.class_name))
 
     def close(self) -> None:
         """Save the last changes first."""
         self._file.close()
-        self._recordings.close()
         self._opener.close()
         self.tend(self._clock())
 

@@ -153,8 +153,7 @@ class RosterFile:
             return before
         library = MotionLibrary.of_clips(motions)
         learned = before.learned and before.learned.for_other_motions()
-        guests = tuple(each.as_of(library.skeleton) for each in before.guests if each.class_name in library.classes)
-        return MotionLibrary(library.skeleton, library.motions, learned, guests)
+        return MotionLibrary(library.skeleton, library.motions, learned)
 
     def _say(self, step: Step, reason: str) -> None:
         self._said.put(State("", step, 0.0, reason))

@@ -299,6 +299,15 @@ def test_a_foreign_file_is_refused(tmp_path: Path, foreign: bytes) -> None:
     _assert_refused(tmp_path / "foreign.npz", foreign)
 
 
+def test_guests_of_an_older_file_are_left_out(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
+    """The last motions of such a file are its guests: a warning counts them, and the others come back."""
+    (header, arrays), path = _unpacked(content), tmp_path / "library.npz"
+    path.write_bytes(_packed({**header, "guests": 2}, arrays))
+    with pytest.warns(FutureWarning, match="2 guests of an older file are left out"):
+        loaded = MotionLibrary.load(path)
+    assert [each.name for each in loaded.motions] == [each.name for each in small_library.motions[:-2]]
+
+
 @pytest.mark.parametrize("place", ["alone", "header", "positions", "learned_weights"])
 def test_nothing_is_unpickled(content: bytes, tmp_path: Path, place: str) -> None:
     """A pickle, alone or in place of a part, is refused and its code does not run."""

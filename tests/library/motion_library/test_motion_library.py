@@ -358,52 +358,6 @@ def test_learned_numbers_survive_a_merge(library: MotionLibrary) -> None:
     assert library.merged_with(library).learned is None
 
 
-# --- guests ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_guests_lack_joints_that_are_computed(builtin: MotionLibrary, tmp_path: Path) -> None:
-    """They move and turn with the joints that there are, stay beside the motions, and come back from a file."""
-    motion, lost = builtin.motions[0], ("lhand", "ltoes", "root")
-    known = [name for name in builtin.skeleton.joints if name not in lost]
-    turned = motion.positions @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) + 2.0
-    clip = dataclasses.replace(motion, positions=turned, actor="ann").restricted_to(known)
-    library = builtin.with_guests([clip])
-    assert (library.motions, library.actors) == (builtin.motions, builtin.actors)
-    guest = library.guests[-1] if library.guests[-1].actor == "ann" else library.guests[0]
-    assert (guest.actor, guest.class_name) == ("ann", motion.class_name)
-    errors = np.linalg.norm(guest.positions - turned, axis=2).max(axis=0)
-    places = [builtin.skeleton.joints.index(name) for name in lost]
-    assert np.delete(errors, places).max() <= 0.001
-    assert 0.001 < errors[places].max() < 0.1
-    library.save(tmp_path / "guests.npz")
-    loaded = MotionLibrary.load(tmp_path / "guests.npz")
-    _assert_equal(library, loaded)
-    assert all(map(_are_alike, library.guests, loaded.guests))
-    with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
-        builtin.with_guests([clip.restricted_to(known[:4])])
-
-
-def _are_alike(one: Clip, other: Clip) -> bool:
-    said = all(getattr(one, name) == getattr(other, name) for name in SAID)
-    return said and np.array_equal(one.positions, other.positions)
-
-
-def test_guests_follow_their_classes(library: MotionLibrary) -> None:
-    """Whatever makes another library of a library keeps the guests of classes that it has."""
-    clips = [dataclasses.replace(clip, actor="guest") for clip in stick_clips(actors=("aa",))]
-    guested = library.with_guests(clips)
-    count, bows = len(clips), sum(clip.class_name == "bow" for clip in clips)
-    assert len(guested.guests) == count
-    assert len(guested.without(classes=["bow"]).guests) == count - bows
-    assert guested.without(actors=["guest"]).guests == ()
-    assert {guest.class_name for guest in guested.renamed({"bow": "zeal"}).guests} == {"jump", "wave", "zeal"}
-    assert len(guested.with_motions(clips[:1]).guests) == count
-    assert len(guested.restricted_to(STICK.joints[:5]).guests[0].skeleton.joints) == 5
-    assert len(guested.merged_with(guested).guests) == count
-    assert len(library.merged_with(guested).guests) == count
-
-
 # --- the built-in library ----------------------------------------------------------------------------------------
 
 
@@ -413,7 +367,6 @@ def test_the_built_in_library_describes_itself(builtin: MotionLibrary) -> None:
     assert builtin.skeleton == hdm05.SKELETON
     assert {motion.frame_rate for motion in builtin.motions} == {60.0}
     assert {motion.source for motion in builtin.motions} == {hdm05.SOURCE}
-    assert builtin.guests == ()
     assert (builtin.licence, builtin.attribution) == (hdm05.LICENCE, hdm05.ATTRIBUTION)
     assert "Mueller" in builtin.attribution
     assert sum(motion.duration for motion in builtin.motions) == pytest.approx(595, abs=1)

@@ -69,7 +69,7 @@ def test_what_must_not_be_said_only_lowers_limits(
     more = third.with_example(_example(5, "kick", _motions("kickLFront1Reps")[2]))
     for roster in (first, second, third, first, third, more):
         index = windows.index_of(roster)
-        compared = [index.compared[place] for place in np.unique(index.motions % len(index.compared)).tolist()]
+        compared = [index.library.motions[place] for place in np.unique(index.motions).tolist()]
         anew = Courses.of(compared)
         assert index.courses.classes == anew.classes
         assert index.courses.limits == pytest.approx(anew.limits)

@@ -13,7 +13,6 @@ from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, distance_rows
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.motion_library.learned import Learned
 from kinespace.library.signature.parts import EIGENVECTORS, Kind, Signature
 from kinespace.library.windows.comparer import LANE, Comparer
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
@@ -90,7 +89,7 @@ def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
 
 
 def _whose(index: WindowIndex) -> list[tuple[str, str]]:
-    return [(index.compared[each].class_name, index.compared[each].actor) for each in index.motions]
+    return [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
 
 
 def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
@@ -299,30 +298,6 @@ def test_views_by_fewer_joints(people: MotionLibrary) -> None:
     _assert_same_windows(some.by_joints(joints), view.of_some([1, 2, 20]))
     with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
         index.by_joints(joints[:4])
-
-
-def test_guests_are_compared_with_bodies_of_few_joints(people: MotionLibrary) -> None:
-    """Their windows lie among the others' by class and person; metrics and rejection are as without guests."""
-    clips = [replace(clip, actor="bc") for clip in stick_clips(actors=("dd",))]
-    alone = replace(people, learned=Learned(_few_numbers()))
-    index, bare = WindowIndex.of(alone.with_guests(clips)), WindowIndex.of(alone)
-    _assert_same_windows(index, bare)
-    joints = STICK.joints[:5]
-    view, plain = index.by_joints(joints), bare.by_joints(joints)
-    whose = _whose(view)
-    assert whose == sorted(whose)
-    assert {actor for _, actor in whose} == {"aa", "bb", "bc", "cc"}
-    assert [each for each in whose if each[1] != "bc"] == _whose(plain)
-    assert np.array_equal(view.rejection.typical, plain.rejection.typical)
-    assert view.rejection.thresholds.tolist() == plain.rejection.thresholds.tolist() == [4.0] * len(RATES)
-    assert all(map(np.array_equal, (m.axes for m in _metrics(view)), (m.axes for m in _metrics(plain))))
-    taught = replace(stick_clip("jump", seed=40, frames=100), class_name="b", actor="")
-    assert len(index.with_motions([taught]).by_joints(joints)) == len(bare.with_motions([taught]).by_joints(joints)) + (
-        len(view) - len(plain)
-    )
-    places = [place for place, motion in enumerate(people.motions) if motion.class_name != "bow"]
-    left = _whose(index.of_some(places).by_joints(joints))
-    assert left == [each for each in whose if each[0] != "bow"]
 
 
 def _few_numbers() -> dict[str, np.ndarray]:

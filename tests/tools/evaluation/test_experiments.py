@@ -36,7 +36,6 @@ RUNS = {
     "gestures": ("gestures", "9 gestures, 3 persons"),
     "gestures of others": ("gestures --taught-by all", "9 gestures, 3 persons"),
     "show": ("show --shows 1 --minutes 0.5 --gestures 2", "1 show; "),
-    "discover": ("discover", "18 takes, "),
     "done": (
         "done {takes} --protocol leave-one-take-out --promises --false-alarms 60/h",
         "6 motions, 0 takes with a motion",
@@ -53,7 +52,7 @@ REFUSED = {
     "stream {takes} --protocol leave-one-take-out --map fly=clap": "--map: expected a label of the takes",
     "stream {takes} --protocol leave-one-take-out --window 1": "--window: expected --signature paper",
     "stream {clips} --skeleton octopus": "--skeleton: expected one of",
-    "stream {clips} --page {clips}/no/x.html": "no: No such file or directory",
+    "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
     "faults": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
     "done": "expected takes with --protocol library, got none",
@@ -62,7 +61,6 @@ REFUSED = {
     "gestures {takes} --taught-by next": "--taught-by next: expected takes of several persons, got 1; --actor-in",
     "show --gestures 9": "--gestures: expected at most 3, of which bd has more than 1 motions, got 9",
     "show --movement {takes}": "joints: expected at least 5",
-    "discover {clips}": "joints: expected at least 5 of the library's",
     "retrieval {takes}/ann_01.amc --protocol split": "ann_01: expected a name with the actor in it",
     "retrieval /absent": "no such file or folder",
 }

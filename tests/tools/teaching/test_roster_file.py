@@ -116,7 +116,7 @@ def test_what_a_killed_program_left_is_deleted(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip) -> None:
-    """Further joints, names, learned numbers and guests stay; what is undone leaves it as it was."""
+    """Further joints, names, and learned numbers stay; what is undone leaves it as it was."""
     path = tmp_path / "mine.npz"
     builtin = MotionLibrary.builtin()
     classes = ("squat1Reps", "kickLFront1Reps")

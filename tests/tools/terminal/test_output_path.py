@@ -9,12 +9,12 @@ from kinespace.tools.cli.main import main
 from kinespace.tools.terminal.output_path import require_place_for
 
 
-@pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--page")], ids=" ".join)
-def test_a_picture_without_a_place_is_refused_before_the_work(
+@pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--answers")], ids=" ".join)
+def test_a_table_without_a_place_is_refused_before_the_work(
     command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A missing folder, or a folder in the picture's place, is one line, before any file is read."""
-    assert main([*command, str(tmp_path / "missing" / "a.svg")]) == 2
+    """A missing folder, or a folder in the table's place, is one line, before any file is read."""
+    assert main([*command, str(tmp_path / "missing" / "a.csv")]) == 2
     assert capsys.readouterr().err == f"kinespace: {tmp_path / 'missing'}: No such file or directory\n"
     assert main([*command, str(tmp_path)]) == 2
     assert capsys.readouterr().err == f"kinespace: {tmp_path}: Is a directory\n"

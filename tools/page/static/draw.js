@@ -1,5 +1,5 @@
 "use strict";
-// What all pages share: their colours, bodies on a stage, and bars over time.
+// What the page draws: its colours, bodies on a stage, and bars over time.
 
 /** The colour of a class by its index: far apart for neighbours, as light in every hue. */
 function colourOf(index, lightness = 0.76) {
@@ -22,9 +22,6 @@ function setTheme(name) {
 
 byId("theme").addEventListener("click", () => setTheme(isLight() ? "dark" : "light"));
 setTheme(matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
-
-/** Read bodies that stand in a page: millimetres, three for each joint. */
-const bodiesIn = (text) => new Int16Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
 
 /** The colour of the body that does a class. */
 const bodyColour = (index) => colourOf(index, isLight() ? 0.58 : 0.78);
@@ -332,7 +329,7 @@ const gutterOf = (rows, width) => rows.some((row) => row.name) && width > 500 ? 
  * perhaps a `line` ([[second, 0 to 1]]); ticks are counted from `origin`. Gives the bars' places, for a pointer:
  * [{x, y, width, height, bar, row}].
  */
-function drawTimeline(canvas, rows, { from, to, at = null, origin, tick, named }) {
+function drawTimeline(canvas, rows, { from, to, origin, tick, named }) {
   const { context, width, height } = fitted(canvas);
   const gutter = gutterOf(rows, width);
   const place = (second) => gutter + (second - from) / (to - from) * (width - gutter);
@@ -380,11 +377,6 @@ function drawTimeline(canvas, rows, { from, to, at = null, origin, tick, named }
     }
     context.restore();
     top += 6;
-  }
-  if (at !== null) {
-    context.strokeStyle = theme.warm;
-    context.lineWidth = 2;
-    stroke(context, [{ x: place(at), y: 0 }, { x: place(at), y: height - 16 }]);
   }
   return hits;
 }

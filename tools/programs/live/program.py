@@ -48,8 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
     text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
     parser.add_argument("--loud-lessons", action="store_true", help=text)
-    text = "let people take examples out of the recordings in this folder"
-    parser.add_argument("--recordings", type=Path, metavar="DIR", help=text)
     text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
     parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
 

@@ -127,7 +127,6 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
         sent.assumed,
         performers,
         options.stillness,
-        recordings=options.recordings,
         either_side=either_side,
     )
     lessons.is_loud = options.loud_lessons

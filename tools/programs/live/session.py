@@ -140,9 +140,8 @@ def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
     """Refuse options that need others, and files that cannot be written; give the preset of the feed."""
-    for option in ("control", "recordings"):
-        if getattr(options, option, None) and not options.teach:
-            raise ValueError(f"--{option}: expected --teach with it")
+    if getattr(options, "control", None) and not options.teach:
+        raise ValueError("--control: expected --teach with it")
     if options.teach and settings.signature is LiveSignature.PAPER:
         raise ValueError("--teach: expected --signature windows with it, got paper")
     for option in ("camera", "lsl_in"):

@@ -31,7 +31,6 @@ from kinespace.tools.cli.arguments import (
     add_labels,
     add_reading,
     add_shared,
-    count,
     library_at,
     mapping,
     names,
@@ -67,10 +66,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--without", action="extend", type=names, default=[], metavar="CLASS|PERSON,...", help=text)
     text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
     parser.add_argument("--rename", **several(mapping, "OLD=NEW"), help=text)
-    text = "add their motions, for bodies of few joints alone; the joints that they lack are computed"
-    parser.add_argument("--guests", **several(Path, "TAKE"), help=text)
-    text = "add every Nth of the guests' motions alone"
-    parser.add_argument("--every", type=count, default=1, metavar="N", help=text)
     add_shared(parser, "--either-side")
     text = "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)"
     add_labels(parser, text)
@@ -100,8 +95,6 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"motions: expected some of another class than {NOTHING!r}, got none")
     if options.either_side:
         merged = merged.with_motions(list(map(mirrored, merged.motions)))
-    if options.guests:
-        merged = merged.with_guests(list(read.motions(options.guests, ()))[:: options.every])
     merged.save(output)
     made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
     say(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB")

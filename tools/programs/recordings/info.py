@@ -212,18 +212,16 @@ def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     chosen = class_at(file) if file and file != BUILT_IN and not file.suffix else ""
     library = library_at(None if chosen else file)
     kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
-    guests = [clip for clip in library.guests if chosen in ("", clip.class_name)]
     motions = [_row(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
     indices = {name: index for index, name in enumerate(library.classes)}
     described = {"library": str(file or BUILT_IN), **_summed_up(motions)}
     described["classes"] = [{**row, "index": indices.get(row["class"])} for row in described["classes"]]
     described |= {
         "joints": list(library.skeleton.joints),
-        "sources": list(dict.fromkeys(each.source for each in (*kept, *guests) if each.source)),
+        "sources": list(dict.fromkeys(each.source for each in kept if each.source)),
         "arithmetic": compiled.kind(),
         "licence": library.licence,
         "attribution": library.attribution,
-        "guests": len(guests),
         "feeds": sorted(kinds_of(library)),
         "without_course": without_course(kept),
         "missed": {} if chosen else _missed(library),
@@ -255,7 +253,6 @@ def _show_library(described: Mapping[str, Any]) -> None:
     missed = {
         f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in described["missed"].items()
     }
-    guests = {"guests": f"{described['guests']}, for bodies of few joints"} if described["guests"] else {}
     _say_each(
         {
             "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
@@ -267,7 +264,6 @@ def _show_library(described: Mapping[str, Any]) -> None:
             "licence": described["licence"] or "not stated",
             "attribution": described["attribution"] or "none",
         }
-        | guests
         | missed
         | ({"too short, or one posture, to be found done": ", ".join(lacking)} if lacking else {})
     )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
 from synthetic import amc_text, stick_clips
-from written import trc_text
 
 from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
 from kinespace.library.naming import hdm05
@@ -191,26 +190,6 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     assert [(motion.class_name, motion.actor) for motion in MotionLibrary.load(tmp_path / "all.npz").motions] == [
         (class_name, actor) for class_name in sorted(SWINGS) for actor in ("bd", "mm", "tr")
     ]
-
-
-def test_guests_join_a_library_of_more_joints(tmp_path: Path) -> None:
-    """Every second of their motions is added, with its terms; the library's own motions stay as they are."""
-    own, fewer = MotionLibrary.builtin().without(actors=["bd", "bk", "dg"]), []
-    own.save(tmp_path / "own.npz")
-    for take, motion in enumerate(each for each in own.motions if each.class_name == "squat1Reps"):
-        (tmp_path / "squat1Reps").mkdir(exist_ok=True)
-        clip = motion.restricted_to(own.skeleton.joints[:20])
-        path = tmp_path / "squat1Reps" / f"ann_{take}.trc"
-        path.write_text(trc_text(clip.skeleton.joints, clip.positions, rate=60.0, unit="m"), encoding="utf-8")
-        fewer.append(path)
-    options = ("--every", "2", "--actor-in", "name", "--licence", "free", "--guests", tmp_path / "squat1Reps")
-    assert build(tmp_path / "own.npz", "-o", tmp_path / "all.npz", *options) == 0
-    library = MotionLibrary.load(tmp_path / "all.npz")
-    assert positions_alike(library, own)
-    assert len(library.guests) == -(-len(fewer) // 2)
-    assert {(guest.actor, guest.class_name, guest.licence) for guest in library.guests} == {
-        ("ann", "squat1Reps", "free")
-    }
 
 
 def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) -> None:

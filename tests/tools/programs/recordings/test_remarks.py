@@ -10,9 +10,7 @@ from kinespace.tools.cli.main import main
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "program", ["info", "build -o out.npz", "convert -o out.npz", "cut -o out.csv", "discover -o out"]
-)
+@pytest.mark.parametrize("program", ["info", "build -o out.npz", "convert -o out.npz", "cut -o out.csv"])
 def test_a_flat_body_is_remarked_on(
     program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

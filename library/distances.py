@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.compiled import compiled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.skeleton import Skeleton
+from kinespace.library.skeleton import Skeleton
 
 #: Frames whose distances are measured at once: more would not fit into the processor's cache.
 _FRAMES = 16

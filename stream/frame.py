@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.clip import as_numbers
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 #: The longest performer's name; a longer one is a sender's mistake and would make every answer's address long.
 MAX_PERFORMER_LENGTH = 64

@@ -7,9 +7,9 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray  # noqa: TC002 - msgspec reads annotations
+from numpy.typing import NDArray
 
-from kinespace.library.windows.rejection import Evidence  # noqa: TC001 - as above
+from kinespace.library.windows.rejection import Evidence
 
 #: The label of a performer who has left.
 GONE = "gone"

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.stream.packet import sender_name
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.packet import Packet, Sender
-    from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.packet import Packet, Sender, sender_name
+from kinespace.stream.recognizer.performers import PerformerCounts
 
 #: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
 _MAX_HOPS = 2048

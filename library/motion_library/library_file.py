@@ -14,22 +14,19 @@ import os
 import tempfile
 import warnings
 import zipfile
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NamedTuple
+from typing import Annotated, Any, BinaryIO, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import DTypeLike, NDArray
 
 FORMAT = "kinespace motion library"
 #: Version 3 keeps the motions themselves; older versions kept numbers computed from them.

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import library_file
-from kinespace.library.naming import hdm05
+from kinespace.library.motion_library.learned import Learned
+from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
-
-    from kinespace.library.motion_library.learned import Learned
-    from kinespace.library.naming import Naming
 
 #: The class of motions that compete like any other class and are answered "unknown".
 NOTHING = "nothing"

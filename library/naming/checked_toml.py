@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 from msgspec.inspect import DictType, EnumType, StructType, UnionType, type_info
 
 from kinespace.library import memory
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
 _Struct = TypeVar("_Struct", bound=msgspec.Struct)
 

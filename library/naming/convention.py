@@ -8,20 +8,18 @@ share (`Skeleton 001_Hip`).
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from importlib import resources
 from pathlib import Path
 from string import digits
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from kinespace.library.naming import hdm05
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 _ENDING = ".toml"
 #: Names whose spelling is remembered, at most: every convention is tried with each.

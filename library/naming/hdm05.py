@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
+from kinespace.library.clip import Clip
 from kinespace.library.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library.clip import Clip
 
 #: The name of a motion's source.
 SOURCE = "HDM05"

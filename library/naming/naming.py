@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 
 from kinespace.library.naming import hdm05
 from kinespace.library.naming.convention import Convention, convention_named, conventions, own_convention, spelling
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
 
 #: The word by which a person asks to find the convention.
 AUTO = "auto"

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    Numbers = NDArray[np.float64]
-    Floats = NDArray[np.float32]
-    Indices = NDArray[np.intp]
-    Moving = Callable[[int, int, int], None]
+Numbers = NDArray[np.float64]
+Floats = NDArray[np.float32]
+Indices = NDArray[np.intp]
+Moving = Callable[[int, int, int], None]
 
 
 def follow_phase(  # noqa: PLR0913, PLR0917 - the arrays of a class

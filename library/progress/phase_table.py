@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.progress.warping import agreed_phases
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.signature.basis import Basis
-    from kinespace.library.signature.body import Body
+from kinespace.library.signature.basis import Basis
+from kinespace.library.signature.body import Body
 
 #: Moments of a recording that are kept, a second.
 MOMENTS_PER_SECOND = 15.0

@@ -7,14 +7,10 @@ phase, and the median of these is the phase on which they agree.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 #: Cost of a step along both recordings, relative to a step along one: a diagonal path is as long as the detour.
 _DIAGONAL = 1.4

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinespace.library import memory
+from kinespace.library.clip import Clip
 from kinespace.library.naming import Naming
 from kinespace.library.recordings.formats import acclaim, bvh, joint_table
 from kinespace.library.recordings.formats.errors import RecordingError
@@ -19,11 +19,6 @@ from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
 from kinespace.library.recordings.formats.units import metres_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from kinespace.library.clip import Clip
 
 _AMC = ".amc"
 _C3D = ".c3d"

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.signature.body import Body
 from kinespace.library.signature.leading import leading_eigenvectors
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.signature.body import Body
 
 #: Directions in the basis. With HDM05's 31 joints they hold 98.6 % of the weighted variance (`Basis.share`).
 MAX_DIRECTIONS = 32

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.skeleton import Skeleton
+from kinespace.library.skeleton import Skeleton
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,14 +9,10 @@ bodies, from whose motions the built-in library is made (`tests/library/signatur
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 #: Joints of the trunk that no landmark shows: where they lie on the way from the middle of the hips to the middle of
 #: the shoulders, in shares of it.

@@ -10,16 +10,12 @@ where the body stands and which way it faces.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.distances import distance_rows
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.skeleton import Skeleton
+from kinespace.library.skeleton import Skeleton
 
 #: Seconds between two points of a path.
 STEP = 1 / 30

@@ -14,18 +14,15 @@ The same functions serve the windows of a library and a live window, so that bot
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.signature.body import Body
+from kinespace.library.signature.body import Body
 
 #: Added to each deviation, relative to the body's size, before the logarithm: the noise of a marker.
 NOISE_FLOOR = 1 / 60

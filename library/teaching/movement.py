@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.skeleton import Skeleton
+from kinespace.library.skeleton import Skeleton
 
 #: Movement, relative to the body's size, below which a body stands still: some 8 mm for an adult.
 STILLNESS = 0.01

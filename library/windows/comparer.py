@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Self
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.compiled import compiled
+from kinespace.library.signature.parts import Signature
+from kinespace.library.windows.comparison import Comparison
+from kinespace.library.windows.head import Head
+from kinespace.library.windows.likelihood import Likelihood
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.signature.parts import Signature
-    from kinespace.library.windows.comparison import Comparison
-    from kinespace.library.windows.head import Head
-    from kinespace.library.windows.likelihood import Likelihood
-
-    Numbers = NDArray[np.float64]
-    Floats = NDArray[np.float32]
-    Indices = NDArray[np.intp]
+Numbers = NDArray[np.float64]
+Floats = NDArray[np.float32]
+Indices = NDArray[np.intp]
 
 #: Windows are compared so many at a time, so a library is filled up to a multiple of it,
 LANE = 64

@@ -8,10 +8,11 @@ other the short parts: right after a change of motion only the short windows hav
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.signature.parts import (
     EIGEN_LONG,
@@ -28,11 +29,6 @@ from kinespace.library.signature.parts import (
 )
 from kinespace.library.windows.cutting import FIRST_WINDOW
 from kinespace.library.windows.metric import Lessons, Metric, learned_metric, placed
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
 
 Group = tuple[Part, ...]
 

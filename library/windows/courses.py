@@ -16,29 +16,25 @@ everyday movement (`everyday`, and the motions called `nothing`), and halves of 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.naming import hdm05
 from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_points, size_of
+from kinespace.library.skeleton import Skeleton
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.skeleton import Skeleton
-
-    Numbers = NDArray[np.float64]
-    Floats = NDArray[np.float32]
+Numbers = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 #: Points of a course, at equal way.
 POINTS = 12

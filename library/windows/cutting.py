@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
+from kinespace.library.signature.basis import Basis
+from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import (
     EIGENVECTORS,
     FORMULAS,
@@ -18,15 +22,6 @@ from kinespace.library.signature.parts import (
     eigen,
     lengths_of,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.signature.basis import Basis
-    from kinespace.library.signature.body import Body
 
 #: Seconds after which a feed is first answered, and at which a motion's first window ends.
 FIRST_WINDOW = 0.15

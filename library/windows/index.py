@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import PhaseTable
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
+from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Comparer, Distances
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
 from kinespace.library.windows.courses import Courses
@@ -28,14 +32,6 @@ from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.signature.parts import Signature
 
 #: Seconds between two windows that are kept of a motion in a library of one person.
 _EVERY_ONE = 0.1

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.motion_library.learned import TAUGHT, Learned
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.parts import Kind
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, MAX_AXES, WITHIN_LABORATORY, Comparison
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, MAX_AXES, WITHIN_LABORATORY, Comparison, Weighing
 from kinespace.library.windows.metric import Metric
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.comparison import Weighing
 
 #: Raised when basis or metrics are learned in another way: numbers of another version are learned again.
 _VERSION = 1

@@ -12,18 +12,15 @@ known of a motion.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Self
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.windows.comparison import MAX_AXES
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    Numbers = NDArray[np.float64]
+Numbers = NDArray[np.float64]
 
 #: Variance of everyday movement along a metric's first axis; along the k-th it is √k times less. Metrics are scaled
 #: alike, and order their axes: CMU's everyday movement varies so, whatever taught them (tests/TRIED.md).

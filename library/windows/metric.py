@@ -8,17 +8,14 @@ differences between a window and the nearest window of its class by another pers
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.signature.leading import leading_eigenvectors
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
 
 _Number = TypeVar("_Number", np.float32, np.float64)
 _Name = TypeVar("_Name")

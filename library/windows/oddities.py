@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05, unknown_names
 from kinespace.library.windows.segments import DISORDER, shares_of_size
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
 
 #: The remark on a body without depth.
 FLAT = "flat: all joints lie in one plane: 2-D landmarks, lifted to 3-D by zeros? Their distances are no body's"

@@ -9,16 +9,18 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library import compiled, memory
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
@@ -29,13 +31,6 @@ from kinespace.library.windows.head import Head
 from kinespace.library.windows.metric import Metric
 from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import Segments
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
 
 #: Files that are kept: one for each set of joints that was used lately.
 _KEPT = 12

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
 
 #: The joints are in another order if the mean segment is as long as this share of the distances between all joints, and
 #: this factor longer than in any motion of the library. No frame of 22,000 of eight honest sets has such segments; 99 %

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.preset import Preset
 from kinespace.stream.feeds.unpackers import UNPACKERS
+from kinespace.stream.frame import Input
 from kinespace.stream.osc.packet import PacketError
-from kinespace.stream.packet import datagram_of
+from kinespace.stream.packet import Packet, Sender, datagram_of
 from kinespace.stream.status import InputCounts, Refusals
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.frame import Input
-    from kinespace.stream.packet import Packet, Sender
 
 #: Hosts that may send to one port at once.
 MAX_SENDERS = 16

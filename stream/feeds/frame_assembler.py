@@ -15,24 +15,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from kinespace.library.signature.landmark_body import LandmarkBody
-from kinespace.stream.feeds.kinematics import world_positions
-from kinespace.stream.feeds.message_reader import Mapper, MessageError
-from kinespace.stream.feeds.preset import Closing, Means
+from kinespace.stream.feeds.kinematics import Vector, world_positions
+from kinespace.stream.feeds.message_reader import Mapper, MessageError, Reading, Sighting
+from kinespace.stream.feeds.preset import Closing, Means, Preset
 from kinespace.stream.frame import Announcement, Frame
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from kinespace.stream.feeds.kinematics import Vector
-    from kinespace.stream.feeds.message_reader import Reading, Sighting
-    from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.osc.packet import Message
+from kinespace.stream.osc.packet import Message
 
 #: Performers of one feed at once, at most.
 MAX_PERFORMERS = 64

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Mapping
+from typing import Annotated
 
 import msgspec
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: A number that is neither infinite nor NaN.
 _Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kinespace.library.naming import spelling
-from kinespace.stream.feeds.preset import Means, MessageRule
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.feeds.kinematics import Quaternion, Vector
-    from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.osc.packet import Message
+from kinespace.stream.feeds.kinematics import Quaternion, Vector
+from kinespace.stream.feeds.preset import Means, MessageRule, Preset
+from kinespace.stream.osc.packet import Message
 
 #: A performer's name may have 64 characters; the number of a second sender is added to it.
 MAX_PERFORMER_LENGTH = 48

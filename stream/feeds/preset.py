@@ -10,7 +10,8 @@ import re
 from enum import StrEnum
 from functools import lru_cache
 from importlib import resources
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -18,11 +19,8 @@ from msgspec import Meta
 from kinespace.library.naming import convention_named, spelling
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.signature.landmark_body import JOINTS
-from kinespace.stream.feeds.kinematics import Bone  # noqa: TC001 - msgspec reads the types
+from kinespace.stream.feeds.kinematics import Bone
 from kinespace.stream.feeds.unpackers import UNPACKERS
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _ENDING = ".toml"
 _PRESETS = resources.files("kinespace.stream.feeds") / "presets"

@@ -12,18 +12,15 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
 
 #: Numbers that wait for the others of their joint, at most; a sender that makes up names fills the memory, and empties
 #: it.

@@ -9,19 +9,13 @@ seconds are converted by their arrivals (`kinespace.stream.inputs.clock`).
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
-from kinespace.stream.frame import Announcement, CountReset, Frame, NewSender
+from kinespace.stream.frame import Admitted, Announcement, CountReset, Frame, Input, NewSender
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.packet import sender_name
+from kinespace.stream.packet import Sender, sender_name
 from kinespace.stream.status import AdmissionCounts
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from kinespace.stream.frame import Admitted, Input
-    from kinespace.stream.packet import Sender
 
 #: Seconds by which a frame's time may differ both from the last frame's time and from the arrivals.
 MAX_JUMP = 5.0

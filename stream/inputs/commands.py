@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from ipaddress import ip_network
-from typing import TYPE_CHECKING
 
-from kinespace.stream.packet import KEYED, datagram_of, is_within
+from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within
 from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import Asked, CommandError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.packet import Networks, Packet, Sender
 
 _TEACH = wire.TEACH.encode()
 _THIS_MACHINE = ip_network("127.0.0.0/8"), ip_network("::1/128")

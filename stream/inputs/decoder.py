@@ -6,20 +6,15 @@ same decoders, with the recorded arrivals and senders.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Sequence
+from typing import Protocol
 
+from kinespace.stream.frame import Input
 from kinespace.stream.osc.frames import decode as decode_datagram
-from kinespace.stream.packet import datagram_of, parts_of
+from kinespace.stream.packet import Packet, Sender, datagram_of, parts_of
 from kinespace.stream.status import InputCounts, Refusals
-from kinespace.stream.zeromq.frames import FormatError, SequenceGaps, decode_packed
+from kinespace.stream.zeromq.frames import FormatError, NumberedFrame, SequenceGaps, decode_packed
 from kinespace.stream.zeromq.frames import decode as decode_message
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.frame import Input
-    from kinespace.stream.packet import Packet, Sender
-    from kinespace.stream.zeromq.frames import NumberedFrame
 
 #: First bytes of OSC packets, which some programs send unchanged: a map begins with another byte.
 _OSC = (b"/", b"#bundle\0")

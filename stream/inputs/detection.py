@@ -3,35 +3,26 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
-from kinespace.stream.feeds.preset import Means
-from kinespace.stream.feeds.unpackers import UNPACKERS
+from kinespace.stream.feeds.preset import Means, Preset
+from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
 from kinespace.stream.frame import Announcement, CountReset, Frame
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.inputs.decoder import OscDecoder
+from kinespace.stream.inputs.decoder import Decoder, OscDecoder
 from kinespace.stream.osc.frames import SKELETON, decode
-from kinespace.stream.osc.packet import PacketError
-from kinespace.stream.packet import datagram_of, sender_name
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.stream.feeds.preset import Preset
-    from kinespace.stream.feeds.unpackers import Unpacker
-    from kinespace.stream.inputs.decoder import Decoder
-    from kinespace.stream.osc.packet import Message
-    from kinespace.stream.packet import Packet, Sender
+from kinespace.stream.osc.packet import Message, PacketError
+from kinespace.stream.packet import Packet, Sender, datagram_of, sender_name
 
 #: Kinds of messages that are counted, at most; only a sender that makes up addresses reaches the limit.
 MAX_KINDS = 200

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from kinespace.stream.feeds.decoder import FeedDecoder
+from kinespace.stream.feeds.preset import AskedMessage, Asking, Preset
+from kinespace.stream.frame import Admitted
+from kinespace.stream.inputs.admission import Admission
+from kinespace.stream.inputs.recording.kinerec import Recorder
 from kinespace.stream.inputs.source import Source
 from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.feeds.preset import AskedMessage, Asking, Preset
-    from kinespace.stream.frame import Admitted
-    from kinespace.stream.inputs.admission import Admission
-    from kinespace.stream.inputs.recording.kinerec import Recorder
-    from kinespace.stream.packet import Receiver
-    from kinespace.stream.teaching.commands import Asked
+from kinespace.stream.packet import Receiver
+from kinespace.stream.teaching.commands import Asked
 
 #: Seconds without a frame after which a sender is silent.
 SILENCE = 1.0

@@ -11,25 +11,20 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
-from kinespace.stream.inputs.commands import holds_command
+from kinespace.stream.frame import Admitted, Input
+from kinespace.stream.inputs.admission import Admission
+from kinespace.stream.inputs.commands import CommandReader, holds_command
+from kinespace.stream.inputs.decoder import Decoder
+from kinespace.stream.inputs.detection import Survey
+from kinespace.stream.inputs.recording.kinerec import Recorder
 from kinespace.stream.osc.frames import beginning_of
-from kinespace.stream.packet import datagram_of, sender_name
+from kinespace.stream.packet import Packet, Receiver, Sender, datagram_of, sender_name
+from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.frame import Admitted, Input
-    from kinespace.stream.inputs.admission import Admission
-    from kinespace.stream.inputs.commands import CommandReader
-    from kinespace.stream.inputs.decoder import Decoder
-    from kinespace.stream.inputs.detection import Survey
-    from kinespace.stream.inputs.recording.kinerec import Recorder
-    from kinespace.stream.packet import Packet, Receiver, Sender
-    from kinespace.stream.status import InputCounts
 
 #: Seconds between two turns of most sources that have work to do even when no packet comes.
 TENDING = 0.02

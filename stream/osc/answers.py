@@ -18,19 +18,14 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 from pythonosc.osc_packet import OscPacket, ParseError
 
 from kinespace.stream.osc.packet import BUNDLE_START, encode_bundle, encode_message, padded
-from kinespace.stream.recognition import GONE, Answer
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.recognition import Done, Event, Recognition
-    from kinespace.stream.status import Status
+from kinespace.stream.recognition import GONE, Answer, Done, Event, Recognition
+from kinespace.stream.status import Status
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200

@@ -14,15 +14,11 @@ import struct
 import sys
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, CountReset, Frame
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, CountReset, Frame, Input
 from kinespace.stream.osc.packet import Message, PacketError, decode_messages, encode_message, padded, split_packet
-
-if TYPE_CHECKING:
-    from kinespace.stream.frame import Input
 
 _FRAME = "/motion/frame"
 SKELETON = "/motion/skeleton"

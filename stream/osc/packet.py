@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import re
 import struct
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple
 
 from pythonosc.osc_message_builder import build_msg
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 #: Levels of bundles in bundles. No sender needs as many; a hostile packet with more would exhaust the stack.
 MAX_BUNDLE_DEPTH = 16

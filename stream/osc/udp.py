@@ -8,12 +8,9 @@ import sys
 import threading
 import time
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from kinespace.stream.packet import is_within
-
-if TYPE_CHECKING:
-    from kinespace.stream.packet import Networks
+from kinespace.stream.packet import Networks, is_within
 
 #: Bytes of waiting datagrams that the system keeps; the usual default holds 0.2 s of a busy feed.
 RECEIVE_BUFFER = 4 << 20

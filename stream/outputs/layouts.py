@@ -16,24 +16,20 @@ class" when no class is named, and once when a performer has left.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
+from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.osc import answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
+from kinespace.stream.osc.udp import OscReceiver, OscSender
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import GONE, EventKind
+from kinespace.stream.recognition import GONE, Done, Event, EventKind, Recognition
+from kinespace.stream.status import Status
 from kinespace.stream.teaching import wire
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.stream.inputs.admission import Admission
-    from kinespace.stream.osc.udp import OscReceiver, OscSender
-    from kinespace.stream.recognition import Done, Event, Recognition
-    from kinespace.stream.status import Status
-    from kinespace.stream.teaching.notices import Notice
+from kinespace.stream.teaching.notices import Notice
 
 _Last = TypeVar("_Last", int, float)
 #: The largest whole number of a VRChat parameter.

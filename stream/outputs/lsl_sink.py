@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import Any
 
 from kinespace.stream.outputs.extra import extra
 from kinespace.stream.outputs.sink import Sink
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from types import ModuleType
-
-    from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.recognition import Done, Event, Recognition
 
 #: The name among the layouts of `--out`.
 LSL = "lsl"

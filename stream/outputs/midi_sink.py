@@ -5,14 +5,11 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from kinespace.stream.outputs.extra import extra
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import EventKind
-
-if TYPE_CHECKING:
-    from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 
 #: The name among the layouts of `--out`.
 MIDI = "midi"

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Done, Event, Recognition
-    from kinespace.stream.status import Status
-    from kinespace.stream.teaching.notices import Notice
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.status import Status
+from kinespace.stream.teaching.notices import Notice
 
 
 class Sink:

@@ -13,7 +13,9 @@ arguments = [1]
 from __future__ import annotations
 
 import string
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Literal
 
 import msgspec
 from pythonosc.osc_message_builder import BuildError
@@ -23,15 +25,10 @@ from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.outputs.layouts import Layout
+from kinespace.stream.recognition import Done, Event, Recognition
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from kinespace.stream.recognition import Done, Event, Recognition
-
-    #: The facts of an answer, by the names that stand in braces.
-    Facts = Mapping[str, str | int | float]
+#: The facts of an answer, by the names that stand in braces.
+Facts = Mapping[str, str | int | float]
 
 When = Literal["answer", "start", "end", "done", "gone"]
 #: The names that may stand in braces; `number` is the class's index from 1, 0 for none.

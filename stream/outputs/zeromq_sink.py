@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Sequence
+from typing import Protocol
 
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.status import Status
+from kinespace.stream.teaching.notices import Notice
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq import answers
 from kinespace.stream.zeromq.bodies import encode_body
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Done, Event, Recognition
-    from kinespace.stream.recognizer.joints.carried import Carried
-    from kinespace.stream.status import Status
-    from kinespace.stream.teaching.notices import Notice
-    from kinespace.stream.zeromq.sockets import ZmqSender
-
+from kinespace.stream.zeromq.sockets import ZmqSender
 
 #: Seconds between two bodies of a performer.
 EVERY = 1 / 30

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Iterable, Sequence
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.naming import hdm05
+from kinespace.library.skeleton import Skeleton
 from kinespace.stream.recognizer.whole import recognise
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from kinespace.library.skeleton import Skeleton
 
 
 class MotionClassifier:

@@ -13,24 +13,18 @@ which never comes by chance.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.windows.rejection import Evidence
-from kinespace.stream.recognition import Event, EventKind, Outcome
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.library.windows.rejection import Rejection
-    from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
+from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.rejection import Evidence, Rejection
+from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
 
 #: The lead after which a class becomes the guess.
 LEAD = 0.6

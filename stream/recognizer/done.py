@@ -8,19 +8,15 @@ when all of it is; of a class with one example one look is enough. The next moti
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points, size_of
-from kinespace.library.windows.courses import MAX_WAY, Pieces, at_equal_way, share_at
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.courses import MAX_WAY, Courses, Pieces, at_equal_way, share_at
 from kinespace.stream.recognition import Seen
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.library.windows.courses import Courses
 
 #: Steps from one look to the next.
 _LOOKS_EVERY = 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.comparison import by_paper
@@ -17,10 +16,8 @@ from kinespace.stream.recognizer.settings import (
     SENSITIVITY_ONE,
     SENSITIVITY_OWN,
     LiveSignature,
+    Settings,
 )
-
-if TYPE_CHECKING:
-    from kinespace.stream.recognizer.settings import Settings
 
 #: Seconds of the paper's window.
 _PAPER_WINDOW = 0.5

@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
-from kinespace.library.motion_library import MIN_JOINTS
+import numpy as np
+from numpy.typing import NDArray
+
+from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
+from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.oddities import FLAT
-from kinespace.stream.frame import Announcement, Frame, NewSender
-from kinespace.stream.recognizer.joints.carried import carried_by
+from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
+from kinespace.stream.recognition import Event, Recognition
+from kinespace.stream.recognizer.joints.carried import Carried, carried_by
 from kinespace.stream.recognizer.joints.kinds import NOTES
 from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, require_order
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, Views, require_order
 from kinespace.stream.recognizer.settings import Settings
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer.joints.carried import Carried
-    from kinespace.stream.recognizer.recognizer import Views
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,18 +9,15 @@ recording, lets some change to other recordings at the same phase, and weighs al
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.progress import phase_table
 from kinespace.library.progress.filtering import follow_phase, moving
+from kinespace.library.progress.phase_table import Moments, PhaseTable
 from kinespace.stream.recognition import Progress
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.progress.phase_table import Moments, PhaseTable
 
 #: Seconds between two steps of the filter: two steps a moment at the library's speed.
 STEP = 0.5 / phase_table.MOMENTS_PER_SECOND

@@ -10,41 +10,33 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.distances import distance_rows
-from kinespace.library.motion_library import NOTHING
+from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.signature.body import Body
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognition import Done, Outcome, Recognition
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
 from kinespace.stream.recognizer.done import DoneFollower, Found, Look
 from kinespace.stream.recognizer.joints.fitting import Fitting
+from kinespace.stream.recognizer.joints.kinds import Kind
 from kinespace.stream.recognizer.joints.mending import Joints
 from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
 from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Event
-    from kinespace.stream.recognizer.joints.kinds import Kind
-    from kinespace.stream.recognizer.windows.live_windows import Seen
-
-    #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
-    #: nothing can be compared by these joints.
-    Views = Callable[[WindowIndex, tuple[str, ...]], WindowIndex | None]
+#: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
+#: nothing can be compared by these joints.
+Views = Callable[[WindowIndex, tuple[str, ...]], WindowIndex | None]
 
 #: Share of a hop within which two moments are the same.
 _SAME_HOP = 0.01

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Frame
+from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer.recognizer import Recognizer
-
-if TYPE_CHECKING:
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer.settings import Settings
+from kinespace.stream.recognizer.settings import Settings
 
 
 def recognise(library: MotionLibrary, clip: Clip, settings: Settings | None = None) -> list[Recognition]:

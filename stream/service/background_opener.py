@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
-from typing import TYPE_CHECKING
 
-from kinespace.library.windows.index import MAX_VIEWS
-
-if TYPE_CHECKING:
-    from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
 
 #: Seconds for which a thread may keep Python's lock while a frame waits for it.
 _SWITCH_INTERVAL = 0.0005

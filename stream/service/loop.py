@@ -5,33 +5,28 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 import zmq
 
-from kinespace.stream.frame import CountReset, Frame
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.frame import Admitted, CountReset, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognizer import Settings
+from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, PATIENCE, Overload, Taken
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching.commands import Asked
 from kinespace.stream.teaching.notices import State, Step
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Done, Event
-    from kinespace.stream.recognizer import Settings
-    from kinespace.stream.recognizer.joints.carried import Carried
-    from kinespace.stream.recognizer.performers import PerformerCounts
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0

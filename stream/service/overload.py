@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import islice
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from kinespace.stream.frame import Frame
+from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.source import APART
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from kinespace.stream.frame import Admitted
 
 #: Seconds for which a packet may wait before it is taken in. When one waited longer, all that wait are taken in, and
 #: performers are answered by turns, each by its newest frame.

@@ -5,15 +5,11 @@ Over OSC and in JSON a command is called by the name of its class in small lette
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from kinespace.stream.recognition import GONE, Outcome
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from kinespace.stream.teaching.notices import State
+from kinespace.stream.teaching.notices import State
 
 #: Characters of a class's name and of a performer's name, at most.
 MAX_NAME = 64

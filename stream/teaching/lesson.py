@@ -8,22 +8,19 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.teaching.movement import (
     ENDS_AFTER,
     MIN_SECONDS,
     STILLNESS,
+    Movement,
     Stretch,
     StretchFinder,
     stillness_of,
 )
+from kinespace.stream.teaching.commands import Hold, Teach
 from kinespace.stream.teaching.notices import State, Step
-
-if TYPE_CHECKING:
-    from kinespace.library.teaching.movement import Movement
-    from kinespace.stream.teaching.commands import Hold, Teach
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
-from kinespace.library.teaching.movement import MovementMeter, Stretch
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.library.teaching.movement import Movement
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.teaching.movement import Movement, MovementMeter, Stretch
 
 #: Seconds that are remembered, and frames per second.
 REMEMBERED = 300.0

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from kinespace.library.teaching.movement import Stretch
-from kinespace.stream.recognition import EventKind
+from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.teaching.commands import MAX_LAST
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from kinespace.stream.recognition import Event
 
 #: Seconds from a motion's first movement to its start event, at most: what lies before is another motion.
 _BEFORE = 0.8

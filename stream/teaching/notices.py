@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from kinespace.library.teaching.examples import Roster
-
+from kinespace.library.teaching.examples import Roster
 
 #: Motions an hour, said though they were not meant, that are too many; seconds from which on an hour is spoken of.
 _TOO_OFTEN, _ENOUGH = 6.0, 60.0

@@ -8,28 +8,22 @@ by `checked`. The caller may take any time for it: lessons go on meanwhile.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.teaching.examples import MAX_EXAMPLES, Example, Roster
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.teaching.examples import MAX_EXAMPLES, Check, Example, Roster
 from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Stretch, moved_at_all
+from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
+from kinespace.stream.teaching.commands import Command
 from kinespace.stream.teaching.lesson import AT_WILL, HeldLesson, Lesson, Recorded
-from kinespace.stream.teaching.memory import REMEMBERED, Memory
+from kinespace.stream.teaching.memory import REMEMBERED, Memory, Remembered
 from kinespace.stream.teaching.named import NamedMotion, NamedMotions
 from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught, Tried
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.library.teaching.examples import Check
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.teaching.commands import Command
-    from kinespace.stream.teaching.memory import Remembered
 
 #: Seconds without a frame after which a performer counts as absent, as long as the recognisers keep a performer.
 _GONE = 5.0

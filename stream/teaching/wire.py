@@ -7,16 +7,14 @@ in JSON: `{"do": "teach", "performer": "ann", "class": "wave"}`.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.commands import Command, CommandError
 from kinespace.stream.teaching.notices import Notice, State
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: The beginning of commands' addresses.
 TEACH = "/motion/teach"

@@ -8,16 +8,14 @@ import re
 import socket
 import time
 from collections import deque
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from kinespace.stream.workers.certificates import tls_of
 from kinespace.stream.workers.terms import MAX_LIBRARY
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
 
 #: Where a gateway listens by default.
 LISTEN = "tcp/127.0.0.1:7447"

@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import base64
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from kinespace.stream.zeromq.keys import SECRET_MODE, require_own
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 #: The ending of a certificate.
 PUBLIC = ".pem"

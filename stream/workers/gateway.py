@@ -10,16 +10,20 @@ import math
 import time
 import uuid
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
-from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import hdm05
+from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.recognition import Event, Recognition
+from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.limits import needed_lead, usual_sensitivity
 from kinespace.stream.recognizer.performers import PerformerCounts
@@ -28,18 +32,9 @@ from kinespace.stream.status import InputCounts
 from kinespace.stream.workers import terms as agreed
 from kinespace.stream.workers import wire
 from kinespace.stream.workers.bus import Inbox, joined, unreached
+from kinespace.stream.workers.terms import Terms
 from kinespace.stream.workers.track import Track
 from kinespace.stream.workers.wire import Answers, FormatError, Orders, Report, decode, encode, key, last_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Event, Recognition
-    from kinespace.stream.recognizer import Settings
-    from kinespace.stream.workers.terms import Terms
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
 MAX_SILENT = 0.8

@@ -17,18 +17,15 @@ import time
 from contextlib import closing
 from dataclasses import dataclass
 from multiprocessing.reduction import ForkingPickler
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
 from kinespace.stream.workers.bus import open_session
 from kinespace.stream.workers.gateway import Gateway
-from kinespace.stream.workers.terms import file_of, library_in
+from kinespace.stream.workers.terms import Terms, file_of, library_in
 from kinespace.stream.workers.worker import Worker
-
-if TYPE_CHECKING:
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.workers.terms import Terms
 
 #: Whether the socket is this user's own.
 _IS_PRIVATE = sys.platform != "win32"

@@ -14,7 +14,7 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer.performers import SentJoints
-from kinespace.stream.recognizer.settings import Settings  # noqa: TC001 - msgspec reads annotations
+from kinespace.stream.recognizer.settings import Settings
 
 #: The version of the messages.
 PROTOCOL = 9

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.workers.wire import SentFrame
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Event, Recognition
 
 #: Seconds of frames that another worker is shown before those that it answers: the longest window.
 HISTORY = 2.0

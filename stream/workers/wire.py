@@ -17,8 +17,8 @@ import msgspec
 import numpy as np
 
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
-from kinespace.stream.recognition import Recognition  # noqa: TC001 - msgspec reads annotations
-from kinespace.stream.recognizer.performers import PerformerCounts  # noqa: TC001 - as above
+from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.workers.terms import Terms
 
 GATEWAYS = "kin/gateway"

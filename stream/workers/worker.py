@@ -11,11 +11,15 @@ import select
 import threading
 import time
 import uuid
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any
 
-from kinespace.stream.frame import Frame
+from kinespace.library.motion_library import MotionLibrary
+from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers, Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.service.background_opener import BackgroundViews
@@ -26,14 +30,6 @@ from kinespace.stream.workers.bus import Inbox, unreached
 from kinespace.stream.workers.terms import Terms
 from kinespace.stream.workers.wire import GATEWAYS, WORKERS, Answers, FormatError, Orders, Report, decode, encode, key
 from kinespace.stream.workers.wire import last_of as name_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.frame import Admitted
-    from kinespace.stream.recognition import Recognition
 
 #: Seconds between two reports.
 REPORT_EVERY = 0.25

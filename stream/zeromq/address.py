@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import zmq
 
-if TYPE_CHECKING:
-    from kinespace.stream.packet import Networks
-    from kinespace.stream.zeromq.keys import Keyring
+from kinespace.stream.packet import Networks
+from kinespace.stream.zeromq.keys import Keyring
 
 #: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: twice a frame of 4096 joints in
 #: doubles with their names.

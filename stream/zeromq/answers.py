@@ -6,19 +6,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import msgspec
 
-from kinespace.stream.recognition import GONE, Answer
+from kinespace.stream.recognition import GONE, Answer, Done, Event, Progress, Recognition
+from kinespace.stream.status import Status
 from kinespace.stream.zeromq.frames import VERSION
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.recognition import Done, Event, Progress, Recognition
-    from kinespace.stream.status import Status
 
 #: Digits of a class's score.
 _SCORE_DIGITS = 6

@@ -8,18 +8,14 @@ carries the decision (`stream.recognizer.joints.carried`): the share of each joi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.zeromq.frames import VERSION
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.recognizer.joints.carried import Carried
 
 #: Joints of a body that is drawn, at most.
 MAX_JOINTS = 4096

@@ -13,16 +13,14 @@ positions is checked before they are used.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 VERSION = 1
 #: Bytes of a header; one with 31 joint names has 500.

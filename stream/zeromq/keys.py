@@ -7,14 +7,11 @@ are admitted. `zmq.auth` makes, reads and checks them, so that every other progr
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Self
+from pathlib import Path
+from typing import Self
 
 import zmq
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from zmq.auth.thread import ThreadAuthenticator
+from zmq.auth.thread import ThreadAuthenticator
 
 #: The ending of a public key.
 PUBLIC = ".key"

@@ -6,19 +6,14 @@ import os
 import socket
 import struct
 import time
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import zmq
 
-from kinespace.stream.packet import KEYED
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.stream.packet import Networks, Sender
-    from kinespace.stream.zeromq.address import Endpoint
-    from kinespace.stream.zeromq.keys import Keyring
+from kinespace.stream.packet import KEYED, Networks, Sender
+from kinespace.stream.zeromq.address import Endpoint
+from kinespace.stream.zeromq.keys import Keyring
 
 #: Without waiting; plain integers, because pyzmq's own flags are slow to combine and to pass on.
 _NOW = int(zmq.NOBLOCK)

@@ -10,25 +10,19 @@ import ipaddress
 import json
 import socket
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from websockets.sync.server import serve
+from websockets.http11 import Request, Response
+from websockets.sync.server import ServerConnection, serve
 
 from kinespace.stream.outputs import Sink
-from kinespace.stream.packet import is_within
+from kinespace.stream.packet import Networks, is_within
+from kinespace.stream.status import Status
 from kinespace.tools.announcing.description import Known, described, host_info, reply
 from kinespace.tools.announcing.finding import OSC_SERVICE
 from kinespace.tools.page.requests import Gate, response
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from websockets.http11 import Request, Response
-    from websockets.sync.server import ServerConnection
-
-    from kinespace.stream.packet import Networks
-    from kinespace.stream.status import Status
 
 QUERY_SERVICE = "_oscjson._tcp.local."
 #: Seconds that a client may take for a request.

@@ -7,15 +7,13 @@ and MAX, or VALS).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 from kinespace.stream.osc import SKELETON, address_part
 from kinespace.stream.recognition import GONE, EventKind, Outcome
 from kinespace.stream.teaching.wire import TEACH
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _Node = dict[str, Any]
 #: The attributes that we give; a client may ask for one alone.

@@ -8,21 +8,17 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.tools.bench.report import Measured, shown
 from kinespace.tools.bench.stages import COSTS
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
 
 #: Turns of each version, and draws of turns from which an interval is taken.
 TURNS, _DRAWS = 6, 2000

@@ -6,24 +6,20 @@ import gc
 import math
 import os
 import time
+from collections.abc import Iterable, Iterator
 from itertools import count, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers, Settings
-from kinespace.tools.feeding.feed import Cue, Pace, without_pause
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from kinespace.stream.recognition import Recognition
-    from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.loopback.answers import Listener, Received
+from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
+from kinespace.tools.loopback.answers import Listener, Received
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0

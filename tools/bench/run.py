@@ -6,19 +6,16 @@ install kinespace[cluster]. Everything takes ten minutes.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
-from typing import TYPE_CHECKING
 
 from kinespace.library import compiled
 from kinespace.tools.bench import against, scale, sockets, stages
 from kinespace.tools.bench.report import Plan, rounded
 from kinespace.tools.cli.arguments import add_shared, count, positive
 from kinespace.tools.terminal.console import console, say
-
-if TYPE_CHECKING:
-    import argparse
 
 #: The parts in the order in which a reader wants them; each module has `FIGURES`, their names, and `measure`.
 PARTS = {"stages": stages, "sockets": sockets, "scale": scale}

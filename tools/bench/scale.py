@@ -13,32 +13,34 @@ import signal
 import socket
 import time
 from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
 
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-from kinespace.tools.bench.crowd import CROWD, FRAME_RATE, Feed, core_seconds, performers_a_core, play, positions
-from kinespace.tools.bench.report import Measured, shown
-from kinespace.tools.feeding.feed import OscFrameSender
+from kinespace.tools.bench.crowd import (
+    CROWD,
+    FRAME_RATE,
+    Feed,
+    Played,
+    core_seconds,
+    performers_a_core,
+    play,
+    positions,
+)
+from kinespace.tools.bench.report import Measured, Plan, shown
+from kinespace.tools.feeding.feed import Cue, OscFrameSender
 from kinespace.tools.loopback.answers import Listener
 from kinespace.tools.loopback.program import Program
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-    from rich.table import Table
-
-    from kinespace.tools.bench.crowd import Played
-    from kinespace.tools.bench.report import Plan
-    from kinespace.tools.feeding.feed import Cue
 
 _LOOPBACK = "127.0.0.1"
 #: Seconds until the first status, at most.

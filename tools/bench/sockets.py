@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from contextlib import closing
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play, positions
-from kinespace.tools.bench.report import Measured, shown
+from kinespace.tools.bench.report import Measured, Plan, shown
 from kinespace.tools.loopback.answers import Listener, answer_in
 from kinespace.tools.loopback.service_process import BackgroundService, Transport
 from kinespace.tools.programs import latency
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of
-
-if TYPE_CHECKING:
-    from kinespace.tools.bench.report import Plan
 
 FIGURES = ("latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz")
 RATES = (60.0, 120.0, 240.0, 360.0)

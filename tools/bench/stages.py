@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pythonosc.osc_packet import OscPacket
+from rich.table import Table
 
 from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.tools.bench.crowd import FRAME_RATE, endless, positions
-from kinespace.tools.bench.report import Measured
+from kinespace.tools.bench.report import Measured, Plan
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-    from rich.table import Table
-
-    from kinespace.tools.bench.report import Plan
-
-    #: Gives its cost, microseconds per frame.
-    Job = Callable[[], float]
+#: Gives its cost, microseconds per frame.
+Job = Callable[[], float]
 
 #: The steps of which none is recognition, in the order of the table; "python-osc" decodes the same by another library.
 _OTHERS = ("decode OSC", "decode OSC by python-osc", "decode ZeroMQ", "encode OSC", "encode ZeroMQ")

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.tools.camera.detection import overlaps
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.tools.camera.region import Landmarks, Region
+from kinespace.tools.camera.region import Landmarks, Region
 
 #: Bodies that are followed at once, at most.
 MAX_BODIES = 4

@@ -6,12 +6,10 @@ the averaging over overlapping boxes, BlazeFace (2019).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 #: Pixels of the detector's picture, on each side.
 SIDE = 224

@@ -9,17 +9,15 @@ import queue
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.tools.camera.vision import Capture
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    import numpy as np
-    from numpy.typing import NDArray
 
 #: Seconds in which a source must be open, and after which a camera or a stream without a picture is given up.
 _MAX_OPENING, _MAX_SILENCE = 15.0, 5.0

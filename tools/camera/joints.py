@@ -5,24 +5,19 @@ from __future__ import annotations
 from contextlib import closing
 from dataclasses import replace
 from importlib import import_module
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library import Clip
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
 from kinespace.tools.camera.bodies import Bodies
 from kinespace.tools.camera.models import models_at
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
-    from kinespace.tools.camera.region import Landmarks
+from kinespace.tools.camera.region import Landmarks
 
 #: Joints that a frame needs at least.
 MIN_JOINTS = 5

@@ -9,14 +9,12 @@ import sys
 import tarfile
 import tempfile
 import zipfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kinespace.library import memory
 from kinespace.library.windows.remembered import cache_folder
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
 
 #: The two sizes of the landmark network.
 SIZES = ("full", "lite")

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.tools.camera import detection, region
+from kinespace.tools.camera.models import Models
+from kinespace.tools.camera.region import Landmarks, Region
 from kinespace.tools.camera.vision import Network, cut_out
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.tools.camera.models import Models
-    from kinespace.tools.camera.region import Landmarks, Region
 
 #: The least score of a body in a region.
 _MIN_SCORE = 0.5

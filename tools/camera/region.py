@@ -7,12 +7,10 @@ do it; Bazarevsky et al., BlazePose (2020), figure 2.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 #: Pixels of the landmark network's picture, and cells of its heat maps, on each side.
 SIDE, CELLS = 256, 64

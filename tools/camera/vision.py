@@ -7,21 +7,19 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 # Both libraries write their own notes to the terminal, past ours, unless told otherwise before they are loaded.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 os.environ.setdefault("OPENCV_FFMPEG_CAPTURE_OPTIONS", "rtsp_transport;tcp")
 
+from collections.abc import Iterable, Iterator, Sequence
+
 import cv2
 import numpy as np
 from ai_edge_litert.interpreter import Interpreter
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 cv2.setNumThreads(1)
 _GREEN, _WHITE = (80, 220, 80), (255, 255, 255)

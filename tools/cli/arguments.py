@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
 from kinespace.library.recordings import FILMS, ActorIn, Reading
 from kinespace.stream.recognizer import LiveSignature, Settings
@@ -19,11 +20,6 @@ from kinespace.stream.recognizer.settings import (
     SENSITIVITY_OWN,
 )
 from kinespace.tools.cli.choice import meant
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.library import Clip
 
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.

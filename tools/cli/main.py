@@ -10,17 +10,15 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from kinespace.tools.cli.choice import meant
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    #: Module, below `kinespace.tools`, and line of help of each program, by name.
-    Programs = Mapping[str, tuple[str, str]]
+#: Module, below `kinespace.tools`, and line of help of each program, by name.
+Programs = Mapping[str, tuple[str, str]]
 
 #: `evaluate` has no module: its experiments are programs.
 PROGRAMS: Programs = {

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from kinespace.stream.feeds import builtin_names, builtin_preset, load_preset
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
 from kinespace.tools.cli.choice import one_of
-
-if TYPE_CHECKING:
-    from kinespace.stream.feeds import Preset
 
 #: The ending of a user's own preset.
 _ENDING = ".toml"

@@ -6,33 +6,28 @@ Every motion that was said once is also played to its half only, and must not be
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from kinespace.library.windows.index import opened
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.scoring.done_score import DoneTake, by_class, score_done
+from kinespace.tools.evaluation.harness import Asked
+from kinespace.tools.evaluation.scoring.done_score import DoneTake, Said, by_class, score_done
 from kinespace.tools.evaluation.scoring.words import said_in
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import print_scores
 
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Callable
-
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer import Settings
-    from kinespace.tools.evaluation.harness import Asked
-    from kinespace.tools.evaluation.scoring.done_score import Said
-
-    #: Gives the motions that are said of a take.
-    Judge = Callable[[Take, WindowIndex, Settings], list[Said]]
+#: Gives the motions that are said of a take.
+Judge = Callable[[Take, WindowIndex, Settings], list[Said]]
 
 #: Seconds for which the body stands still behind a take, because a motion is said a moment after its end, and behind a
 #: motion that is broken off.

@@ -6,11 +6,15 @@ two postures; counts answers with the last second inside the segment, and second
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.stream.recognizer import Recognizer
+from kinespace.library import MotionLibrary
+from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import FAULTS
@@ -18,17 +22,9 @@ from kinespace.tools.evaluation.scoring.answers import counted
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import rests_on
+from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import print_scores
-
-if TYPE_CHECKING:
-    import argparse
-    from collections import Counter
-    from collections.abc import Sequence
-
-    from kinespace.library import MotionLibrary
-    from kinespace.stream.recognizer import Settings
-    from kinespace.tools.evaluation.takes import Take
 
 #: Of each share what is counted, and among what: answers to motions that the library knows, and to others.
 _SHARES = dict.fromkeys(("right", "guessed", "wrong", "implausible"), "answers") | {"unknown_named": "unknown"}

@@ -7,16 +7,20 @@ motions of its class.
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections import defaultdict
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.distances import distance_rows
 from kinespace.library.progress.phase_table import MOMENTS_PER_SECOND
-from kinespace.library.windows.index import opened
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.recognition import Progress
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_shared, count
@@ -25,18 +29,8 @@ from kinespace.tools.feeding.feed import between
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import print_scores
 
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Progress
-
-    #: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
-    Estimate = NDArray[np.float64]
+#: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
+Estimate = NDArray[np.float64]
 
 #: The ways in which motions are played, and the classes whose motions the filter follows.
 AS_RECORDED, WARPED = "as recorded", "warped"

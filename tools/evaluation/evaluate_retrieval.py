@@ -6,12 +6,15 @@ spaces of joint distances, joint positions and joint rotations.
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
 from kinespace.tools.evaluation.harness import print_json
 from kinespace.tools.evaluation.scoring.bootstrap import intervals_of, values_of
@@ -33,14 +36,6 @@ from kinespace.tools.evaluation.scoring.stream_tables import interval
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.named_joints import read_labelled
 from kinespace.tools.terminal.tables import print_scores
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),

@@ -6,18 +6,20 @@ each moment with the movement performed at that moment.
 
 from __future__ import annotations
 
+import argparse
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.signature.parts import Kind
 from kinespace.library.teaching.examples import EVERY
 from kinespace.library.windows.index import WindowIndex, opened, usual_weighing
-from kinespace.stream.recognizer import Recognizer
+from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
@@ -26,18 +28,11 @@ from kinespace.tools.evaluation.scoring.protocols import Protocol
 from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, score_courses
 from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
 from kinespace.tools.evaluation.scoring.timeline import Course, course_of
+from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.output_path import require_place_for
 
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Mapping, Sequence
-
-    from kinespace.library import Clip, MotionLibrary
-    from kinespace.stream.recognizer import Settings
-    from kinespace.tools.evaluation.takes import Take
-
-    _Values = dict[str, float | None]
+_Values = dict[str, float | None]
 
 #: Of what the intervals draw others.
 _RESAMPLED = ("segments", "persons")

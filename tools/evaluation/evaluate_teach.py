@@ -6,35 +6,31 @@ same person and of others, through the live recogniser.
 
 from __future__ import annotations
 
+import argparse
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.teaching.examples import EVERY
 from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.index import WindowIndex, teacher_of
 from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, values_of
+from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.terminal.console import note, progress
 from kinespace.tools.terminal.tables import counted, print_scores
 
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Mapping, Sequence
-
-    from kinespace.library import Clip
-    from kinespace.stream.recognizer import Settings
-    from kinespace.tools.evaluation.takes import Take
-
-    #: A motion, and the name of the recording that it was cut from.
-    Motion = tuple[str, Clip]
+#: A motion, and the name of the recording that it was cut from.
+Motion = tuple[str, Clip]
 
 #: Motions of a class that ask in one draw, at most: of the same person, and of all other persons.
 _ASKED = {"same": 4, "other": 2}

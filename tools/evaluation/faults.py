@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.distances import distance_rows
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.tools.evaluation.harness import Feed
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    #: What becomes of a feed's frames.
-    Fault = Callable[[Feed, np.random.Generator], Feed]
+#: What becomes of a feed's frames.
+Fault = Callable[[Feed, np.random.Generator], Feed]
 
 #: The joints of the left arm, in HDM05's names; a skeleton has some of them.
 LEFT_ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")

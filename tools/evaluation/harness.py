@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from kinespace.library import MotionLibrary, SkeletonMismatchError
+import numpy as np
+from numpy.typing import NDArray
+
+from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError
 from kinespace.library.motion_library import MIN_JOINTS
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import note
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterator, Sequence
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip, Skeleton
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognition import Recognition
 
 #: Seconds before a moment that must lie in a segment for the moment to count as inside it.
 INSIDE = 1.0

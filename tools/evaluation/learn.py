@@ -7,14 +7,17 @@ saved numbers are fitted on all. Takes of bodies with fewer joints teach the num
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections import defaultdict
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
@@ -32,18 +35,10 @@ from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import noisy
-from kinespace.tools.evaluation.takes import Sources, read_takes
+from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import print_scores
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Callable, Collection, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.tools.evaluation.takes import Take
 
 #: Seconds between two windows that take part in learning.
 _HOP = 0.1

@@ -5,10 +5,14 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from kinespace.library import NOTHING, find_recordings, memory
+import numpy as np
+from numpy.typing import NDArray
+
+from kinespace.library import NOTHING, Clip, Reading, find_recordings, memory
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats.labels import (
@@ -23,15 +27,6 @@ from kinespace.tools.feeding import utkinect
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import note, progress
 from kinespace.tools.terminal.named_joints import NameNotes
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip, Reading
 
 _COLUMNS = ("file", "subject", "contains", "perhaps")
 

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library import Clip
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.tools.cli.interruption import check_interrupted
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
 
 #: Seconds between two announcements of the skeleton: live senders repeat it for receivers that start later.
 ANNOUNCE_EVERY = 1.0

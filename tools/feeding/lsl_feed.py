@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Sequence
 from contextlib import closing
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.outputs.lsl_sink import lsl
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
 
 #: Seconds in which a stream must be found, and seconds of samples that wait while nobody takes them.
 _FOUND_WITHIN, _KEPT = 5.0, 2

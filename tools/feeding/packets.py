@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from itertools import count
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from kinespace.stream.inputs.recording.kinerec import RawFile
-from kinespace.tools.feeding.feed import Pace, lost_at
+from kinespace.stream.inputs.recording.kinerec import RawFile, RawPacket
+from kinespace.tools.feeding.feed import FrameSender, Pace, lost_at
 from kinespace.tools.terminal.console import progress, say
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from kinespace.stream.inputs.recording.kinerec import RawPacket
-    from kinespace.tools.feeding.feed import FrameSender
 
 
 def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Namespace) -> int:

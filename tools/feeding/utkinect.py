@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
@@ -19,11 +20,6 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 from kinespace.tools.feeding.joint_sets import KINECT_1
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 FRAME_RATE = 30.0
 _LABELS = "actionLabel.txt"

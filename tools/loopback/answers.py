@@ -5,22 +5,19 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import zmq
 
+from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.interruption import check_interrupted
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.library import MotionLibrary
-    from kinespace.stream.recognition import Answer
-    from kinespace.tools.feeding.feed import Cue, Packet
+from kinespace.tools.feeding.feed import Cue, Packet
 
 #: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.
 _SHORT_SLEEP = 5e-5

@@ -7,22 +7,19 @@ import tempfile
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
+from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
+from kinespace.stream.recognizer import Settings
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import arguments_of
-from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender
+from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, ZmqFrameSender
 from kinespace.tools.loopback import echo
+from kinespace.tools.loopback.answers import Receiver
 from kinespace.tools.loopback.echo import ANY, LOOPBACK
 from kinespace.tools.loopback.program import Program
-
-if TYPE_CHECKING:
-    from kinespace.library import MotionLibrary
-    from kinespace.stream.recognizer import Settings
-    from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.loopback.answers import Receiver
 
 Transport = Literal["osc", "zmq"]
 #: Seconds after which a connection is given up.

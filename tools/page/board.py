@@ -8,9 +8,10 @@ and answers the newest, of motions and notices all of the last minute.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
@@ -19,9 +20,6 @@ from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.teaching.notices import Step
 from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
 from kinespace.tools.terminal.live_table import counted, promise, said_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
 
 #: Performers that are shown, at most; further ones are counted.
 MAX_SHOWN = 8

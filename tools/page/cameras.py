@@ -6,8 +6,9 @@ A page names its camera by a secret of its own, so that a page that is loaded ag
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -16,9 +17,6 @@ from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Frame
 from kinespace.stream.zeromq import encode_frame
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
 
 #: Frames a second of a page, at most, and seconds of them that may come at once.
 MAX_RATE, _MAX_BURST = 60.0, 0.5

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from contextlib import closing, suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import zmq
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.stream.zeromq import Endpoint, Keyring
 
 #: The messages that a page always needs, and the messages that only an open page needs.
 _TOPICS = (b"event/", b"done/", b"class/", b"classes/", b"status/", b"teach/")

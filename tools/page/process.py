@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, ClassVar, Self
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import ClassVar, Self
 from urllib.parse import urlsplit
 
 from kinespace.stream.service.child_process import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.page.link import Subscription, ask_control
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from multiprocessing.connection import Connection
-    from pathlib import Path
 
 #: Seconds after which a process that is to end is killed.
 _MAX_END = 5.0

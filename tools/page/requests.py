@@ -5,10 +5,11 @@ from __future__ import annotations
 import ipaddress
 import re
 import secrets
+from collections.abc import Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from importlib import resources
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
@@ -16,9 +17,6 @@ from websockets.datastructures import Headers
 from websockets.http11 import Response
 
 from kinespace.tools.camera import models
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: Bytes of a message from a page, at most.
 MAX_MESSAGE = 4096

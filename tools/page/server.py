@@ -9,26 +9,21 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from kinespace.tools.page.board import Board
-from kinespace.tools.page.cameras import PageCamera
+from kinespace.tools.page.cameras import Cameras, PageCamera
+from kinespace.tools.page.link import Subscription
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message, refusal
 from kinespace.tools.page.serving import ClientServer
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from websockets.asyncio.server import ServerConnection
-    from websockets.http11 import Request, Response
-
-    from kinespace.tools.page.cameras import Cameras
-    from kinespace.tools.page.link import Subscription
-
-    Control = Callable[[Mapping[str, object]], dict[str, Any] | None]
+Control = Callable[[Mapping[str, object]], dict[str, Any] | None]
 
 #: Open pages, at most.
 MAX_PAGES = 16

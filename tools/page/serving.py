@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
-from websockets.asyncio.server import serve
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.http11 import Request, Response
 
 from kinespace.tools.cli.address import host_and_port, opening
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from websockets.asyncio.server import ServerConnection
-    from websockets.http11 import Request, Response
-
-    from kinespace.tools.page.link import Subscription
-    from kinespace.tools.page.requests import Gate
+from kinespace.tools.page.link import Subscription
+from kinespace.tools.page.requests import Gate
 
 #: Seconds between two looks for messages.
 _LOOK = 0.2

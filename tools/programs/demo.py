@@ -7,40 +7,31 @@ status: 0 every motion named, 1 a motion not named, 2 could not be done.
 
 from __future__ import annotations
 
+import argparse
 import json
 import time
 from bisect import bisect_left
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.live import Live
+from rich.table import Table
 from rich.text import Text
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.stream.frame import Announcement
+from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.feeding.feed import Pace, clip_cues
-from kinespace.tools.loopback.answers import AnswerMatcher, Listener, answer_in, expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService
+from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, clip_cues
+from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, Received, answer_in, expected_answers
+from kinespace.tools.loopback.service_process import BackgroundService, Transport
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import score_shown
 from kinespace.tools.terminal.tables import table_of
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
-    from rich.table import Table
-
-    from kinespace.library import Clip
-    from kinespace.stream.recognition import Answer
-    from kinespace.tools.feeding.feed import Cue, FrameSender
-    from kinespace.tools.loopback.answers import Expected, Received
-    from kinespace.tools.loopback.service_process import Transport
 
 PERFORMER = "demo"
 #: Seconds of the shortest motion that is played, if a class has a longer one: recognition begins after half a second.

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import argparse
 
 from rich.text import Text
 
-from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    import argparse
-
-    from kinespace.stream.feeds import Preset
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

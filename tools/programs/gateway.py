@@ -6,22 +6,18 @@ machines. Teach with kinespace live, then give --library.
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from kinespace.stream.recognizer import SentJoints
 from kinespace.stream.workers.bus import LISTEN, open_session
 from kinespace.stream.workers.gateway import Gateway
 from kinespace.stream.workers.terms import Terms
 from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.programs.live import program as live
+from kinespace.tools.programs.live.recognisers import Known
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
-    from kinespace.stream.recognizer import SentJoints
-    from kinespace.tools.programs.live.recognisers import Known
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

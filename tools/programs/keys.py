@@ -7,16 +7,13 @@ use the folder with --keys.
 
 from __future__ import annotations
 
+import argparse
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.stream.workers.certificates import make_certificate
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    import argparse
 
 _ADVICE = "public, for the others' folders", "secret, keep it here"
 

@@ -6,34 +6,26 @@ same run.
 
 from __future__ import annotations
 
+import argparse
 import json
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
-from kinespace.tools.feeding.feed import Cue, Pace, without_pause
-from kinespace.tools.loopback.answers import AnswerMatcher, Listener, answer_in, expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService
+from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
+from kinespace.tools.loopback.answers import AnswerMatcher, Listener, Received, answer_in, expected_answers
+from kinespace.tools.loopback.service_process import BackgroundService, Transport
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.tables import table_of
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-    from rich.table import Table
-
-    from kinespace.stream.recognizer import Settings
-    from kinespace.tools.feeding.feed import FrameSender
-    from kinespace.tools.loopback.answers import Received
-    from kinespace.tools.loopback.service_process import Transport
 
 #: Seconds after the last frame in which answers may still come.
 _LINGER = 0.5

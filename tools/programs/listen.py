@@ -6,18 +6,18 @@ feed that the messages resemble; the joints that came, and the joints that recog
 
 from __future__ import annotations
 
+import argparse
 import json
 import shlex
 import time
 from contextlib import closing, suppress
-from typing import TYPE_CHECKING
 
 import zmq
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknown_names
-from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.inputs.feed_source import FeedSource
@@ -27,11 +27,6 @@ from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.terminal.console import console, printable, say
 from kinespace.tools.terminal.tables import table_of
-
-if TYPE_CHECKING:
-    import argparse
-
-    from kinespace.stream.feeds import Preset
 
 #: The preset of our own messages, whose joints need not be named.
 _NATIVE = "native"

@@ -6,17 +6,14 @@ Serves a page that shows the bodies, the guesses and the past minute of a recogn
 
 from __future__ import annotations
 
+import argparse
 import threading
-from typing import TYPE_CHECKING
 
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import PAGE, add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.page.process import PagePlan
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    import argparse
 
 #: Where `kinespace live --zmq-out` usually publishes.
 SOURCE = "tcp://127.0.0.1:9321"

@@ -6,9 +6,9 @@ for the next one.
 
 from __future__ import annotations
 
+import argparse
 import gc
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 from kinespace.stream.workers.bus import LISTEN, open_session
 from kinespace.stream.workers.worker import Worker
@@ -16,9 +16,6 @@ from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.gateway import add_bus
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -14,16 +15,11 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Roster, TaughtWindows
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.library.windows.index import WindowIndex, opened, teaches_itself
+from kinespace.stream.service.loop import Recognising
 from kinespace.stream.teaching import Teacher
 from kinespace.tools.teaching.lessons import ClassPlaces, Lessons
 from kinespace.tools.teaching.roster_file import RosterFile
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
-    from pathlib import Path
-
-    from kinespace.stream.service.loop import Recognising
 
 #: The share of a feed's joints, or of HDM05's, that both must have for HDM05's metrics to compare the examples: a hand
 #: with twenty bones has neither.

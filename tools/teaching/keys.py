@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import sys
 import threading
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from kinespace.library.motion_library import NOTHING
-from kinespace.stream.teaching import Asked, commands
-
-if TYPE_CHECKING:
-    from kinespace.stream.teaching import Command
-    from kinespace.tools.teaching.lessons import Lessons
-    from kinespace.tools.terminal.live_table import LiveTable
+from kinespace.stream.teaching import Asked, Command, commands
+from kinespace.tools.teaching.lessons import Lessons
+from kinespace.tools.terminal.live_table import LiveTable
 
 #: Seconds between two checks for a key.
 _LOOK = 0.1

@@ -5,24 +5,19 @@ from __future__ import annotations
 import math
 import queue
 import time
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import NOTHING
+from kinespace.library.teaching.examples import Roster, TaughtWindows
+from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.teaching import Asked, Changed, State, Step, commands
+from kinespace.stream.recognition import Event
+from kinespace.stream.service.loop import Recognising
+from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.tools.teaching.opener import Change, RosterOpener
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from kinespace.library.teaching.examples import Roster, TaughtWindows
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.frame import Frame
-    from kinespace.stream.recognition import Event
-    from kinespace.stream.service.loop import Recognising
-    from kinespace.stream.teaching import Notice, Teacher
-    from kinespace.tools.teaching.roster_file import RosterFile
+from kinespace.tools.teaching.roster_file import RosterFile
 
 #: Seconds after a lesson in which its performer is still not answered: a motion is done some tenths after its end.
 _MUTED_AFTER = 0.5

@@ -4,26 +4,19 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 from kinespace.library.motion_library import NOTHING
-from kinespace.library.teaching.examples import checked
+from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
-from kinespace.stream.recognizer import Recognizer
-from kinespace.stream.teaching import State, Step
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.teaching import Changed, Notice, State, Step, Teacher
+from kinespace.stream.teaching.memory import Remembered
 from kinespace.stream.teaching.notices import Tried
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from kinespace.library.teaching.examples import Roster, TaughtWindows
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer import Settings
-    from kinespace.stream.teaching import Changed, Notice, Teacher
-    from kinespace.stream.teaching.memory import Remembered
 
 #: Seconds between two answers when an example is tried on the last minutes: enough to count what is said.
 _TRIED_EVERY = 0.1

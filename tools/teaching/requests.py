@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import zmq
 
+from kinespace.stream.frame import Admitted
 from kinespace.stream.inputs.commands import may_command
+from kinespace.stream.packet import Networks
 from kinespace.stream.status import InputCounts
-from kinespace.stream.teaching import Asked, wire
+from kinespace.stream.teaching import Asked, State, wire
 from kinespace.stream.teaching.commands import CommandError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from kinespace.stream.frame import Admitted
-    from kinespace.stream.packet import Networks
-    from kinespace.stream.teaching import State
-    from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.stream.zeromq import Endpoint, Keyring
 
 
 class RequestSource:

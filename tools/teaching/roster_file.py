@@ -6,21 +6,17 @@ import queue
 import shutil
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.teaching.examples import Roster
 from kinespace.stream.teaching import State, Step
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-    from typing import BinaryIO
-
-    from kinespace.library.clip import Clip
 
 #: Seconds between two attempts to save, and between the ends of two saves: further changes are saved together.
 _AGAIN, _TOGETHER = 1.0, 0.2

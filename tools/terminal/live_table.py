@@ -5,28 +5,21 @@ from __future__ import annotations
 import logging
 import time
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rich.table import Table
 from rich.text import Text
 
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import EventKind
-from kinespace.stream.teaching.notices import State, Step
+from kinespace.stream.recognition import Done, Event, EventKind, Recognition
+from kinespace.stream.status import Status
+from kinespace.stream.teaching.notices import Notice, State, Step
 from kinespace.stream.teaching.wire import as_line
 from kinespace.tools.terminal.console import console, printable, say
 from kinespace.tools.terminal.tables import shortened, table_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from rich.table import Table
-
-    from kinespace.stream.recognition import Done, Event, Recognition
-    from kinespace.stream.status import Status
-    from kinespace.stream.teaching.notices import Notice
 
 #: Characters of a score's bar.
 _BAR = 20

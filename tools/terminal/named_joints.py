@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
-from kinespace.library import find_recordings, read_recordings
+from kinespace.library import Clip, Reading, find_recordings, read_recordings
 from kinespace.library.naming import summary
 from kinespace.library.recordings import labelled
 from kinespace.library.windows.oddities import remarks
 from kinespace.tools.terminal.console import note, progress
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from kinespace.library import Clip, Reading
 
 
 class NameNotes:

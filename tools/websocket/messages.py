@@ -7,15 +7,12 @@ change); or binary, the msgpack map of ZeroMQ. An answer is text: ZeroMQ's JSON 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
 from kinespace.stream.zeromq.frames import VERSION
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 class _Sent(msgspec.Struct):

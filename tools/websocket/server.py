@@ -9,12 +9,15 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
@@ -24,13 +27,6 @@ from kinespace.tools.page.process import Plan
 from kinespace.tools.page.requests import Gate, refusal
 from kinespace.tools.page.serving import ClientServer
 from kinespace.tools.websocket.messages import as_text, packed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
-
-    from websockets.asyncio.server import ServerConnection
-    from websockets.http11 import Request, Response
 
 #: Clients at once, at most.
 MAX_CLIENTS = 64

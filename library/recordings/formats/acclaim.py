@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
@@ -23,12 +26,6 @@ from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
 from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 METRES_PER_INCH = 0.0254
 #: HDM05's and CMU's rate, assumed of an AMC that names no rate.

@@ -14,10 +14,12 @@ from __future__ import annotations
 import math
 import re
 from array import array
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
@@ -27,12 +29,6 @@ from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen
 from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
 #: An offset shorter than this share of the largest offset counts as none.

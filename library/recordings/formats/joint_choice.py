@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from kinespace.library.clip import Clip
-
+from kinespace.library.clip import Clip
 
 #: Joints of a recording, at most: two fingered bodies have some 150.
 MAX_JOINTS = 1000

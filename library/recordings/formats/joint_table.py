@@ -16,30 +16,24 @@ import csv
 import math
 import re
 from array import array
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
 from itertools import chain
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 from numpy.lib.format import read_array
+from numpy.typing import NDArray
 
 from kinespace.library import memory
-from kinespace.library.clip import as_numbers
+from kinespace.library.clip import Clip, as_numbers
 from kinespace.library.recordings.formats.errors import RecordingError, refuse
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
 
 #: Frames per second of a table without times: the rate of MediaPipe's cameras.
 FRAME_RATE = 30.0

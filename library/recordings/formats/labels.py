@@ -9,17 +9,13 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from kinespace.library import memory
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from kinespace.library.clip import Clip
+from kinespace.library.clip import Clip
 
 _COLUMNS = ("start_s", "end_s", "label")
 #: Columns of a table in frames, which is refused with a hint: a table does not know the take's frame rate.

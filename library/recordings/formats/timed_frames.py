@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.skeleton import Skeleton
+from kinespace.library.skeleton import Skeleton
 
 #: Seconds a marker may be out of sight. Over a longer time a straight line would be an invented movement.
 MAX_GAP = 0.5

@@ -17,22 +17,18 @@ import struct
 import threading
 import zlib
 from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import accumulate
-from typing import TYPE_CHECKING, BinaryIO
+from pathlib import Path
+from typing import BinaryIO
 
 import msgspec
 
 from kinespace.library import memory
-from kinespace.stream.packet import parts_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.packet import Packet, Receiver, Sender
+from kinespace.stream.feeds import Preset
+from kinespace.stream.packet import Packet, Receiver, Sender, parts_of
 
 ENDING = ".kinerec"
 FORMAT = "kinespace raw recording"

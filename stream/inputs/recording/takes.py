@@ -3,35 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton
+from kinespace.stream.feeds import Preset
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.preset import builtin_preset, parse_preset
-from kinespace.stream.frame import Announcement, CountReset
+from kinespace.stream.frame import Announcement, CountReset, Frame, Input
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.inputs.decoder import OscDecoder, ZmqDecoder
-from kinespace.stream.inputs.recording.kinerec import RawFile
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.frame import Frame, Input
-    from kinespace.stream.inputs.decoder import Decoder
-    from kinespace.stream.inputs.recording.kinerec import RawHeader, RawPacket
-    from kinespace.stream.packet import Sender
+from kinespace.stream.inputs.decoder import Decoder, OscDecoder, ZmqDecoder
+from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket
+from kinespace.stream.packet import Sender
 
 #: Seconds after the last packet at which frames that are still open are closed: longer than any frame waits.
 _AFTERWARDS = 1.0

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.oddities import is_flat
 from kinespace.library.windows.segments import logs_of
-from kinespace.stream.recognizer.joints.kinds import kind_of, kinds_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer.joints.kinds import Kind
+from kinespace.stream.recognizer.joints.kinds import Kind, kind_of, kinds_of
 
 #: From here on a body is unlike the library's (`Segments.unlike`): between the bodies by whose joints the built-in
 #: library names motions (HDM05's, CMU's, UI-PRMD's by markers and by Kinect 2) and those by whose joints it does not

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library import MotionLibrary
 from kinespace.library.signature.landmark_body import are_of_landmarks
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import MotionLibrary
 
 #: Joints guessed from one camera's pictures, or measured by a suit, markers or a depth sensor.
 Kind = Literal["guessed", "measured"]

@@ -10,20 +10,15 @@ again. While nearly all movement is jumps no class is named.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.windows.oddities import in_disorder
+from kinespace.library.windows.segments import Segments
 from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, steps_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.windows.segments import Segments
 
 #: Seconds for which a lost joint keeps its place relative to its parent.
 HELD = 0.2

@@ -17,17 +17,13 @@ from __future__ import annotations
 import math
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.distances import pair_distances
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from kinespace.library.windows.segments import Segments
-
+from kinespace.library.windows.segments import Segments
 
 #: A body may have jumped when a sixth of its joints step farther than these metres between two frames, and faster than
 #: `JUMP_SPEED`.

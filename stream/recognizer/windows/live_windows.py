@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.library.signature.parts import lengths_of
+from kinespace.library.signature.parts import Signature, lengths_of
+from kinespace.library.windows.comparer import Distances
 from kinespace.library.windows.cutting import FIRST_WINDOW
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer.windows.window import TIE, Window, signature
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.signature.parts import Signature
-    from kinespace.library.windows.comparer import Distances
-    from kinespace.library.windows.index import WindowIndex
 
 #: Frames that a window needs at least.
 _MIN_FRAMES = 3

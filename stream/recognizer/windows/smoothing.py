@@ -7,16 +7,12 @@ The noise is estimated from the second differences of successive rows. For white
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.stream.recognizer.windows.window import TIE
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
 
 #: Standard deviation of a distance's noise from which rows are averaged, metres: 8 mm on every coordinate.
 NOISY = 0.0113

@@ -10,9 +10,10 @@ computed afresh.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.compiled import compiled
 from kinespace.library.signature.body import Body
@@ -24,19 +25,13 @@ from kinespace.library.signature.parts import (
     Eigenpairs,
     Kind,
     Moments,
+    Part,
     Signature,
     eigen,
     movement,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.signature.parts import Part
-
-    Numbers = NDArray[np.float64]
+Numbers = NDArray[np.float64]
 
 #: Frames per second up to which a window holds all its seconds. A faster feed shortens the window.
 MAX_FEED_RATE = 500.0

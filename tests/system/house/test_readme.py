@@ -127,3 +127,18 @@ def test_every_page_is_linked() -> None:
         if "://" not in link
     }
     assert set(PAGES) - {ROOT / "README.md"} <= linked
+
+
+def test_the_readme_is_read_in_minutes() -> None:
+    """README has few lines, none of them long; it says how the tests are run."""
+    lines = README.splitlines()
+    assert len(lines) <= 90
+    assert max(map(len, lines)) <= 110
+    assert any(line.startswith("make test ") for line in lines)
+
+
+def test_the_pages_stay_short() -> None:
+    """All pages together, and the method's, which is read beside the code."""
+    words = {path.name: len(text.split()) for path, text in PAGES.items() if path.is_relative_to(ROOT / ".github")}
+    assert sum(words.values()) <= 14_000
+    assert words["method.md"] <= 900

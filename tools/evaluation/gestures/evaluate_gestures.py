@@ -8,32 +8,27 @@ count neither way; in segments labelled `nothing` every word is false.
 
 from __future__ import annotations
 
+import argparse
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.gestures.report import add_report, report
 from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span, right_so_far, said_in
+from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.teaching.beginning import open_taught
 from kinespace.tools.terminal.console import progress
 
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Mapping, Sequence
-
-    from kinespace.library import Clip
-    from kinespace.library.recordings.formats.labels import Segment
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.recognizer import Settings
-    from kinespace.tools.evaluation.takes import Take
-
-    #: Each class's first segment, and the take that it lies in.
-    Lessons = Mapping[str, tuple[Take, Segment]]
+#: Each class's first segment, and the take that it lies in.
+Lessons = Mapping[str, tuple[Take, Segment]]
 
 #: The label of a command that was asked again at once.
 _REPEATED = "repeated"

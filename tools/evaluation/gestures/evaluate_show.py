@@ -9,15 +9,19 @@ classes are the everyday movement.
 
 from __future__ import annotations
 
+import argparse
 from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import Outcome
+from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.gestures.report import add_report, report
@@ -29,16 +33,6 @@ from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.beginning import open_taught
 from kinespace.tools.terminal.console import note, progress
 from kinespace.tools.terminal.tables import counted
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Clip
-    from kinespace.stream.recognition import Recognition
-    from kinespace.stream.recognizer import Settings
 
 #: Frames per second of a show.
 _RATE = 60.0

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.evaluation.harness import print_json, written
 from kinespace.tools.evaluation.scoring.answer_tables import write_rows
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
 from kinespace.tools.evaluation.scoring.stream_tables import rests_on
-from kinespace.tools.evaluation.scoring.words import COLUMNS, score_words, word_rows
+from kinespace.tools.evaluation.scoring.words import COLUMNS, Heard, score_words, word_rows
 from kinespace.tools.terminal.tables import print_scores
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Mapping, Sequence
-
-    from kinespace.tools.evaluation.scoring.words import Heard
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import csv
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from kinespace.tools.evaluation.scoring.timeline import NONE, stretches_of
+from kinespace.tools.evaluation.scoring.timeline import NONE, Course, stretches_of
 from kinespace.tools.terminal.tables import csv_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from kinespace.tools.evaluation.scoring.timeline import Course
 
 
 def answer_rows(courses: Sequence[Course], classes: Sequence[str]) -> Iterator[dict[str, Any]]:

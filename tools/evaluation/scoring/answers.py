@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable
 
-from kinespace.stream.recognition import Outcome
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
-
-    from kinespace.stream.recognition import Recognition
-    from kinespace.tools.evaluation.takes import Take
+from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.tools.evaluation.takes import Take
 
 
 def guess_of(answer: Recognition) -> str | None:

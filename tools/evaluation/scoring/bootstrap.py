@@ -9,20 +9,16 @@ other persons, persons are drawn in place of units, each with all that is theirs
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    #: Says how often each of some units was drawn, shape (draws, units). The second number is the kind of
-    #: the units: two kinds are drawn independently.
-    Draw = Callable[[int, int], NDArray[np.float64]]
+#: Says how often each of some units was drawn, shape (draws, units). The second number is the kind of
+#: the units: two kinds are drawn independently.
+Draw = Callable[[int, int], NDArray[np.float64]]
 
 #: The number of draws.
 RESAMPLES = 1000

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincinv
 
 from kinespace.library import NOTHING
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from kinespace.library.recordings.formats.labels import Segment
-    from kinespace.tools.evaluation.takes import Take
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.tools.evaluation.takes import Take
 
 #: Seconds after a segment's end up to which a motion may end that belongs to it, and the share of the motion that must
 #: lie in the segment: labels are right to a tenth of a second at best.

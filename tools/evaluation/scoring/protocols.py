@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
-from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.segments import mirrored
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.takes import Take
 
 
 class Protocol(StrEnum):

@@ -13,23 +13,19 @@ scatter everywhere (Ledoit and Wolf 2004), since there are fewer motions than di
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from enum import StrEnum
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.signature.leading import signature_of, similarity
 from kinespace.library.windows.metric import squared_distances
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
 
 #: Added to each standard deviation before the logarithm, relative to the body's size: about a millimetre, a marker's
 #: noise. Without it a distance that does not change at all would outweigh all others.

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, RocArea, intervals_of, values_of
-from kinespace.tools.evaluation.scoring.timeline import NONE, stretches_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.tools.evaluation.scoring.bootstrap import Figure
-    from kinespace.tools.evaluation.scoring.timeline import Course, Stretch
+from kinespace.tools.evaluation.scoring.bootstrap import Figure, Percentile, Ratio, RocArea, intervals_of, values_of
+from kinespace.tools.evaluation.scoring.timeline import NONE, Course, Stretch, stretches_of
 
 _Item = TypeVar("_Item")
 _seconds = attrgetter("seconds")

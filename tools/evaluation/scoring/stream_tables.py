@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 from kinespace.tools.evaluation.harness import written
+from kinespace.tools.evaluation.scoring.bootstrap import Interval
+from kinespace.tools.evaluation.scoring.protocols import Protocol
+from kinespace.tools.evaluation.scoring.stream_score import StreamScore
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.tables import counted, print_scores, table_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from kinespace.tools.evaluation.scoring.bootstrap import Interval
-    from kinespace.tools.evaluation.scoring.protocols import Protocol
-    from kinespace.tools.evaluation.scoring.stream_score import StreamScore
 
 _SHARE, _SECONDS, _PLAIN = "{:.1%}", "{:.2f} s", "{:.3g}"
 #: What each figure is, and the form of its value; under a heading the basis of the figures below it.

@@ -6,22 +6,17 @@ answer count as unanswered.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.stream.recognition import EventKind
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.stream.recognition import EventKind, Recognition
 from kinespace.tools.evaluation.scoring.answers import guess_of
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.recordings.formats.labels import Segment
-    from kinespace.stream.recognition import Recognition
-    from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.takes import Take
 
 #: The index that stands for "no class".
 NONE = -1

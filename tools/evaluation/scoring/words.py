@@ -8,22 +8,16 @@ the share found, of the words the share that is right, their harmonic mean F1, a
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 from kinespace.library import NOTHING
-from kinespace.stream.recognition import EventKind
-from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, intervals_of, values_of
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.stream.recognition import EventKind, Recognition
+from kinespace.tools.evaluation.scoring.bootstrap import Figure, Percentile, Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.scoring.done_score import Said
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from typing import Any
-
-    from kinespace.library.recordings.formats.labels import Segment
-    from kinespace.stream.recognition import Recognition
-    from kinespace.tools.evaluation.scoring.bootstrap import Figure
 
 #: The kinds of words.
 KINDS = ("done", "start")

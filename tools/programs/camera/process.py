@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable
 from contextlib import suppress
-from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Self
+from multiprocessing.connection import Connection, wait
+from typing import Self
 
 from kinespace.stream.service.child_process import Child, leave_signals_to_parent
 from kinespace.tools.camera.joints import require_extra
 from kinespace.tools.programs.camera.session import CameraPlan, watch
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from multiprocessing.connection import Connection
 
 #: Seconds after which a process that is to end is killed.
 _MAX_END = 0.5

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.tools.camera.models import SIZES, fetched
 from kinespace.tools.cli.arguments import OSC_IN, add_shared
@@ -12,9 +12,6 @@ from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.camera.session import CameraPlan, watch
 from kinespace.tools.terminal.console import say
 from kinespace.tools.terminal.output_path import require_place_for
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

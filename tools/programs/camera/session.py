@@ -4,30 +4,25 @@ from __future__ import annotations
 
 import csv
 import time
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, TextIO
+from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.camera.bodies import Bodies
+from kinespace.tools.camera.bodies import Bodies, Seen
+from kinespace.tools.camera.film import Film, Picture
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import models_at
 from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, OscFrameSender, ZmqFrameSender
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
 from kinespace.tools.programs.camera.show import Show
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from kinespace.tools.camera.bodies import Seen
-    from kinespace.tools.camera.film import Film, Picture
-    from kinespace.tools.feeding.feed import FrameSender
 
 #: Pixels of the pictures that are shown, across.
 _SHOWN = 640

@@ -9,15 +9,13 @@ from __future__ import annotations
 import ipaddress
 import secrets
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from kinespace.tools.cli.address import host_and_port
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 #: Seconds after which a browser gets the last picture again: so one that has left is noticed.
 _AGAIN = 1.0

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
 import ipaddress
-from contextlib import ExitStack, closing
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kinespace.library.naming import hdm05
 from kinespace.stream import osc, zeromq
-from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
+from kinespace.stream.feeds import Preset
+from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
@@ -18,26 +21,17 @@ from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
+from kinespace.stream.packet import Networks
+from kinespace.stream.service.loop import Recognising
+from kinespace.stream.zeromq import Keyring
+from kinespace.tools.announcing.announcer import Announcer
 from kinespace.tools.announcing.finding import is_possible, named
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
-from kinespace.tools.page.process import PagePlan
+from kinespace.tools.page.process import PagePlan, Plan
 from kinespace.tools.programs.live.unread import Unread
 from kinespace.tools.teaching.requests import RequestSource
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterator, Sequence
-    from contextlib import AbstractContextManager
-
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.inputs import Admission
-    from kinespace.stream.packet import Networks
-    from kinespace.stream.service.loop import Recognising
-    from kinespace.stream.zeromq import Keyring
-    from kinespace.tools.announcing.announcer import Announcer
-    from kinespace.tools.page.process import Plan
 
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))

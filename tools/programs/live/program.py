@@ -10,7 +10,6 @@ import argparse
 import os
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream.outputs import LAYOUTS
@@ -18,12 +17,9 @@ from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
-from kinespace.tools.programs.live.recognisers import in_this_process, in_workers
+from kinespace.tools.programs.live.recognisers import Making, in_this_process, in_workers
 from kinespace.tools.programs.live.session import recognise
 from kinespace.tools.terminal.console import log_as
-
-if TYPE_CHECKING:
-    from kinespace.tools.programs.live.recognisers import Making
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"

@@ -2,36 +2,30 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
-from kinespace.library.windows.index import opened
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.feeds import Preset
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background_opener import BackgroundViews
+from kinespace.stream.service.loop import Recognising
+from kinespace.stream.workers.local import LocalGateway
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.teaching.beginning import open_lessons
+from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.console import say
 
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Callable, Sequence
-
-    from kinespace.library.windows.index import WindowIndex
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.recognizer import Settings
-    from kinespace.stream.service.loop import Recognising
-    from kinespace.stream.workers.local import LocalGateway
-    from kinespace.tools.teaching.lessons import Lessons
-
-    #: A library, perhaps opened already.
-    Known = MotionLibrary | WindowIndex
-    #: Makes recognisers by the options, the joints that senders do not name, and the order of the classes.
-    Making = Callable[[argparse.Namespace, Known, SentJoints, Sequence[str]], Recognising]
+#: A library, perhaps opened already.
+Known = MotionLibrary | WindowIndex
+#: Makes recognisers by the options, the joints that senders do not name, and the order of the classes.
+Making = Callable[[argparse.Namespace, Known, SentJoints, Sequence[str]], Recognising]
 
 #: In place of a library: only taught motions are known.
 _NO_LIBRARY = Path("none")

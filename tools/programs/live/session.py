@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import argparse
 import gc
 import sys
 import threading
 import time
+from collections.abc import Iterable
 from contextlib import ExitStack, closing, nullcontext
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.live import Live
 
+from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
-from kinespace.stream.recognizer import LiveSignature
+from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.service.loop import Service
+from kinespace.stream.workers.gateway import GatewaySource
+from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.cli.preset import preset_named
@@ -32,23 +37,13 @@ from kinespace.tools.programs.live.endpoints import (
     open_senders,
     open_servers,
 )
-from kinespace.tools.programs.live.recognisers import recognisers
+from kinespace.tools.programs.live.recognisers import Making, recognisers
 from kinespace.tools.programs.live.supervisor import supervisors
 from kinespace.tools.teaching.keys import Keys
+from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.console import console, say
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterable
-
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.recognizer import Settings
-    from kinespace.stream.workers.gateway import GatewaySource
-    from kinespace.stream.zeromq import Keyring
-    from kinespace.tools.programs.live.recognisers import Making
-    from kinespace.tools.teaching.lessons import Lessons
 
 #: Times a second the table is drawn.
 _REDRAWS = 5

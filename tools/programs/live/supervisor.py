@@ -5,12 +5,9 @@ from __future__ import annotations
 import os
 import socket
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 from kinespace.stream.outputs import Sink
-
-if TYPE_CHECKING:
-    from kinespace.stream.status import Status
+from kinespace.stream.status import Status
 
 
 class Systemd(Sink):

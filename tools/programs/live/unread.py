@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import TYPE_CHECKING
 
-from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
+from kinespace.stream.packet import Packet, Sender
 from kinespace.tools.programs.listen import advice, command
-
-if TYPE_CHECKING:
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.packet import Packet, Sender
 
 #: Packets that are looked at.
 _MOST = 60

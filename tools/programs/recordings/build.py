@@ -7,12 +7,13 @@ in its name (HDM05) or is its folder's name. A file of labels next to a take, wi
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, find_recordings
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, find_recordings
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import (
     RecordingError,
@@ -23,7 +24,7 @@ from kinespace.library.recordings import (
     performed,
     segments_beside,
 )
-from kinespace.library.recordings.formats.labels import LabelError, cut, labels_beside, oddities, read_labels
+from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
 from kinespace.tools.cli.arguments import (
@@ -41,13 +42,6 @@ from kinespace.tools.terminal.console import progress, say
 from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import counted
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-
-    from kinespace.library import Reading
-    from kinespace.library.recordings.formats.labels import Segment
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0

@@ -5,21 +5,25 @@ Writes times and joint positions (seconds, metres) as .npz, or as CSV with a lin
 
 from __future__ import annotations
 
+import argparse
 import codecs
 import csv
 import tempfile
 from array import array
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kinespace.library import find_recordings
+from kinespace.library import Reading, find_recordings
 from kinespace.library.motion_library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.recording.takes import events_of, ordered_frames, seen_in
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
@@ -28,16 +32,6 @@ from kinespace.tools.terminal.console import printable, progress, say
 from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from kinespace.library import Reading
-    from kinespace.library.skeleton import Skeleton
-    from kinespace.stream.feeds import Preset
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]

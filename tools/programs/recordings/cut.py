@@ -7,9 +7,9 @@ second stay one row, to be divided by hand.
 
 from __future__ import annotations
 
+import argparse
 import csv
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
@@ -18,9 +18,6 @@ from kinespace.tools.terminal.console import printable, progress, say
 from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
-
-if TYPE_CHECKING:
-    import argparse
 
 COLUMNS = ("start_s", "end_s", "label", "performer")
 #: Seconds: a longer row hardly is one motion; HDM05's longest cut clip has eight.

@@ -6,22 +6,24 @@ a .kinerec.
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from kinespace.library import compiled, distance_rows, find_recordings
+from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_rows, find_recordings
 from kinespace.library.recordings import instead_of_recording, is_recording, labelled
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.index import opened
-from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.recording import decoded
-from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
+from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.recognizer.joints.kinds import TITLES, kinds_of
 from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
 from kinespace.tools.cli.preset import preset_named
@@ -34,14 +36,6 @@ _LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
 _MEASURED = ("joints", "{joints}"), ("metres across", "{metres_across:.2f}"), ("filled in", "{filled:.1%}")
 _OF_RECORDINGS = ("recording", "{name}"), *_LASTING, *_MEASURED
 _OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), *_LASTING
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from kinespace.library import Clip, MotionLibrary, Reading
-    from kinespace.stream.feeds import Preset
-    from kinespace.stream.inputs.recording.kinerec import RawPacket
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -6,17 +6,18 @@ replay sends the file again bit for bit; kinespace live --record records while i
 
 from __future__ import annotations
 
+import argparse
 import threading
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack, closing, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import zmq
 from rich.status import Status
 
-from kinespace.stream.inputs import Admission
-from kinespace.stream.inputs.recording import source_name
+from kinespace.stream.inputs import Admission, Source
+from kinespace.stream.inputs.recording import RawWriter, source_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
@@ -24,13 +25,6 @@ from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.live.endpoints import open_ends
 from kinespace.tools.terminal.console import progress_console, say
 from kinespace.tools.terminal.output_path import require_place_for
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
-
-    from kinespace.stream.inputs import Source
-    from kinespace.stream.inputs.recording import RawWriter
 
 #: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100

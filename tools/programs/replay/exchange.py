@@ -5,23 +5,17 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+
+from rich.table import Table
 
 from kinespace.stream import osc
-from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Pace, lost_at
-from kinespace.tools.loopback.answers import answer_in, classes_in
+from kinespace.stream.frame import Announcement
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
+from kinespace.tools.loopback.answers import Listener, Received, answer_in, classes_in
 from kinespace.tools.terminal.console import console, say
 from kinespace.tools.terminal.tables import table_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from rich.table import Table
-
-    from kinespace.stream.frame import Announcement
-    from kinespace.tools.feeding.feed import Cue, FrameSender
-    from kinespace.tools.loopback.answers import Listener, Received
 
 #: Seconds without an answer after which no more are expected.
 _LINGER = 0.3

@@ -8,11 +8,11 @@ reached no program, or no answer came to --listen, 2 could not be done.
 
 from __future__ import annotations
 
+import argparse
 import time
 from contextlib import ExitStack, suppress
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
@@ -22,16 +22,11 @@ from kinespace.tools.announcing.finding import recogniser
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_reading, add_shared, not_negative, positive, reading_of
 from kinespace.tools.feeding import packets
-from kinespace.tools.feeding.feed import OscFrameSender, ZmqFrameSender, piece_cues
+from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, ZmqFrameSender, piece_cues
 from kinespace.tools.loopback.answers import Listener
 from kinespace.tools.programs.replay.exchange import Exchange
 from kinespace.tools.programs.replay.recordings import announced, pieces_of, recordings_in
 from kinespace.tools.terminal.console import console, progress, progress_console
-
-if TYPE_CHECKING:
-    import argparse
-
-    from kinespace.tools.feeding.feed import FrameSender
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.library.skeleton import Skeleton
 from kinespace.tools.cli.arguments import BUILT_IN, class_at
 from kinespace.tools.feeding.feed import Piece
 from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.tables import counted
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterator, Sequence
-
-    from kinespace.library.recordings.formats.labels import Segment
-    from kinespace.library.skeleton import Skeleton
 
 
 def recordings_in(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.joint_choice import chosen, short_names
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP
 from kinespace.library.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 
 def clip_of_markers(

@@ -9,20 +9,16 @@ from __future__ import annotations
 
 import math
 from array import array
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from kinespace.library import memory
+from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import count_in, positive_in, refuse
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
 from kinespace.library.recordings.formats.units import metres_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from kinespace.library.clip import Clip
 
 
 def _header(path: Path, lines: Iterator[str]) -> tuple[tuple[str, ...], int, float, float]:

@@ -49,10 +49,11 @@ _MAX_REMEMBERED = 4
 
 
 class _Member:
-    """A worker that works for this gateway: the way to it, when its last message came, and its last report."""
+    """A worker that works for this gateway: the way to it, when its last message came, its reports."""
 
     def __init__(self, sends: Any, report: Report) -> None:  # noqa: ANN401 - Zenoh's
-        self.sends, self.report, self.newest, self.messages = sends, report, time.monotonic(), 0
+        self.sends, self.report, self.newest = sends, report, time.monotonic()
+        self.messages = self.reports = 0
 
     def send(self, frames: list[wire.SentFrame]) -> None:
         """Send frames; Zenoh drops them if the way is full."""
@@ -393,6 +394,7 @@ class Gateway:
             self._welcome(worker, back.report)
         elif member:
             member.newest, member.report = time.monotonic(), back.report or member.report
+            member.reports += back.report is not None
         for answer in back.answers:
             self._accept(worker, answer)
         if back.report and back.report.leaves:
@@ -444,6 +446,15 @@ class Gateway:
         for worker in [name for name, member in self._members.items() if now - member.newest > MAX_SILENT]:
             self._drop(worker, "does not report")
         self._balance(now)
+
+    def settle(self) -> None:
+        """Wait for the workers' next reports, which count all that they have answered, for a second at most."""
+        before, until = {name: member.reports for name, member in self._members.items()}, time.monotonic() + 1.0
+        while any(member.reports == before.get(name) for name, member in self._members.items()):
+            if time.monotonic() > until:
+                return
+            time.sleep(0.005)
+            self.inbox.deal()
 
     def close(self) -> None:
         """Leave Zenoh; without effect a second time."""

@@ -133,7 +133,7 @@ def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex,
     assert len(paper.library.actors) > 2
     for compared in (index, paper):
         classes, people = zip(*_whose(compared), strict=True)
-        [numbers, *_] = _numbers(compared, compared.compared[0])
+        [numbers, *_] = _numbers(compared, compared.library.motions[0])
         for place in (0, 40, len(compared) - 1):
             for sign in (1.0, -1.0):
                 vector = sign * compared.eigenvectors[place]

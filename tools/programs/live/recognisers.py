@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
@@ -14,13 +15,16 @@ from kinespace.stream.feeds import Preset
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background_opener import BackgroundViews
 from kinespace.stream.service.loop import Recognising
-from kinespace.stream.workers.local import LocalGateway
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.choice import meant
 from kinespace.tools.feeding.joint_sets import joints_in_order
 from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.console import say
+
+if TYPE_CHECKING:
+    # Only where there are workers.
+    from kinespace.stream.workers.local import LocalGateway
 
 #: A library, perhaps opened already.
 Known = MotionLibrary | WindowIndex

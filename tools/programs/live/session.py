@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack, closing, nullcontext
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.live import Live
 
@@ -23,7 +23,7 @@ from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.service.loop import Service
-from kinespace.stream.workers.gateway import GatewaySource
+from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, settings_of
 from kinespace.tools.cli.interruption import stop_on_signals
@@ -44,6 +44,10 @@ from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.console import console, say
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.terminal.output_path import require_place_for
+
+if TYPE_CHECKING:
+    # Only where there are workers.
+    from kinespace.stream.workers.gateway import GatewaySource
 
 #: Times a second the table is drawn.
 _REDRAWS = 5
@@ -109,9 +113,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
-        if lessons:
-            lessons.close()
-        status = service.status()
+        status = _ended(service, lessons, from_workers)
     say(summary(status, settings.hop, notes=not isinstance(shown, PlainLines)))
     for source in sources:
         if isinstance(source, FeedSource):
@@ -125,6 +127,15 @@ def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
     """Close these if a later one cannot be opened."""
     for each in ends:
         opened.callback(each.close)
+
+
+def _ended(service: Service, lessons: Lessons | None, from_workers: Iterable[GatewaySource]) -> Status:
+    """Close what was open while the service ran; give its last status."""
+    if lessons:
+        lessons.close()
+    for each in from_workers:
+        each.gateway.settle()
+    return service.status()
 
 
 def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None:

@@ -23,10 +23,6 @@ class Learned:
         """Whether there are numbers that hold for other motions too."""
         return any(not name.startswith(TAUGHT) for name in self.named)
 
-    def of_these_motions(self) -> Learned:
-        """Give the numbers that only hold for the motions that taught them."""
-        return Learned({name: array for name, array in self.named.items() if name.startswith(TAUGHT)})
-
     def for_other_motions(self) -> Learned:
         """Give the numbers that hold for other motions too."""
         kept = {name: array for name, array in self.named.items() if not name.startswith(TAUGHT)}

@@ -49,7 +49,7 @@ _MAX_SETS = 3
 #: Performers at once that may be asked for.
 MAX_PERFORMERS = 10_000
 #: The joint names, and the like, of so many times the maximum number of performers are remembered.
-_MAX_REMEMBERED = 4
+MAX_REMEMBERED = 4
 #: A performer that was not answered for so many seconds makes room for a newcomer that sent so many frames in them: an
 #: answer needs a quarter of a second of feed, and names without a body behind them never get one.
 _STEADY_SECONDS = 1.0
@@ -103,6 +103,40 @@ class _Performer:
         return self.recognizer.end()
 
 
+def remember(known: dict[str, _Value], name: str, value: _Value, most: int) -> None:
+    """Remember a value by a performer's name; of too many for `most` performers the oldest is forgotten."""
+    if name not in known and len(known) >= MAX_REMEMBERED * most:
+        del known[next(iter(known))]
+    known[name] = value
+
+
+class Newcomers:
+    """Performers for whom there is no room.
+
+    Parameters
+    ----------
+    most
+        The number of performers for whom there is.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        #: Since when each has sent, and how many frames.
+        self._waiting: dict[str, tuple[float, int]] = {}
+
+    def is_steady(self, name: str, now: float) -> bool:
+        """Take in a frame of a newcomer; say whether frames come steadily."""
+        since, frames = self._waiting.get(name, (now, 0))
+        if now - since > _STEADY_SECONDS:
+            since, frames = now, 0
+        remember(self._waiting, name, (since, frames + 1), self._most)
+        return frames + 1 >= _STEADY_FRAMES
+
+    def forget(self, name: str) -> None:
+        """Forget a newcomer who found room."""
+        self._waiting.pop(name, None)
+
+
 class Performers:
     """One recogniser per performer.
 
@@ -154,8 +188,7 @@ class Performers:
         self._ended: list[Event] = []
         #: Performers who were dropped, not given out yet.
         self._gone: list[str] = []
-        #: Performers for whom there was no room: since when, and how many frames they have sent.
-        self._waiting: dict[str, tuple[float, int]] = {}
+        self._newcomers = Newcomers(most)
         # A sender may announce its joints once, so announcements are kept through a silence.
         self._announced: dict[str, Announcement] = {}
         self.settings = settings or Settings()
@@ -204,12 +237,6 @@ class Performers:
         ended, self._ended = self._ended, []
         return ended
 
-    def _remember(self, known: dict[str, _Value], name: str, value: _Value) -> None:
-        """Remember a value by a performer's name; of too many the oldest is forgotten."""
-        if name not in known and len(known) >= _MAX_REMEMBERED * self.most:
-            del known[next(iter(known))]
-        known[name] = value
-
     def _forget(self, name: str) -> None:
         """Forget a performer; the end of its motion is given out with the ends of silent performers."""
         if performer := self._performers.pop(name, None):
@@ -219,7 +246,7 @@ class Performers:
     def _drop_silent(self, now: float) -> None:
         for name in [name for name, each in self._performers.items() if now - each.newest > self.silence]:
             self._forget(name)
-            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
+            self._gone = [*self._gone[-MAX_REMEMBERED * self.most :], name]
 
     def _performer(self, name: str, now: float) -> _Performer | None:
         """Give a performer who sends something now; None when there is no room."""
@@ -229,7 +256,7 @@ class Performers:
                 self._drop_silent(now)
             if len(self._performers) >= self.most and not self._make_room(name, now):
                 return None
-            self._waiting.pop(name, None)
+            self._newcomers.forget(name)
             self._gone = [each for each in self._gone if each != name]
             performer = self._performers[name] = self._begin(name, now)
         performer.newest = now
@@ -237,11 +264,7 @@ class Performers:
 
     def _make_room(self, name: str, now: float) -> bool:
         """Drop a performer that is idle, for a newcomer that sends steadily; say whether there is room."""
-        since, frames = self._waiting.get(name, (now, 0))
-        if now - since > _STEADY_SECONDS:
-            since, frames = now, 0
-        self._remember(self._waiting, name, (since, frames + 1))
-        if frames + 1 < _STEADY_FRAMES:
+        if not self._newcomers.is_steady(name, now):
             return False
         idle = next((other for other, each in self._performers.items() if _is_idle(each, now)), None)
         if idle is not None:
@@ -392,7 +415,7 @@ class Performers:
             return
         if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
-        self._remember(self._announced, announcement.performer, announcement)
+        remember(self._announced, announcement.performer, announcement, self.most)
         self._learn_joints(performer, announcement)
 
     def _learn_joints(self, performer: _Performer, announcement: Announcement) -> None:
@@ -539,7 +562,7 @@ class Performers:
                 why += f"; {unknown}"
         else:
             why = f"{size} joints, but {named} names were sent"
-        self._remember(self._refused, name, why)
+        remember(self._refused, name, why, self.most)
 
     def _retire(self, performer: _Performer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""

@@ -2,8 +2,7 @@
 
 The filter holds the probability of each moment of each recording of the class (a hidden Markov model whose states are
 the moments; Bevilacqua et al. 2010 follow one recording in this way). Each step moves every probability on along its
-recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body
-(`library.progress.filtering`).
+recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.progress import phase_table
-from kinespace.library.progress.filtering import follow_phase, moving
 from kinespace.library.progress.phase_table import Moments, PhaseTable
 from kinespace.stream.recognition import Progress
 
@@ -28,8 +26,8 @@ _CHANGES, _BEGINS = 0.1, 1e-6
 #: The share that begins in the first phases, and these phases. The rest begins later, with a probability that falls
 #: towards the end, because before a motion a body often stands as it does after it.
 _AT_START, _FIRST_PHASES, _FALLING = 0.9, 0.12, 4
-#: Weight of a vector's squared distance.
-_SHARPNESS = 1 / 16
+#: Weight of a vector's squared distance; a number of numpy's own asks for double precision.
+_SHARPNESS = np.float64(1 / 16)
 #: Probability that a step beyond the end of a recording begins the next round: of a cyclic motion, and of another.
 _NEXT_ROUND, _ONCE_MORE = 0.5, 0.02
 #: Phases this near count as the same for `sure`.
@@ -104,7 +102,7 @@ class ProgressFollower:
             self._begin(class_name)
         elif self._filter:
             for end in range(self._count - steps + 1, self._count + 1):
-                self.progress = self._filter.step(max(0, end - _PAST), end)
+                self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
         return self.progress
 
     def _steps_until(self, time: float) -> int:
@@ -137,19 +135,39 @@ class ProgressFollower:
             return
         name = str(class_name)
         course = self._courses.get(name) or self._courses.setdefault(name, _Course.of(moments))
-        self._filter = _Filter(name, moments, course, self._table.whitening, self._points)
+        self._filter = _Filter(name, course, self._table.whitening)
         for end in range(max(1, self._count - _REPLAYED), self._count + 1):
-            self.progress = self._filter.step(max(0, end - _PAST), end)
+            self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
 
 
 class _Course(NamedTuple):
-    """The arrays of one class that a step of the filter reads (`library.progress.filtering`)."""
+    """The moments of a class as the filter reads them.
 
-    course: NDArray[np.float64]
-    indices: NDArray[np.intp]
-    expected: NDArray[np.float64]
-    constants: NDArray[np.float64]
+    Attributes
+    ----------
+    moments
+        The moments.
+    beginning, rounds, alike
+        For each moment the probabilities of beginning there, and of a next round, and one over the moments in its bin.
+    bins, order
+        For each moment its bin; the moments by their phase.
+    ends
+        Each recording's last moment, and the one before it, or itself where there is one: shape (2, recordings).
+    lengths
+        The vectors' squared lengths, shape (moments,).
+    expected
+        Each moment's speed, usual speed and usual swing, shape (3, moments).
+    """
+
+    moments: Moments
+    beginning: NDArray[np.float64]
+    rounds: NDArray[np.float64]
+    alike: NDArray[np.float64]
+    bins: NDArray[np.intp]
+    order: NDArray[np.intp]
+    ends: NDArray[np.intp]
     lengths: NDArray[np.float32]
+    expected: NDArray[np.float64]
 
     @classmethod
     def of(cls, moments: Moments) -> Self:
@@ -159,54 +177,73 @@ class _Course(NamedTuple):
         beginning = _AT_START * first / first.sum() + (1 - _AT_START) * later / max(later.sum(), 1e-9)
         rounds = np.where(phases < 1 / phase_table.BINS, 1.0, 0.0)
         bins = np.minimum((phases * phase_table.BINS).astype(np.intp), phase_table.BINS - 1)
-        alike = 1 / np.bincount(bins, minlength=phase_table.BINS).clip(1)[bins]
-        again = _NEXT_ROUND if moments.cyclic else _ONCE_MORE
+        last = np.append(moments.starts[1:], len(phases)) - 1
         return cls(
-            np.array([phases, beginning / beginning.sum(), rounds / max(rounds.sum(), 1.0), alike]),
-            np.array([bins, phases.argsort(kind="stable")]),
-            np.array([moments.speeds, moments.usual_speeds, moments.usual_swings]),
-            np.array([*_GOES_ON, _CHANGES, _BEGINS, again, _SHARPNESS, _NEAR]),
+            moments,
+            beginning / beginning.sum(),
+            rounds / max(rounds.sum(), 1.0),
+            1 / np.bincount(bins, minlength=phase_table.BINS).clip(1)[bins],
+            bins,
+            phases.argsort(kind="stable"),
+            np.array([last, np.maximum(last - 1, moments.starts)]),
             np.square(moments.vectors).sum(axis=0),
+            np.array([moments.speeds, moments.usual_speeds, moments.usual_swings]),
         )
+
+    def goes_on(self, belief: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Move the probability of every moment on by a step."""
+        (last, before), (stay, one, two) = self.ends, _GOES_ON
+        again = _NEXT_ROUND if self.moments.cyclic else _ONCE_MORE
+        by_one, by_two = belief.copy(), belief.copy()
+        # A recording's last moments must not go on to the next recording.
+        by_one[last] = by_two[last] = by_two[before] = 0.0
+        after: NDArray[np.float64] = stay * belief
+        after[1:] += one * by_one[:-1]
+        after[2:] += two * by_two[:-2]
+        beyond = (one + two) * belief[last] + two * belief[before] * (before < last)
+        after[last] += (1 - again) * beyond
+        after += again * beyond.sum() * self.rounds
+        mass = np.bincount(self.bins, weights=after)
+        return (1 - _CHANGES - _BEGINS) * after + _CHANGES * self.alike * mass[self.bins] + _BEGINS * self.beginning
+
+    def weighed(self, belief: NDArray[np.float64], live: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Weigh the probability of every moment by its likeness to the live body's vector, shape (axes,)."""
+        squares = self.lengths - 2 * (live @ self.moments.vectors)
+        weighed = belief * np.exp(-0.5 * _SHARPNESS * (squares - squares.min()))
+        total = float(weighed.sum())
+        return weighed / total if total > 0 else self.beginning
+
+    def phase_of(self, belief: NDArray[np.float64]) -> tuple[float, float]:
+        """Give the phase below which half the probability lies, and the probability near it."""
+        phases = self.moments.phases
+        middle = int(np.searchsorted(np.cumsum(belief[self.order[:-1]]), 0.5))
+        phase = float(phases[self.order[middle]])
+        return phase, float(belief[np.abs(phases - phase) <= _NEAR].sum())
 
 
 class _Filter:
     """The forward filter of one class."""
 
-    def __init__(
-        self,
-        class_name: str,
-        moments: Moments,
-        course: _Course,
-        whitening: NDArray[np.float64],
-        points: NDArray[np.float64],
-    ) -> None:
-        self._class_name, self._cyclic = class_name, moments.cyclic
-        count = len(moments.phases)
-        live = np.zeros(len(moments.vectors), dtype=np.float32)
-        self._moved, self._found = np.zeros(2), np.zeros(2 + len(course.expected))
-        self._move = moving(points, whitening, live, self._moved, phase_table.VELOCITY)
-        self._follow = follow_phase(
-            *(course.course, course.indices, moments.starts, moments.vectors, course.lengths, course.expected),
-            *(course.constants, live, course.course[1].copy(), np.zeros(count), self._found),
-        )
+    def __init__(self, class_name: str, course: _Course, whitening: NDArray[np.float64]) -> None:
+        self._class_name, self._course, self._whitening = class_name, course, whitening
+        self._belief = course.beginning
         self._squares = self._expected = self._usual = self._weight = 0.0
         self._swing = self._swings = 0.0
-        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(moments.speeds.mean())
+        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(course.moments.speeds.mean())
         self._scrub = 0.0
         self._cycles, self._last = 0, 0.0
 
-    def step(self, begin: int, end: int) -> Progress:
-        """Go on by a step, and weigh by the newest of the points from one place to another."""
-        span = max(2, round(phase_table.SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5)))
-        self._move(max(begin, end - span), end, _BACK_POINTS)
-        square, variance = self._moved.tolist()
-        self._follow()
-        phase, sure, expected, usual, usual_swing = self._found.tolist()
-        self._measure(square, expected, usual)
-        self._swing = _SIZE_KEPT * self._swing + phase_table.log_swing(variance) - usual_swing
+    def step(self, points: NDArray[np.float64]) -> Progress:
+        """Go on by a step, and weigh by the newest of the points, shape (points, directions)."""
+        some = points[-max(2, round(phase_table.SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5))) :]
+        velocity = phase_table.VELOCITY * (some[-1] - some[max(len(some) - 1 - _BACK_POINTS, 0)])
+        live = (np.concatenate([some[-1], velocity]) @ self._whitening).astype(np.float32)
+        self._belief = belief = self._course.weighed(self._course.goes_on(self._belief), live)
+        expected, usual, usual_swing = (self._course.expected @ belief).tolist()
+        self._measure(float(velocity @ velocity), expected, usual)
+        self._swing = _SIZE_KEPT * self._swing + phase_table.log_swing(float(some.var(axis=0).sum())) - usual_swing
         self._swings = _SIZE_KEPT * self._swings + 1
-        return self._answer(phase, sure)
+        return self._answer(*self._course.phase_of(belief))
 
     def _measure(self, square: float, expected: float, usual: float) -> None:
         """Follow the body's speed relative to its likely moments, and relative to its class at that phase."""
@@ -219,7 +256,7 @@ class _Filter:
         self._speed = math.sqrt((self._squares + floor) / likely) if likely > 0 else 1.0
 
     def _answer(self, phase: float, sure: float) -> Progress:
-        if self._cyclic and phase < self._last - 0.5:
+        if self._course.moments.cyclic and phase < self._last - 0.5:
             self._cycles += 1
             self._scrub = phase
         self._last = phase

@@ -26,7 +26,7 @@ from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.limits import needed_lead, usual_sensitivity
-from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts, remember
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.status import InputCounts
 from kinespace.stream.workers import terms as agreed
@@ -44,8 +44,6 @@ _STOPPED = 0.4
 _MAX_ENDING = 0.5
 #: Seconds without an answer after which a performer makes room for a newcomer.
 _UNHEARD = 1.0
-#: The joints of so many times the maximum number of performers are remembered.
-_MAX_REMEMBERED = 4
 
 
 class _Member:
@@ -120,6 +118,7 @@ class Gateway:
         self.outdated = self.unread = self.unsent = 0
         self._session, self._connect, self._show = session, connect, show
         self._tracks: dict[str, Track] = {}
+        self._newcomers = Newcomers(self.most)
         # A sender may announce its joints once, so announcements are kept through a silence.
         self._announced: dict[str, tuple[str, ...]] = {}
         self._ended, self._gone = list["Event"](), list[str]()
@@ -244,7 +243,7 @@ class Gateway:
         """Forget performers that sent nothing for `silence` seconds; give the ends of motions."""
         for name in [name for name, each in self._tracks.items() if now - each.newest > self.silence]:
             self._forget(name)
-            self._gone = [*self._gone[-_MAX_REMEMBERED * self.most :], name]
+            self._gone = [*self._gone[-MAX_REMEMBERED * self.most :], name]
         ended, self._ended = self._ended, []
         return ended
 
@@ -279,9 +278,7 @@ class Gateway:
             if isinstance(event, Frame):
                 self._route(event, arrival, for_worker)
             elif isinstance(event, Announcement):
-                if event.performer not in self._announced and len(self._announced) >= _MAX_REMEMBERED * self.most:
-                    del self._announced[next(iter(self._announced))]
-                self._announced[event.performer] = event.joints
+                remember(self._announced, event.performer, event.joints, self.most)
             elif isinstance(event, NewSender):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
@@ -307,11 +304,15 @@ class Gateway:
         track = self._tracks.get(name)
         if track is None:
             if len(self._tracks) >= self.most:
+                # On a machine that cannot keep up answers are late: one packet of a stranger drops nobody.
+                if not self._newcomers.is_steady(name, now):
+                    return None
                 idle = min(self._tracks, key=lambda other: self._tracks[other].heard)
                 if now - self._tracks[idle].heard < _UNHEARD:
                     return None
                 self._forget(idle)
                 self._gone.append(idle)
+            self._newcomers.forget(name)
             worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
             track = self._tracks[name] = Track(now, now, Decision(self._lead), worker)
         track.newest = now

@@ -127,8 +127,9 @@ class Plausibility:
         self._least_squares = self._jumping / (1 + math.sqrt(self._jumping / joints)) ** 2
         #: The frames looked at in the span before, and in this span.
         self._looks = np.empty((2 * _MAX_LOOKS, joints, 3))
-        #: In them the lengths between each of `body.ends`.
-        self._lengths = np.empty((2 * _MAX_LOOKS, len(body.ends)))
+        self._ends = np.ascontiguousarray(body.ends.T)
+        #: The lengths between these ends in the frames that were judged last.
+        self._lengths = np.empty((0, len(body.ends)))
         self._every_joint = frozenset(range(joints))
         self.clear()
 
@@ -226,9 +227,9 @@ class Plausibility:
         if time - self._since < SPAN or self._count < _MIN_LOOKS or not len(self._body.children):
             return False
         before, both = self._before, self._before + self._count
-        self._lengths[:both] = pair_distances(self._looks[:both], np.ascontiguousarray(self._body.ends.T))
+        self._lengths = lengths = pair_distances(self._looks[:both], self._ends)
         # NaN counts only where there is nothing else.
-        least, greatest = np.fmin.reduce(self._lengths[:both]), np.fmax.reduce(self._lengths[:both])
+        least, greatest = np.fmin.reduce(lengths), np.fmax.reduce(lengths)
         near, far = np.fmin.reduce(self._looks[:both]), np.fmax.reduce(self._looks[:both])
         self._judge((least + greatest) / 2, greatest - least, (far - near).max(axis=1))
         self._looks[: self._count] = self._looks[before:both]
@@ -273,7 +274,7 @@ class Plausibility:
         place, segments = self._before + self._count - 1, len(self._body.children)
         own = self._looks[place] - np.add.reduce(self._looks[place]) / self._joints
         squares = float(np.vdot(own, own)) * 2 / (self._joints - 1)
-        length = float(np.add.reduce(self._lengths[place, :segments])) / segments
+        length = float(np.add.reduce(self._lengths[-1, :segments])) / segments
         return 0 < squares * self._body.disorder**2 <= length * length
 
     def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:

@@ -131,6 +131,7 @@ def test_lessons_do_not_set_the_limits_of_the_unknown(keeping: MotionLibrary, bu
     assert not keeping.judged_by_strangers
     assert WindowIndex.of(keeping).comparison.weighing is WEIGHINGS["within"]
     assert builtin.learned is not None
-    own = replace(builtin, learned=builtin.learned.of_these_motions())
+    of_these = {name: array for name, array in builtin.learned.named.items() if name.startswith(TAUGHT)}
+    own = replace(builtin, learned=Learned(of_these))
     assert not own.judged_by_strangers
     assert kept_of(own, WEIGHINGS["within"]) is not None

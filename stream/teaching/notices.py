@@ -11,6 +11,10 @@ from kinespace.library.teaching.examples import Roster
 _TOO_OFTEN, _ENOUGH = 6.0, 60.0
 
 
+#: The reason where an example was undone while it was checked.
+UNDONE = "undone before it was checked"
+
+
 class Step(StrEnum):
     """The states of a lesson."""
 

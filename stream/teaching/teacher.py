@@ -23,7 +23,7 @@ from kinespace.stream.teaching.commands import Command
 from kinespace.stream.teaching.lesson import AT_WILL, HeldLesson, Lesson, Recorded
 from kinespace.stream.teaching.memory import REMEMBERED, Memory, Remembered
 from kinespace.stream.teaching.named import NamedMotion, NamedMotions
-from kinespace.stream.teaching.notices import Changed, Notice, State, Step, Taught, Tried
+from kinespace.stream.teaching.notices import UNDONE, Changed, Notice, State, Step, Taught, Tried
 
 #: Seconds without a frame after which a performer counts as absent, as long as the recognisers keep a performer.
 _GONE = 5.0
@@ -154,7 +154,7 @@ class Teacher:
         performer, _ = self._shown.get(number, ("", None))
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
-            return [_refused(performer, "undone before it was checked")]
+            return [_refused(performer, UNDONE)]
         words = check.words if check and example.class_name != NOTHING else "good"
         taught = Taught(example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, tried)
         offer = "" if NOTHING in self.roster.classes else f"; {OFFER}"

@@ -17,7 +17,7 @@ import msgspec
 
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.recognition import GONE, EventKind
-from kinespace.stream.teaching.notices import Step
+from kinespace.stream.teaching.notices import UNDONE, Step
 from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
 from kinespace.tools.terminal.live_table import counted, promise, said_of
 
@@ -278,8 +278,9 @@ class Board:
             name, begin, end = self._checking.popleft()
             if taught := self._performers.get(name):
                 taught.motions.append(_Motion(next(self._keys), notice.taught, begin, end, self.number, "taught"))
-        elif notice.state == Step.REFUSED and len(self._checking) == 1:
-            self._checking.clear()
+        elif notice.state == Step.REFUSED and self._checking and (notice.reason == UNDONE or len(self._checking) == 1):
+            # Checks end in the order of their examples.
+            self._checking.popleft()
         if performer:
             performer.example = now if notice.state == Step.RECORDING else None
 

@@ -15,7 +15,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching.notices import State, Step, Taught
+from kinespace.stream.teaching.notices import UNDONE, State, Step, Taught
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.bodies import encode_body
@@ -138,6 +138,22 @@ def test_examples_that_are_checked_together_have_a_bar_each() -> None:
     ):
         board.take(_notice(notice), float(moment))
     assert [each[2:5] for each in _told(board)[0]["motions"]] == [["bow", 10.0, 11.0], ["wave", 9.0, 12.0]]
+
+
+def test_an_example_undone_while_others_are_checked_has_no_bar() -> None:
+    """The next example's bar stands where that example was."""
+    board = _board(_answer("ann"))
+    for moment, notice in enumerate(
+        (
+            State("ann", Step.CHECKING, 1.0),
+            State("ann", Step.CHECKING, 3.0),
+            State("ann", Step.REFUSED, 0.0, UNDONE),
+            Taught("wave", 1, 3.0, "good"),
+        ),
+        start=10,
+    ):
+        board.take(_notice(notice), float(moment))
+    assert [each[2:5] for each in _told(board)[0]["motions"]] == [["wave", 8.0, 11.0]]
 
 
 @pytest.mark.parametrize(("refusals", "span"), [(0, [40.0, 42.0]), (1, [48.0, 50.0])])

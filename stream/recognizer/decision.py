@@ -55,6 +55,8 @@ _NEAR_FOR = 0.2
 _SEEN = 0.5
 #: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
 _SMALLEST_GAP = 0.02
+#: The share of unknown movement above which evidence is a surplus.
+_LITTLE = 0.01
 #: The name that stands for "no class".
 _NONE = ""
 
@@ -186,12 +188,15 @@ class Decided(NamedTuple):
         Log distance by which the guess is ahead of all other classes, below 0 while it is held.
     evidence
         The evidence for the guess; None where the comparison does not judge.
+    surplus
+        The averaged evidence above a logit that little unknown movement has (`_LITTLE`); None likewise.
     """
 
     outcome: Outcome
     guess: str
     lead: float
     evidence: Evidence | None
+    surplus: float | None = None
 
 
 class Decision:
@@ -266,17 +271,18 @@ class Decision:
         index, (signature, distances) = windows.index, seen
         weighing, classes = index.comparison.weighing, index.classes
         guess, lead = self._follow(distances.named, classes, elapsed)
-        known, evidence = True, None
+        known, evidence, surplus = True, None, None
         if weighing.judges:
             evidence = Evidence.of(distances.judged, classes.index(guess), noise)
             rejection = index.rejection
             known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
+            surplus = self._judgement.average - rejection.threshold_at(_LITTLE)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and signature.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
         if signature.movement < self._stillness:
             outcome = Outcome.STILL
-        return Decided(outcome, guess, lead, evidence)
+        return Decided(outcome, guess, lead, evidence, surplus)
 
     def _follow(self, distances: NDArray[np.float64], classes: tuple[str, ...], elapsed: float) -> tuple[str, float]:
         """Let the guess follow the nearest class; give the guess and its lead over all other classes."""

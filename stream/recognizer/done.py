@@ -3,11 +3,15 @@
 Ten times a second the last positions are compared, by windows of several lengths, with every whole motion and with its
 first part (`library.windows.courses`). A motion begins when its first part is seen in two looks in a row, and was done
 when all of it is; of a class with one example one look is enough. The next motion may begin where this one ended.
+
+The windows of the recogniser say the same in another way. Where their evidence has been better than in nearly all
+everyday movement, a motion may cost more and is seen still; where it was not, less.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +31,14 @@ _LOOKS = 2
 _STILL_WAY = 0.02
 #: Seconds of the shortest window that shows a whole motion.
 _SHORTEST = 0.5
+#: Seconds for which evidence for a class counts, the power of e by which a limit grows with each unit, and the least
+#: growth.
+_EVIDENT_FOR, _GROWTH, _LEAST_GROWTH = 1.5, 0.2, 0.7
+#: The greatest growth of a limit: of a class with one motion, and with several, whose limits are wider and must not
+#: reach motions that are broken off.
+_MOST_GROWTH, _MOST_SEVERAL = 1.8, 1.3
+#: Looks for which a motion that costs more than its own limit may come nearer.
+_WAITS = 3
 #: A course that costs so many times its limit is near.
 _NEAR = 1.5
 #: Tolerance, as a share of a step, because times are rounded.
@@ -50,6 +62,8 @@ class Found(NamedTuple):
         Relative to the nearest motion of the library: 2 is twice as fast, or twice as far.
     seconds
         How long the nearest motion of the library lasts.
+    share
+        Its cost, relative to the limit without evidence.
     """
 
     class_name: str
@@ -59,6 +73,7 @@ class Found(NamedTuple):
     speed: float
     amplitude: float
     seconds: float
+    share: float
 
 
 class Look(NamedTuple):
@@ -122,9 +137,29 @@ class DoneFollower:
         self._times: list[NDArray[np.float64]] = []
         self._positions: list[NDArray[np.float64]] = []
         self._body, self._size = np.zeros((0, len(self._skeleton.joints), 3)), 1.0
+        #: When, for which class, and by how much there was evidence.
+        self._evident = deque[tuple[float, str, float]]()
         self._whole, self._begun = _Streak(), _Streak()
+        #: A motion that is seen and comes nearer, and for how many looks.
+        self._waiting: Found | None = None
+        self._waited = 0
         #: When each class was last seen to begin, seconds.
         self._said: dict[str, float] = {}
+
+    def know(self, time: float, class_name: str, evidence: float) -> None:
+        """Take in the evidence of the windows that end at a time, for a class, above what everyday movement has."""
+        self._evident.append((time, class_name, evidence))
+
+    def _growth(self) -> NDArray[np.float64]:
+        """Say how much wider each motion's limits are by the evidence of the last moments, shape (motions,)."""
+        evident, courses = self._evident, self._courses
+        while evident and evident[0][0] < self.time - _EVIDENT_FOR:
+            evident.popleft()
+        best = dict(sorted((name, each) for _, name, each in evident))
+        most = [_MOST_SEVERAL if name in self._several else _MOST_GROWTH for name in courses.classes]
+        growth = np.exp([_GROWTH * best.get(name, -math.inf) for name in courses.classes]).clip(_LEAST_GROWTH, most)
+        counts = np.diff(courses.starts, append=len(courses.seconds))
+        return np.repeat(growth if evident else np.ones(len(growth)), counts)
 
     def push(self, times: list[float], positions: NDArray[np.float64]) -> Look | None:
         """Take in the body's positions, (frames, joints, 3), metres, at times in seconds; look when a look is due.
@@ -188,29 +223,32 @@ class DoneFollower:
         windows = windows._replace(lengths=windows.lengths / np.float32(self._size))
         # A window must lie behind the motion before.
         free = self.time - counts * STEP >= self._over - _ROUNDING
-        costs, motions = self._costs(windows, free), len(self._courses.seconds)
+        growth, motions = self._growth(), len(self._courses.seconds)
+        costs = self._costs(windows, free, self._limits * np.tile(growth, 2))
         costs[counts * STEP < _SHORTEST, :motions] = np.inf
         return self._sees(
-            self._nearest(costs[:, :motions], begins, whole=True),
-            self._nearest(costs[:, motions:], begins, whole=False),
+            self._nearest(costs[:, :motions], begins, growth, whole=True),
+            self._nearest(costs[:, motions:], begins, growth, whole=False),
         )
 
-    def _costs(self, windows: Pieces, free: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def _costs(self, windows: Pieces, free: NDArray[np.bool_], limits: NDArray[np.floating]) -> NDArray[np.float32]:
         """Give each window's cost, relative to the limits, by whole motions and by first parts: (windows, pieces).
 
         Infinite where no window is near the limit, or where it is not free.
         """
         every, least = self._courses.pieces, self._courses.screen.costs_at_least(windows.courses)
-        likely = windows.as_far(every) & (least < _NEAR * self._limits)
+        likely = windows.as_far(every) & (least < _NEAR * limits)
         some = np.flatnonzero((likely & free[:, None]).any(axis=0))
         costs = np.full(likely.shape, np.inf, dtype=np.float32)
         if len(some):
             pieces = Pieces(*(each[some] for each in every))
-            costs[:, some] = windows.costs(pieces) / self._limits[some]
+            costs[:, some] = windows.costs(pieces) / limits[some]
         costs[~likely | ~free[:, None]] = np.inf
         return costs
 
-    def _nearest(self, costs: NDArray[np.float32], begins: NDArray[np.intp], *, whole: bool) -> Found | None:
+    def _nearest(
+        self, costs: NDArray[np.float32], begins: NDArray[np.intp], growth: NDArray[np.float64], *, whole: bool
+    ) -> Found | None:
         """Give the motion of which a window shows the whole, or the first part; None where no window does."""
         courses = self._courses
         if not costs.size or not (least := float(costs.min())) < _NEAR:
@@ -225,14 +263,24 @@ class DoneFollower:
         lengths = (courses.whole if whole else courses.begun).lengths
         seconds, amplitude = float(courses.seconds[motion]), float(gone / self._size / lengths[motion])
         speed = seconds / max(end - start, STEP)
-        return Found(courses.classes[place], start, end, 1 - least / 2, speed, amplitude, seconds)
+        share = least * growth.item(motion)
+        return Found(courses.classes[place], start, end, 1 - least / 2, speed, amplitude, seconds, share)
+
+    def _nearest_of(self, whole: Found | None) -> Found | None:
+        """Wait while a motion that is seen comes nearer, look by look, and give it then; None while it waits."""
+        best = self._waiting
+        if whole and whole.share > 1 and self._waited < _WAITS and (best is None or whole.score > best.score):
+            self._waiting, self._waited = whole, self._waited + 1
+            return None
+        self._waiting, self._waited = None, 0
+        return max(filter(None, (best, whole)), key=lambda each: each.score, default=None)
 
     def _sees(self, whole: Found | None, begun: Found | None) -> Look:
         """Say what has been seen in enough looks in a row."""
         near = max((each for each in (whole, begun) if each), key=lambda each: each.score, default=None)
         whole, begun = (each if each and each.score > 0.5 else None for each in (whole, begun))
         name = whole.class_name if whole else ""
-        done = whole if self._whole.sees(name, _LOOKS if name in self._several else 1) else None
+        done = self._nearest_of(whole if self._whole.sees(name, _LOOKS if name in self._several else 1) else None)
         starts = begun if self._begun.sees(begun.class_name if begun else "") else None
         if done:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()

@@ -437,6 +437,8 @@ class Recognizer:
         (signature, found), classes = seen, windows.index.classes
         jumped, doubted = self._joints.only_jumps(frame.time), self._joints.doubted
         decided = self._decision.push(windows, seen, self._smoother.noise, frame.time)
+        if self._done and decided.surplus is not None:
+            self._done.know(frame.time, decided.guess, decided.surplus)
         outcome, distances = decided.outcome, found.named
         if jumped or (self._joints.left_out and windows is self._windows):
             outcome = Outcome.IMPLAUSIBLE

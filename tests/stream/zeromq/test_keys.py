@@ -138,6 +138,9 @@ def test_a_program_with_keys_reaches_known_keys_alone(tmp_path: Path) -> None:
         ("tcp://0.0.0.0:9320", True),
         ("tcp://*:9320", True),
         ("tcp://eth0:9320", True),
+        ("tcp://127.0.0.1:1;0.0.0.0:9320", True),
+        ("tcp://localhost.example:9320", True),
+        ("tcp://127.0.0.1.example:9320", True),
         ("tcp://192.168.0.7:9320", True),
     ],
 )
@@ -156,7 +159,11 @@ def test_nobody_knows_it_is_open_to_others(address: str, kind: int, tmp_path: Pa
     make_keys(tmp_path, "stage")
     with Keyring(tmp_path) as keyring:
         endpoint.open(kind, keyring=keyring).close()
-    endpoint.open(kind, [ip_network("192.0.2.0/24")]).close()
+    # As `--allow-from` and this machine are passed on.
+    near = [ip_network(each) for each in ("192.0.2.0/24", "127.0.0.0/8", "::1/128", "fd00::/8")]
+    endpoint.open(kind, near).close()
+    with pytest.raises(ValueError, match=r"expected a network of IPv4 .*, got fd00::/8"):
+        endpoint.open(kind, near[3:])
     Endpoint(address, bind=True, to_anybody=True).open(kind).close()
 
 

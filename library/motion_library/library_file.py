@@ -40,6 +40,8 @@ MAX_COORDINATES = 100_000_000
 MAX_METRES = 1000.0
 MAX_HEADER_BYTES = 16_000_000
 MAX_LEARNED_BYTES = 64_000_000
+#: Characters of a class, an actor, a take, a name or a joint, and of where a motion is from, at most.
+MAX_NAME, MAX_ORIGIN = 400, 4000
 #: Bytes in front of an array's numbers, at most: numpy's own limit.
 _MAX_PREFIX_BYTES = 10_000
 
@@ -51,6 +53,10 @@ _MILLIMETRES = 1000.0
 _SMALL = np.dtype("<i2")
 _LARGE = np.dtype("<i4")
 _LEARNED = "learned_"
+
+
+_Name = Annotated[str, msgspec.Meta(max_length=MAX_NAME)]
+_Origin = Annotated[str, msgspec.Meta(max_length=MAX_ORIGIN)]
 
 
 class LibraryFileError(ValueError):
@@ -68,10 +74,10 @@ class Contents(NamedTuple):
 class _Motions(msgspec.Struct):
     """The header's columns: a value for each motion."""
 
-    class_name: list[str]
-    actor: list[str]
-    take: list[str]
-    name: list[str]
+    class_name: list[_Name]
+    actor: list[_Name]
+    take: list[_Name]
+    name: list[_Name]
     frame_rate: list[float]
     frames: list[Annotated[int, msgspec.Meta(ge=2, le=MAX_COORDINATES)]]
     #: The index of the motion's source, licence and attribution in the header's `origins`.
@@ -83,10 +89,10 @@ class _Header(msgspec.Struct):
 
     format: str
     version: int
-    joints: Annotated[list[str], msgspec.Meta(max_length=MAX_JOINTS)]
+    joints: Annotated[list[_Name], msgspec.Meta(max_length=MAX_JOINTS)]
     parents: list[int]
     motions: _Motions
-    origins: list[tuple[str, str, str]]
+    origins: list[tuple[_Origin, _Origin, _Origin]]
     #: The shapes of the learned arrays, by name.
     learned: dict[str, tuple[Annotated[int, msgspec.Meta(ge=0, le=MAX_LEARNED_BYTES)], ...]]
     #: So many of the last motions of an older file were for bodies of few joints alone; they are left out.
@@ -129,6 +135,8 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     """
     header = msgspec.json.encode(_described(contents))
     _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
+    # What cannot be read again is not written.
+    msgspec.json.decode(header, type=_Header)
     motions = contents.motions
     _require_sizes(len(contents.skeleton.joints), [motion.frames for motion in motions])
     arrays: dict[str, Any] = _encoded(motions)

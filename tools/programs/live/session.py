@@ -114,7 +114,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         gc.freeze()
         _run(service, shown, lessons)
         status = _ended(service, lessons, from_workers)
-    say(summary(status, settings.hop, notes=not isinstance(shown, PlainLines)))
+    for line in summary(status, settings.hop, notes=not isinstance(shown, PlainLines)):
+        say(line)
     for source in sources:
         if isinstance(source, FeedSource):
             say(frames_made(source))

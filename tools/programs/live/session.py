@@ -115,9 +115,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         gc.freeze()
         _run(service, shown, lessons)
         status = _ended(service, lessons, from_workers)
-    unwritten = [
-        f"{each}: not all notes are written" for each in sinks if isinstance(each, MidiSink) and each.is_behind
-    ]
+    behind = [each for each in sinks if isinstance(each, MidiSink) and each.is_behind]
     for line in (
         *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
         *(frames_made(source) for source in sources if isinstance(source, FeedSource)),

@@ -78,13 +78,14 @@ class CommandReader:
             holds = datagram.startswith(_TEACH) or datagram.find(_RESET, 0, _MAX_ADDRESS) > 0
         if not holds:
             return None
-        mistake, self.others = "", 1
+        mistake, given, self.others = "", list[commands.Command](), 1
         try:
-            given, self.others = wire.decode(datagram)
+            said, self.others = wire.said_in(datagram)
+            if not said:
+                return None
+            given = wire.decode(said)
         except CommandError as error:
-            given, mistake = [commands.List()], str(error)
-        if not given:
-            return None
+            mistake = str(error)
         refusal = self._refusal(given, sender, now) or mistake
         self.received += 1
         self.refused += bool(refusal)
@@ -96,4 +97,4 @@ class CommandReader:
             return f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from"
         if self._no_lessons and not all(isinstance(each, commands.Reset) for each in given):
             return self._no_lessons
-        return "" if self._quota.allows(sender[0] if sender else "", len(given), now) else TOO_MANY
+        return "" if self._quota.allows(sender[0] if sender else "", max(len(given), 1), now) else TOO_MANY

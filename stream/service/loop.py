@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Protocol, Self
@@ -250,6 +250,8 @@ class Service:
         self._overload = Overload()
         #: How many performers are answered at the next turn, at least.
         self._turns = float(_TURNS)
+        #: Commands that wait.
+        self._asked = deque[Asked]()
         #: The motions whose starts were published: performer and class.
         self._begun: set[tuple[str, str]] = set()
         #: How often each performer has done a motion: performer and index of the class, which a renamed class keeps.
@@ -292,6 +294,8 @@ class Service:
             for _ in range(_MAX_LAST_STEPS):
                 if time.perf_counter() < self._over:
                     self.step(0.0)
+            while self._asked:
+                self._carry_out(self._asked.popleft())
         finally:
             self._publish_events(self.performers.end())
             self._publish_gone(self.performers.names)
@@ -303,7 +307,7 @@ class Service:
         if self._tended_within < math.inf:
             self._tend()
             sleep = min(sleep, self._tended_within)
-        aside = any(source.has_put_aside for source in self.sources)
+        aside = self._asked or any(source.has_put_aside for source in self.sources)
         self._poller.poll(0 if aside or self._overload.until == math.inf else math.ceil(sleep * 1000))
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.
@@ -316,6 +320,9 @@ class Service:
 
     def _deal_with_waiting(self, source: Source, most: int) -> int:
         """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
+        # One alone: some take hundredths of a second, in which nobody is answered.
+        if self._asked:
+            self._carry_out(self._asked.popleft())
         taken: list[Taken] = []
         source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
         if source.patience < math.inf:
@@ -344,7 +351,7 @@ class Service:
             return False
         for event in events:
             if isinstance(event, Asked):
-                self._carry_out(event)
+                self._asked.append(event)
             else:
                 taken.append(Taken(event, started, source.waited))
         return True

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any, get_args, get_type_hints
 
@@ -36,35 +36,49 @@ _ARGUMENTS: dict[str, dict[str, tuple[str, type]]] = {
 }
 
 
-def decode(packet: bytes) -> tuple[list[Command], int]:
-    """Read the commands of an OSC packet; give them and the number of its messages that are none.
+#: A command's word and its arguments.
+_Said = tuple[str, list[object]]
+
+
+def said_in(packet: bytes) -> tuple[list[_Said], int]:
+    """Find the commands of an OSC packet; give them, and the number of its messages that are none.
 
     Raises
     ------
     CommandError
-        The packet is no OSC, holds too many commands, or a message is no command; the error names the argument that was
-        expected.
+        The packet is no OSC.
     """
     try:
         messages = decode_packet(packet)
     except PacketError as error:
         raise CommandError(f"packet: expected OSC ({error})") from error
-    asked: list[tuple[str, list[object]]] = []
+    asked: list[_Said] = []
     for address, arguments in messages:
         if reset := _RESET.fullmatch(address):
             asked.append(("reset", [reset[1].replace("*", "")]))
         elif address == TEACH or address.startswith(f"{TEACH}/"):
             asked.append((address[len(TEACH) + 1 :] or "teach", arguments))
-    if len(asked) > MAX_COMMANDS:
-        raise CommandError(f"packet: expected at most {MAX_COMMANDS} commands, got {len(asked)}")
+    return asked, len(messages) - len(asked)
+
+
+def decode(said: Sequence[_Said]) -> list[Command]:
+    """Read the commands of a packet.
+
+    Raises
+    ------
+    CommandError
+        They are too many, or one is no command; the error names the argument that was expected.
+    """
+    if len(said) > MAX_COMMANDS:
+        raise CommandError(f"packet: expected at most {MAX_COMMANDS} commands, got {len(said)}")
     found = []
-    for word, arguments in asked:
+    for word, arguments in said:
         names = _names(word)
         if names and len(arguments) > len(names):
             raise CommandError(f"{word}: expected {', '.join(names)}, got {len(arguments)}")
         # Many programs send a number with every message, also with one that has no arguments.
         found.append(_made(word, dict(zip(names, arguments, strict=False))))
-    return found, len(messages) - len(found)
+    return found
 
 
 def decode_json(request: bytes) -> Command:

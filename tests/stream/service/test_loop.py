@@ -169,7 +169,9 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
         bench.perform([Frame(performer, time, _frames("bow")[0].positions) for time in times])
 
     def reset(address: str) -> None:
-        bench.sources[0].waiting.append([Asked(each) for each in wire.decode(osc.encode_message(address))[0]])
+        bench.sources[0].waiting.append(
+            [Asked(each) for each in wire.decode(wire.said_in(osc.encode_message(address))[0])]
+        )
         bench.step()
 
     perform("Ada 1", 1.0, 2.0, 5.0)

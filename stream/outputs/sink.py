@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Concatenate, ParamSpec
+from collections.abc import Sequence
 
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Recognition
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.notices import Notice
-
-_Told = ParamSpec("_Told")
 
 
 class Sink:
@@ -48,15 +45,3 @@ class Sink:
 
     def close(self) -> None:
         """Give sockets back."""
-
-
-def tell(
-    sinks: Iterable[Sink], what: Callable[Concatenate[Sink, _Told], None], *told: _Told.args, **named: _Told.kwargs
-) -> None:
-    """Call a method of all sinks; an error of one is counted there, and keeps what is told from nobody else."""
-    for sink in sinks:
-        try:
-            getattr(sink, what.__name__)(*told, **named)
-        except Exception as error:  # noqa: BLE001 - whatever strangers make a sink tell, it ends nobody else's answers
-            sink.raised += 1
-            sink.error = f"{type(sink).__name__}: {type(error).__name__}: {error}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Protocol, Self
+from typing import Concatenate, ParamSpec, Protocol, Self
 
 import numpy as np
 import zmq
@@ -18,7 +18,7 @@ from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.osc.answers import address_part
-from kinespace.stream.outputs.sink import Sink, tell
+from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.joints.carried import Carried
@@ -55,6 +55,7 @@ _MAX_SLEEP = 0.1
 _MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
+_Told = ParamSpec("_Told")
 
 
 class Source(Protocol):
@@ -83,10 +84,6 @@ class Source(Protocol):
     @property
     def tended_within(self) -> float:
         """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
-
-    @property
-    def has_put_aside(self) -> bool:
-        """Whether packets were put aside; `pollable` does not wake the loop for them."""
 
     @property
     def waited(self) -> float:
@@ -307,8 +304,8 @@ class Service:
         if self._tended_within < math.inf:
             self._tend()
             sleep = min(sleep, self._tended_within)
-        aside = self._asked or any(source.has_put_aside for source in self.sources)
-        self._poller.poll(0 if aside or self._overload.until == math.inf else math.ceil(sleep * 1000))
+        is_busy = self._asked or self._overload.until == math.inf
+        self._poller.poll(0 if is_busy else math.ceil(sleep * 1000))
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.
         for source in self.sources:
@@ -520,3 +517,15 @@ class Service:
     def _from(self, performer: str) -> str:
         """Give the sender of a performer's frames, where it is known."""
         return "".join(f", from {host}:{port}" for host, port in self._admission.senders(performer))
+
+
+def tell(
+    sinks: Iterable[Sink], what: Callable[Concatenate[Sink, _Told], None], *told: _Told.args, **named: _Told.kwargs
+) -> None:
+    """Call a method of all sinks; an error of one is counted there, and keeps what is told from nobody else."""
+    for sink in sinks:
+        try:
+            getattr(sink, what.__name__)(*told, **named)
+        except Exception as error:  # noqa: BLE001 - whatever strangers make a sink tell, it ends nobody else's answers
+            sink.raised += 1
+            sink.error = f"{type(sink).__name__}: {type(error).__name__}: {error}"

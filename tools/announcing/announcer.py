@@ -116,8 +116,8 @@ class Announcer(Sink):
             open_timeout=_MAX_REQUEST, server_header=None,
         ):  # fmt: skip
             await self._closed.wait()
-            for each in _Connection.here:
-                each.transport.abort()
+            while _Connection.here:
+                _Connection.here.pop().transport.abort()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response:
         """Answer a request for a path, with its query."""

@@ -12,9 +12,9 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.teaching.examples import Roster, TaughtWindows
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
-from kinespace.stream.outputs.sink import Sink, tell
+from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Event
-from kinespace.stream.service.loop import Recognising
+from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.tools.teaching.opener import Change, RosterOpener
 from kinespace.tools.teaching.roster_file import RosterFile

@@ -13,7 +13,8 @@ import socket
 import threading
 from collections.abc import Sequence
 from contextlib import closing, suppress
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
@@ -36,7 +37,9 @@ _MAX_FAREWELL = 5.0
 class _Connection(ServerConnection):
     """A client's connection; one client too many is let go."""
 
-    here: ClassVar[set[_Connection]] = set()
+    def __init__(self, here: set[_Connection], *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - passed on
+        super().__init__(*arguments, **options)
+        self.here = here
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin to read the request."""
@@ -67,6 +70,8 @@ class Announcer(Sink):
     ----------
     name, address
         What it is called in messages, and the address of the description.
+    clients
+        The connections now.
 
     Raises
     ------
@@ -86,6 +91,7 @@ class Announcer(Sink):
         self._query_port = listening.getsockname()[1]
         self.address = f"http://{host}:{self._query_port}/"
         self._zeroconf: Any = None
+        self.clients = set[_Connection]()
         self._ended, self._loop, self._closed = threading.Event(), asyncio.SelectorEventLoop(), asyncio.Event()
         # A client that comes when no more files may be opened waits.
         self._loop.set_exception_handler(lambda *_: None)
@@ -110,14 +116,15 @@ class Announcer(Sink):
             self._loop.run_until_complete(self._run(listening))
 
     async def _run(self, listening: socket.socket) -> None:
+        made: Any = partial(_Connection, self.clients)
         # Every request gets its answer at once: no WebSocket is ever opened.
         async with serve(
-            _nothing, sock=listening, process_request=self._answer, create_connection=_Connection, compression=None,
+            _nothing, sock=listening, process_request=self._answer, create_connection=made, compression=None,
             open_timeout=_MAX_REQUEST, server_header=None,
         ):  # fmt: skip
             await self._closed.wait()
-            while _Connection.here:
-                _Connection.here.pop().transport.abort()
+            for each in self.clients:
+                each.transport.abort()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response:
         """Answer a request for a path, with its query."""

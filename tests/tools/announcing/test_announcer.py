@@ -17,7 +17,7 @@ from zeroconf import ServiceBrowser, ServiceStateChange, Zeroconf
 from kinespace.library import MotionLibrary
 from kinespace.stream.osc import OscSender
 from kinespace.stream.osc.frames import encode_frame
-from kinespace.tools.announcing.announcer import MAX_CLIENTS, QUERY_SERVICE, Announcer, _Connection
+from kinespace.tools.announcing.announcer import MAX_CLIENTS, QUERY_SERVICE, Announcer
 from kinespace.tools.announcing.description import Known
 from kinespace.tools.announcing.finding import OSC_SERVICE
 
@@ -73,7 +73,7 @@ def test_clients_that_never_ask_take_little_and_hold_up_nobody() -> None:
         for _ in range(300):
             halves.append(opened.enter_context(socket.create_connection(place, PATIENCE)))
             halves[-1].sendall(b"GET / HTTP/1.1\r\nHost: 127")
-        until(lambda: len(_Connection.here) <= MAX_CLIENTS)
+        until(lambda: len(announcer.clients) <= MAX_CLIENTS)
         # One serves, one announces, one is zeroconf's.
         assert threading.active_count() <= threads + 3
         began = time.monotonic()

@@ -1,17 +1,19 @@
 """A source: a receiver of packets, their decoder, and perhaps a recorder and a reader of commands.
 
-Packets of senders that take more than their share of the time are dropped while packets wait. A packet costs at most
-some milliseconds, but a sender can send many. The time that each sender's packets take is a debt that time pays off. A
-sender that is alone is never in debt.
+Packets of senders that take more than their share of the time are served last. A packet costs at most some
+milliseconds, but a sender can send many. The time that each sender's packets take is a debt that time pays off. Packets
+of a sender whose debt is too high are put aside until nothing else waits, one at a time; beyond a few megabytes the
+oldest are dropped. A sender that is alone is never put aside.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from kinespace.stream.frame import Admitted, Input
 from kinespace.stream.inputs.admission import Admission
@@ -28,8 +30,8 @@ from kinespace.stream.teaching.commands import Asked
 TENDING = 0.02
 #: Senders that are named in the notes, at most.
 _MAX_NAMED = 3
-#: Seconds for which a packet may wait before packets of senders in debt are dropped.
-MAX_WAIT = 0.01
+#: Packets of senders served last that are searched for a packet of another sender, at most.
+_MAX_LOOKED_THROUGH = 256
 #: Seconds that a packet's decoding is charged with, at most: a busy machine takes more, and no sender is to pay for it.
 _MAX_CHARGE = 1e-3
 #: Share of the time that a sender may take permanently.
@@ -50,6 +52,10 @@ APART = 0.03
 _MAX_PERFORMERS = 1024
 #: Senders whose debts are kept, at most; only a program that sends each packet from another port reaches the limit.
 _MAX_SENDERS = 1024
+#: Bytes of packets that are put aside, at most.
+MAX_ASIDE = 4 << 20
+#: Packets that are put aside, at most.
+_MAX_PACKETS = 1024
 
 
 class Unread(Protocol):
@@ -80,6 +86,8 @@ class Source:
     ----------
     recorder
         As given; it may change while the source is open.
+    has_put_aside
+        Whether packets were put aside; the socket does not wake the loop for them.
     commands
         Reads the commands among the packets; None where nobody listens to them.
     unread
@@ -112,9 +120,9 @@ class Source:
         self._made = -math.inf
         self._admission = admission
         self.waited = self.lag = 0.0
-        self._shares, self.patience = Shares(), math.inf
-        #: Packets that were dropped unread: of senders in debt, and in overload.
-        self._excess = self._stale = 0
+        self._turns, self.has_put_aside = Turns(), False
+        self._last_was_aside, self.patience = False, math.inf
+        self._stale = 0
         #: The time of the last frame that was not dropped, by its sender and its beginning.
         self._last: dict[tuple[Sender, bytes], float] = {}
         self._now = 0.0
@@ -145,10 +153,11 @@ class Source:
     def counts(self) -> InputCounts:
         """Counts of all that came in; a copy."""
         receiver = self.receiver
+        excess = self._turns.thrown_away
         counts = replace(
-            self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=self._excess
+            self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess
         )
-        counts.received += self._excess + self._stale
+        counts.received += self._stale
         counts.stale += self._stale
         if self.commands:
             counts.received += self.commands.received
@@ -159,27 +168,18 @@ class Source:
     def notes(self) -> list[str]:
         """Notes on this source for a person, a line each."""
         recording = [self.recorder.note] if self.recorder and self.recorder.note else []
-        last = [sender_name(sender) or "a sender" for sender in self._shares.in_debt(self._now)[:_MAX_NAMED]]
-        greedy = [f"{name} sends more than its share, which is dropped while others wait" for name in last]
+        last = [sender_name(sender) or "a sender" for sender in self._turns.last(self._now)[:_MAX_NAMED]]
+        greedy = [f"{name} sends more than its share: served last" for name in last]
         unread = self.unread.note(self._now) if self.unread and self._now - self._made > _SILENCE else ""
         return [*recording, *greedy, *([unread] if unread else self.decoder.refusals.lines())]
 
     def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
         """Take in one packet; give its commands and frames in order, or None when no packet waits. Never raises."""
         self._now = arrival
-        receiver = self.receiver
-        packet = receiver.receive()
-        if packet is None:
-            self._emptied, self.lag = arrival, 0.0
+        taken = self._next(arrival)
+        if taken is None:
             return None
-        self.waited, sender = receiver.waited, receiver.sender
-        self.lag = self.waited or max(arrival - self._emptied, 0.0)
-        arrival -= self.waited
-        if self.recorder:
-            self.recorder.keep(packet, arrival, sender)
-        if self._shares.is_greedy(sender, self._now) and self.lag > MAX_WAIT:
-            self._excess += 1
-            return ()
+        packet, arrival, self.waited, sender = taken
         if self.patience < math.inf and self._is_to_spare(packet, arrival, sender):
             self._stale += 1
             return ()
@@ -193,12 +193,38 @@ class Source:
             self._made = arrival
         elif self.unread and asked is None and arrival - self._made > _SILENCE:
             self.unread.keep(packet, arrival, sender)
-        self._shares.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
+        self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
         admitted = self._admitted(decoded, arrival, known)
         # Answers to senders go by OSC only.
         if self._admission and sender and isinstance(packet, bytes):
             self._admission.replies_go_to(admitted, sender)
         return [*asked, *admitted] if asked else admitted
+
+    def _next(self, now: float) -> Waiting | None:
+        """Take the next packet; packets of senders served last only when nothing else waits, and one in a row."""
+        receiver, turns = self.receiver, self._turns
+        for _ in range(_MAX_LOOKED_THROUGH):
+            packet = receiver.receive()
+            if packet is None:
+                self._emptied, self.lag = now, 0.0
+                break
+            waited, sender = receiver.waited, receiver.sender
+            self.lag = waited or max(now - self._emptied, 0.0)
+            if self.recorder:
+                self.recorder.keep(packet, now - waited, sender)
+            taken = Waiting(packet, now - waited, waited, sender)
+            if not turns.comes_last(sender, now):
+                self._last_was_aside = False
+                return taken
+            turns.put_aside(taken)
+            self.has_put_aside = True
+        if not turns.aside or self._last_was_aside:
+            self._last_was_aside = False
+            return None
+        self._last_was_aside = True
+        taken = turns.take()
+        self.has_put_aside = bool(turns.aside)
+        return taken._replace(waited=now - taken.arrival)
 
     def _is_to_spare(self, packet: Packet, arrival: float, sender: Sender) -> bool:
         """Say whether a packet is a frame that waited for too long, or follows another one of its performer closely."""
@@ -230,38 +256,96 @@ class Source:
         self.receiver.close()
 
 
-class Shares:
-    """Keeps the debts of one receiver's senders."""
+class Waiting(NamedTuple):
+    """A packet that was put aside: its arrival in seconds on our clock, how long it had waited then, and its sender."""
+
+    packet: Packet
+    arrival: float
+    waited: float
+    sender: Sender
+
+
+class _Account:
+    """A sender's debt in seconds, and the time of that debt."""
+
+    __slots__ = ("at", "debt")
+
+    def __init__(self, now: float) -> None:
+        self.debt, self.at = 0.0, now
+
+    def due(self, now: float) -> float:
+        """Give the debt as it is now."""
+        self.debt, self.at = max(self.debt - SHARE * max(now - self.at, 0.0), 0.0), max(now, self.at)
+        return self.debt
+
+
+class Turns:
+    """Keeps the debts of one receiver's senders, and the packets that were put aside.
+
+    Attributes
+    ----------
+    aside
+        The packets that were put aside, the oldest first.
+    thrown_away
+        Packets that were put aside and then dropped for want of room.
+    """
 
     def __init__(self) -> None:
-        #: Each sender's debt in seconds, and when it was that.
-        self._debts: dict[Sender, tuple[float, float]] = {}
+        self.thrown_away = 0
+        self._accounts: dict[Sender, _Account] = {}
+        self.aside = deque[Waiting]()
+        self._aside_bytes = 0
+        #: How many of each sender's packets are put aside.
+        self._aside_of: Counter[Sender] = Counter()
         self._before: Sender = None
         #: When a packet last came from another sender than the packet before, seconds on our clock.
-        self._changed = -math.inf
+        self._changed = float("-inf")
 
-    def _due(self, sender: Sender, now: float) -> float:
-        """Give a sender's debt as it is now."""
-        debt, since = self._debts.get(sender, (0.0, now))
-        return max(debt - SHARE * max(now - since, 0.0), 0.0)
-
-    def is_greedy(self, sender: Sender, now: float) -> bool:
-        """Note a packet's sender, and say whether it is in debt while there are others; `now` in seconds."""
+    def comes_last(self, sender: Sender, now: float) -> bool:
+        """Note a packet's sender, and say whether the packet is to be put aside; `now` in seconds."""
         if sender != self._before:
             self._before = sender
             # The very first sender is not another than the one before.
-            self._changed = now if self._debts else self._changed
-        return now - self._changed < _THERE and self._due(sender, now) > MAX_AT_ONCE
+            self._changed = now if self._accounts else self._changed
+        if now - self._changed >= _THERE:
+            return False
+        account = self._accounts.get(sender)
+        # A sender's packets stay in their order: behind those that are put aside.
+        return self._aside_of[sender] > 0 or (account is not None and account.due(now) > MAX_AT_ONCE)
 
     def charge(self, sender: Sender, seconds: float, events: int, now: float) -> None:
         """Note the seconds that a packet took, and the number of its frames and announcements."""
-        debt = min(self._due(sender, now) + seconds + PER_EVENT * events, _MAX_DEBT)
-        if sender not in self._debts and len(self._debts) >= _MAX_SENDERS:
-            del self._debts[next(iter(self._debts))]
-        self._debts[sender] = debt, now
+        account = self._accounts.get(sender)
+        if account is None:
+            if len(self._accounts) >= _MAX_SENDERS:
+                del self._accounts[next(iter(self._accounts))]
+            account = self._accounts[sender] = _Account(now)
+        account.debt = min(account.due(now) + seconds + PER_EVENT * events, _MAX_DEBT)
 
-    def in_debt(self, now: float) -> list[Sender]:
-        """List the senders in debt."""
+    def put_aside(self, waiting: Waiting) -> None:
+        """Keep a packet until nothing else waits; the oldest packets make room for it."""
+        self.aside.append(waiting)
+        self._aside_of[waiting.sender] += 1
+        self._aside_bytes += _size(waiting.packet)
+        while self._aside_bytes > MAX_ASIDE or len(self.aside) > _MAX_PACKETS:
+            self.take()
+            self.thrown_away += 1
+
+    def take(self) -> Waiting:
+        """Take the oldest packet that was put aside."""
+        waiting = self.aside.popleft()
+        self._aside_of[waiting.sender] -= 1
+        if not self._aside_of[waiting.sender]:
+            del self._aside_of[waiting.sender]
+        self._aside_bytes -= _size(waiting.packet)
+        return waiting
+
+    def last(self, now: float) -> list[Sender]:
+        """List the senders whose packets are put aside."""
         if now - self._changed >= _THERE:
             return []
-        return [sender for sender in self._debts if self._due(sender, now) > MAX_AT_ONCE / 2]
+        return [sender for sender, account in self._accounts.items() if account.due(now) > MAX_AT_ONCE / 2]
+
+
+def _size(packet: Packet) -> int:
+    return len(packet) if isinstance(packet, bytes) else sum(map(len, packet))

@@ -86,6 +86,10 @@ class Source(Protocol):
         """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
 
     @property
+    def has_put_aside(self) -> bool:
+        """Whether packets were put aside; `pollable` does not wake the loop for them."""
+
+    @property
     def waited(self) -> float:
         """Seconds for which the last packet waited before it was taken in; 0 when not known."""
 
@@ -304,7 +308,8 @@ class Service:
         if self._tended_within < math.inf:
             self._tend()
             sleep = min(sleep, self._tended_within)
-        is_busy = self._asked or self._overload.until == math.inf
+        aside = any(source.has_put_aside for source in self.sources)
+        is_busy = aside or self._asked or self._overload.until == math.inf
         self._poller.poll(0 if is_busy else math.ceil(sleep * 1000))
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.

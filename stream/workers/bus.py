@@ -156,9 +156,6 @@ class Inbox:
     def put(self, deal_with: Callable[..., None], *arguments: object) -> None:
         """Keep a message; from any thread."""
         self._waiting.append((deal_with, arguments))
-        self._wake()
-
-    def _wake(self) -> None:
         if not self._awake:
             self._awake = True
             # A full socket wakes the loop, too; behind a closed socket there is no loop.
@@ -177,8 +174,6 @@ class Inbox:
             deal_with(*arguments)
             if time.monotonic() > ends:
                 break
-        if self._waiting:
-            self._wake()
 
     @property
     def is_empty(self) -> bool:

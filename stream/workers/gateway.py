@@ -475,6 +475,11 @@ class GatewaySource:
         self.gateway, self.pollable = gateway, gateway.inbox
 
     @property
+    def has_put_aside(self) -> bool:
+        """Whether messages wait for which the loop was not woken; none ever does."""
+        return False
+
+    @property
     def counts(self) -> InputCounts:
         """Counts of what was dropped on the way to recognisers."""
         total = self.gateway.reported

@@ -267,6 +267,11 @@ class _Work(Sink):
             lambda sample: worker.inbox.put(self._obey, bytes(sample.payload)),
         )
 
+    @property
+    def has_put_aside(self) -> bool:
+        """Whether messages wait for which the loop is not woken again."""
+        return not self._worker.inbox.is_empty
+
     def change(self, terms: Terms, index: WindowIndex) -> None:
         """Go on with other terms."""
         self._performers.exchange(index, terms.classes)

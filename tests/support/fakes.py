@@ -30,6 +30,7 @@ class FakeSource:
 
     place = ""
     tended_within = math.inf
+    has_put_aside = False
     notes = ()
     waited = lag = 0.0
     patience = math.inf

@@ -41,6 +41,7 @@ class RequestSource:
     place = ""
     #: Nothing is due by the clock.
     tended_within = float("inf")
+    has_put_aside = False
     #: There are no notes for a person.
     notes: Sequence[str] = ()
     #: A command is carried out when it comes; how long it waited does not matter.

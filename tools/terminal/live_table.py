@@ -53,7 +53,7 @@ COUNTERS = (
     ("not allowed", "admission.not_allowed"),
     ("odd times", "admission.odd_times"),
     ("incomplete", "inputs.incomplete"),
-    ("dropped beyond a sender's share", "inputs.thrown_away"),
+    ("dropped from senders served last", "inputs.thrown_away"),
     ("dropped for newer ones", "inputs.stale"),
     ("answers not sent", "unsent"),
     ("connections broken", "inputs.broken"),

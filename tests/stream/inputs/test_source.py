@@ -1,4 +1,4 @@
-"""Senders that take more than their share lose packets: others' are never kept waiting behind theirs."""
+"""Senders that take more than their share are served last: others' packets are never kept waiting behind theirs."""
 
 from types import SimpleNamespace
 
@@ -8,51 +8,61 @@ import pytest
 from kinespace.stream import osc
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.inputs.source import MAX_AT_ONCE, MAX_WAIT, PER_EVENT, SHARE, Shares
+from kinespace.stream.inputs.source import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
 from kinespace.stream.status import InputCounts, Refusals
 
 ANN, EVE = ("10.0.0.1", 4000), ("10.0.0.2", 4000)
 
 
-def greedy(shares: Shares, now: float) -> None:
+def greedy(turns: Turns, now: float) -> None:
     """Let Eve take a second, of which no more is held against her than takes half a second to pay off."""
-    shares.is_greedy(ANN, now)
-    shares.is_greedy(EVE, now)
-    shares.charge(EVE, 1.0, 0, now)
+    turns.comes_last(ANN, now)
+    turns.comes_last(EVE, now)
+    turns.charge(EVE, 1.0, 0, now)
 
 
-def test_a_greedy_sender_is_greedy_until_its_debt_is_paid() -> None:
-    """A sender within its share is not greedy; one that took too much is, and not for long after it stops."""
-    shares = Shares()
+def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
+    """A sender within its share never comes last. A sender that took too much does, and not for long after it stops."""
+    turns = Turns()
     for step in range(1000):
         now = step / 100
-        assert not shares.is_greedy(ANN, now)
-        assert not shares.is_greedy(EVE, now)
-        shares.charge(ANN, 0.9 * SHARE / 100, 0, now)
-    greedy(shares, 10.0)
-    assert shares.is_greedy(EVE, 10.0)
-    assert not shares.is_greedy(ANN, 10.1)
-    assert shares.in_debt(10.1) == [EVE]
-    assert not shares.is_greedy(EVE, 11.0)
+        assert not turns.comes_last(ANN, now)
+        assert not turns.comes_last(EVE, now)
+        turns.charge(ANN, 0.9 * SHARE / 100, 0, now)
+    greedy(turns, 10.0)
+    assert turns.comes_last(EVE, 10.0)
+    assert not turns.comes_last(ANN, 10.1)
+    assert turns.last(10.1) == [EVE]
+    assert not turns.comes_last(EVE, 11.0)
 
 
 def test_the_price_of_a_frame_is_its_time() -> None:
     """The time of recognition is part of a packet's price: a few thousand frames are too many."""
-    shares = Shares()
-    shares.charge(ANN, 0.0, 1, 1.0)
-    shares.is_greedy(EVE, 1.0)
-    shares.charge(EVE, 0.0, round(MAX_AT_ONCE / PER_EVENT) - 1, 1.0)
-    assert not shares.is_greedy(EVE, 1.0)
-    shares.charge(EVE, 0.0, 2, 1.0)
-    assert shares.is_greedy(EVE, 1.0)
+    turns = Turns()
+    turns.charge(ANN, 0.0, 1, 1.0)
+    turns.comes_last(EVE, 1.0)
+    turns.charge(EVE, 0.0, round(MAX_AT_ONCE / PER_EVENT) - 1, 1.0)
+    assert not turns.comes_last(EVE, 1.0)
+    turns.charge(EVE, 0.0, 2, 1.0)
+    assert turns.comes_last(EVE, 1.0)
 
 
-def test_a_single_sender_never_is_greedy() -> None:
+def test_a_single_sender_never_comes_last() -> None:
     """A single sender keeps no other waiting."""
-    shares = Shares()
+    turns = Turns()
     for step in range(100):
-        assert not shares.is_greedy(EVE, 10 + step / 10)
-        shares.charge(EVE, 0.1, 100, 10 + step / 10)
+        assert not turns.comes_last(EVE, 10 + step / 10)
+        turns.charge(EVE, 0.1, 100, 10 + step / 10)
+
+
+def test_the_packets_put_aside_are_bounded() -> None:
+    """The oldest packets make room for new ones, and are counted."""
+    turns = Turns()
+    for number in range(100):
+        turns.put_aside(Waiting([bytes([number]), bytes(65_000)], 1.0, 0.0, EVE))
+    assert len(turns.aside) == MAX_ASIDE // 65_001
+    assert turns.thrown_away == 100 - len(turns.aside)
+    assert turns.take().packet[0] == bytes([turns.thrown_away])
 
 
 class Receiver:
@@ -97,17 +107,33 @@ def source() -> Source:
     return made
 
 
-def test_a_greedy_senders_packets_are_dropped_while_others_wait(source: Source) -> None:
-    """Only while packets wait; the sender is named, and what was dropped is counted."""
+def test_others_go_before_a_greedy_sender(source: Source) -> None:
+    """Other senders' packets are taken first; then one packet of the greedy sender, and again the others'."""
     receiver = source.receiver
-    packets = [(b"e" * 2000, EVE), (b"a", ANN), (b"e" * 2000, EVE), (b"b", ANN)]
-    for waited, read in ((MAX_WAIT / 2, [2000, 1, 2000, 1]), (2 * MAX_WAIT, [0, 1, 0, 1])):
-        receiver.packets, receiver.waited = [*packets], waited  # type: ignore[attr-defined]
-        assert [len(source.take(1.01) or ()) for _ in packets] == read
-    assert source.notes == ["10.0.0.2:4000 sends more than its share, which is dropped while others wait"]
-    assert source.counts.thrown_away == 2
-    receiver.packets = [*packets]  # type: ignore[attr-defined]
-    assert len(source.take(2.0) or ()) == 2000
+    receiver.packets = [(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)]  # type: ignore[attr-defined]
+    assert source.take(1.01) == [b"a"]
+    assert source.has_put_aside
+    assert source.notes == ["10.0.0.2:4000 sends more than its share: served last"]
+    assert source.take(1.01) == [b"b"]
+    assert len(source.take(1.02) or ()) == 2000
+    assert source.waited == pytest.approx(0.01)
+    assert source.take(1.02) is None
+    receiver.packets = [(b"c", ANN)]  # type: ignore[attr-defined]
+    assert source.take(1.03) == [b"c"]
+    assert [len(source.take(1.04) or ()) for _ in range(4)] == [2000, 0, 2000, 0]
+    assert not source.has_put_aside
+    assert source.counts.thrown_away == 0
+
+
+def test_a_senders_packets_stay_in_their_order() -> None:
+    """While some of them are put aside, the later ones are too, also when all is paid off."""
+    turns = Turns()
+    turns.charge(ANN, 0.0, 1, 100.0)
+    turns.put_aside(Waiting(b"first", 1.0, 0.0, EVE))
+    assert turns.comes_last(EVE, 100.0)
+    assert not turns.comes_last(ANN, 100.0)
+    turns.take()
+    assert not turns.comes_last(EVE, 100.0)
 
 
 def test_a_packet_is_kept_at_its_arrival() -> None:

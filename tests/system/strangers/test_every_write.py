@@ -8,9 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from programs import ROOT
 
-FAULTS = ROOT / "tests" / "support" / "faults"
+FAULTS = Path(__file__).with_name("faults")
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 

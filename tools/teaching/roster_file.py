@@ -135,9 +135,9 @@ class RosterFile:
         if not new or self._written is None:
             return False
         skeleton = self._written.skeleton
-        motions = MotionLibrary.of_clips([_completed(each.motion, self._written) for each in new]).motions
-        added = tuple(each.restricted_to(skeleton.joints).as_of(skeleton) for each in motions)
         try:
+            motions = MotionLibrary.of_clips([_completed(each.motion, self._written) for each in new]).motions
+            added = tuple(each.restricted_to(skeleton.joints).as_of(skeleton) for each in motions)
             library_file.write(self._new_path, library_file.Contents(skeleton, added, None), compressed=False)
         except (OSError, ValueError):
             # The other thread is to try at once, and says why it fails.

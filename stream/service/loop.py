@@ -531,6 +531,9 @@ def tell(
     for sink in sinks:
         try:
             getattr(sink, what.__name__)(*told, **named)
+        except BrokenPipeError:
+            # Whoever read what this program prints has gone: all programs end then.
+            raise
         except Exception as error:  # noqa: BLE001 - whatever strangers make a sink tell, it ends nobody else's answers
             sink.raised += 1
             sink.error = f"{type(sink).__name__}: {type(error).__name__}: {error}"

@@ -23,7 +23,7 @@ from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.loop import STATUS_EVERY, Service
 from kinespace.stream.service.overload import LATE, MAX_AGE
-from kinespace.stream.status import InputCounts
+from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Asked, State, Step, commands, wire
 from kinespace.stream.zeromq import Endpoint
 
@@ -105,6 +105,17 @@ def test_all_that_waits_is_answered_to_all(library: MotionLibrary, source: FakeS
         assert [(type(each), each.time, each.label) for each in told] == expected
     assert sinks[1].frames == frames
     assert (service.status().notes, service.status().unsent) == (Watching.notes, 0)
+
+
+def test_a_program_whose_reader_has_gone_ends(library: MotionLibrary, source: FakeSource) -> None:
+    """As `kinespace live --log json | head` does."""
+
+    class Unread(FakeSink):
+        def publish_status(self, status: Status) -> None:
+            raise BrokenPipeError(status)
+
+    with pytest.raises(BrokenPipeError):
+        Service(Performers(library), [source], [Unread()]).step(0.0)
 
 
 class Broken(Sink):

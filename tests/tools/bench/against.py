@@ -1,4 +1,4 @@
-"""`python tests/against.py COMMIT`: costs of `bench stages` over another version's, by turns: hosts differ by 2."""
+"""`python tests/tools/bench/against.py COMMIT`: costs of `bench stages` over another version's, by turns: hosts differ by 2."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from kinespace.tools.terminal.tables import table_of
 #: Turns of each version, and draws of turns from which an interval is taken.
 TURNS, _DRAWS = 6, 2000
 #: The folder of this version's sources.
-_HERE = Path(__file__).parents[1]
+_HERE = Path(__file__).parents[3]
 _MEASURE = (
     "import sys; from kinespace.tools.cli.entry import main; sys.argv[1:] = ['bench', 'stages', '--json']; main()"
 )

@@ -1,4 +1,4 @@
-"""`python tests/tools/bench/against.py COMMIT`: costs of `bench stages` over another version's, by turns: hosts differ by 2."""
+"""`python tests/tools/bench/against.py COMMIT`: costs of `bench stages` over another version's, by turns."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ def recorded_and_broken(whole: bytes, generator: np.random.Generator) -> bytes:
 
 def cut_and_flipped(whole: bytes, step: int) -> Iterator[bytes]:
     """Cut a file at each byte of its beginning and at 200 places, and flip single bits at 200; every few of these."""
-    places = sorted({*range(64), *np.linspace(0, len(whole) - 1, 200).astype(int).tolist()})
+    places = sorted({*range(min(64, len(whole))), *np.linspace(0, len(whole) - 1, 200).astype(int).tolist()})
     for place in places[::step]:
         yield whole[:place]
         yield whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :]

@@ -117,13 +117,6 @@ class Announcement:
 
 
 @dataclass(frozen=True, slots=True)
-class CountReset:
-    """Somebody wants a performer's motions to be counted from 1 again; an empty name means all performers."""
-
-    performer: str
-
-
-@dataclass(frozen=True, slots=True)
 class NewSender:
     """From now on another sender sends a performer's frames: the joints that the former sender announced are void."""
 
@@ -131,6 +124,6 @@ class NewSender:
 
 
 #: The output of a decoder: frames, and announcements of their joints.
-Input = Frame | Announcement | CountReset
+Input = Frame | Announcement
 #: The input of the recognisers: the same, and changes of a performer's sender.
 Admitted = Input | NewSender

@@ -11,6 +11,7 @@ import errno
 import io
 import math
 import os
+import stat
 import tempfile
 import warnings
 import zipfile
@@ -40,6 +41,8 @@ MAX_COORDINATES = 100_000_000
 MAX_METRES = 1000.0
 MAX_HEADER_BYTES = 16_000_000
 MAX_LEARNED_BYTES = 64_000_000
+#: Characters of a class, an actor, a take, a name or a joint, and of where a motion is from, at most.
+MAX_NAME, MAX_ORIGIN = 400, 4000
 #: Bytes in front of an array's numbers, at most: numpy's own limit.
 _MAX_PREFIX_BYTES = 10_000
 
@@ -51,6 +54,10 @@ _MILLIMETRES = 1000.0
 _SMALL = np.dtype("<i2")
 _LARGE = np.dtype("<i4")
 _LEARNED = "learned_"
+
+
+_Name = Annotated[str, msgspec.Meta(max_length=MAX_NAME)]
+_Origin = Annotated[str, msgspec.Meta(max_length=MAX_ORIGIN)]
 
 
 class LibraryFileError(ValueError):
@@ -68,10 +75,10 @@ class Contents(NamedTuple):
 class _Motions(msgspec.Struct):
     """The header's columns: a value for each motion."""
 
-    class_name: list[str]
-    actor: list[str]
-    take: list[str]
-    name: list[str]
+    class_name: list[_Name]
+    actor: list[_Name]
+    take: list[_Name]
+    name: list[_Name]
     frame_rate: list[float]
     frames: list[Annotated[int, msgspec.Meta(ge=2, le=MAX_COORDINATES)]]
     #: The index of the motion's source, licence and attribution in the header's `origins`.
@@ -83,10 +90,10 @@ class _Header(msgspec.Struct):
 
     format: str
     version: int
-    joints: Annotated[list[str], msgspec.Meta(max_length=MAX_JOINTS)]
+    joints: Annotated[list[_Name], msgspec.Meta(max_length=MAX_JOINTS)]
     parents: list[int]
     motions: _Motions
-    origins: list[tuple[str, str, str]]
+    origins: list[tuple[_Origin, _Origin, _Origin]]
     #: The shapes of the learned arrays, by name.
     learned: dict[str, tuple[Annotated[int, msgspec.Meta(ge=0, le=MAX_LEARNED_BYTES)], ...]]
     #: So many of the last motions of an older file were for bodies of few joints alone; they are left out.
@@ -129,6 +136,8 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     """
     header = msgspec.json.encode(_described(contents))
     _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
+    # What cannot be read again is not written.
+    msgspec.json.decode(header, type=_Header)
     motions = contents.motions
     _require_sizes(len(contents.skeleton.joints), [motion.frames for motion in motions])
     arrays: dict[str, Any] = _encoded(motions)
@@ -184,11 +193,69 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         raise
 
 
+# --- other programs, and what is new ------------------------------------------------------------------------------
+
+
+@contextmanager
+def locked(path: Path, *, for_long: bool = False) -> Iterator[None]:
+    """Have a library's file to ourselves; `for_long` lets others know, and a lock file stays beside the library.
+
+    Raises
+    ------
+    ValueError
+        Another program has it, or something else than a file lies where the lock is to be.
+    OSError
+        There is a link there, or the folder cannot be written.
+    """
+    try:
+        import fcntl  # noqa: PLC0415 - there is none on Windows
+    except ImportError:
+        yield
+        return
+    lock = beside(path, "lock")
+    # Anybody may have put anything there: nothing is followed, waited for or changed.
+    flags = os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC | (os.O_CREAT if for_long else 0)
+    if not (for_long or lock.exists()):
+        yield
+        return
+    file = os.open(lock, flags, 0o666)
+    try:
+        if not stat.S_ISREG(os.fstat(file).st_mode):
+            raise ValueError(f"{lock}: expected a file of ours, got something else")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ValueError(f"{path}: another kinespace teaches there; expected a file of its own") from error
+        yield
+    finally:
+        os.close(file)
+
+
+def beside(path: Path, what: str) -> Path:
+    """Give the hidden file beside a library's, also where a link leads there: its lock, or what is `new`."""
+    real = path.resolve()
+    return real.with_name(f".{real.name}.{what}")
+
+
+def _with_new(path: Path, contents: Contents) -> Contents:
+    """Add the motions that a program which was killed, or teaches now, has not yet put into the file itself."""
+    new = beside(path, "new")
+    if not new.exists():
+        return contents
+    known = {(each.class_name, each.take, each.name, each.frames) for each in contents.motions}
+    added = _read(new)
+    further = [each for each in added.motions if (each.class_name, each.take, each.name, each.frames) not in known]
+    if added.skeleton != contents.skeleton or not further:
+        return contents
+    learned = contents.learned and contents.learned.for_other_motions()
+    return Contents(contents.skeleton, (*contents.motions, *further), learned)
+
+
 # --- reading -----------------------------------------------------------------------------------------------------
 
 
 def read(path: Path) -> Contents:
-    """Read a library's file; no array is unpacked before its size is known to be the expected one.
+    """Read a library's file, and what is new; no array is unpacked before its size is known to be the expected one.
 
     Returns
     -------
@@ -201,6 +268,10 @@ def read(path: Path) -> Contents:
     OSError
         The file cannot be opened.
     """
+    return _with_new(path, _read(path))
+
+
+def _read(path: Path) -> Contents:
     try:
         with memory.archive(path) as archive:
             return _restored(archive, _read_header(path, archive))

@@ -142,12 +142,18 @@ class MotionLibrary:
         Raises
         ------
         ValueError
-            The library is larger than a file may be.
+            The library is larger than a file may be, or another program teaches there.
         OSError
             The folder cannot be written.
         """
-        contents = library_file.Contents(self.skeleton, self.motions, self.learned)
-        library_file.write(Path(path), contents, compressed=compressed)
+        with library_file.locked(Path(path)):
+            library_file.write(Path(path), self.contents, compressed=compressed)
+            library_file.beside(Path(path), "new").unlink(missing_ok=True)
+
+    @property
+    def contents(self) -> library_file.Contents:
+        """What its file holds."""
+        return library_file.Contents(self.skeleton, self.motions, self.learned)
 
     def __len__(self) -> int:
         return len(self.motions)

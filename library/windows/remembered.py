@@ -7,6 +7,7 @@ import io
 import json
 import os
 import platform
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -32,6 +33,7 @@ from kinespace.library.windows.metric import Metric
 from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import Segments
 
+_ENDING = ".windows"
 #: Files that are kept: one for each set of joints that was used lately.
 _KEPT = 12
 #: Bytes of a file, at most; the built-in library's windows take 3 MB.
@@ -78,7 +80,7 @@ def remembered(
     with suppress(*memory.DAMAGE, OSError, ValueError, IndexError):
         return _read(path)
     numbers = compute()
-    with suppress(OSError):
+    with suppress(OSError, ValueError):
         _write(path, numbers)
     return numbers
 
@@ -86,7 +88,7 @@ def remembered(
 def _path(library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...]) -> Path:
     described = (weighing, joints, _arithmetic(), _text(), _motions(library))
     name = hashlib.sha256(repr(described).encode()).hexdigest()
-    return cache_folder() / "windows" / f"{name}.windows"
+    return cache_folder() / "windows" / f"{name}{_ENDING}"
 
 
 def _is_builtin(library: MotionLibrary) -> bool:
@@ -160,12 +162,17 @@ def _together(value: Any, arrays: Sequence[NDArray[np.generic]]) -> Any:  # noqa
     return dict(parts) if name == "map" else _HELD[name](*parts)
 
 
+def _require_own(path: Path) -> None:
+    """Refuse what is a link, or not this user's alone (ValueError), and what is not there (OSError)."""
+    found = path.lstat()
+    if stat.S_ISLNK(found.st_mode) or (hasattr(os, "getuid") and found.st_uid != os.getuid()) or found.st_mode & 0o022:
+        raise ValueError(f"{path}: a link, or others can write to it")
+
+
 def _read(path: Path) -> tuple[Any, ...]:
     """Read a file; OSError or ValueError for one that is not there, is not this user's alone, or is damaged."""
     for each in (path.parent, path):
-        found = each.stat()
-        if hasattr(os, "getuid") and (found.st_uid != os.getuid() or found.st_mode & 0o022):
-            raise ValueError(f"{each}: others can write to it")
+        _require_own(each)
     content = memory.content(path, _MAX_BYTES)
     digest, numbers = content[:32], content[32:]
     if hashlib.sha256(numbers).digest() != digest:
@@ -179,9 +186,10 @@ def _read(path: Path) -> tuple[Any, ...]:
 
 
 def _write(path: Path, numbers: tuple[Any, ...]) -> None:
-    """Write a file, and remove those that were not used for longest."""
+    """Write a file, and remove our own that were not used for longest; errors as of `_read`."""
     folder = path.parent
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    _require_own(folder)
     arrays: list[NDArray[np.generic]] = []
     described, file = json.dumps(_apart(numbers, arrays)), io.BytesIO()
     np.savez(file, *arrays, described=np.array(described))
@@ -193,6 +201,8 @@ def _write(path: Path, numbers: tuple[Any, ...]) -> None:
             Path(new.name).unlink(missing_ok=True)
             raise
     Path(new.name).replace(path)
-    newest_first = sorted(folder.iterdir(), key=lambda each: -each.stat().st_mtime)
+    # Whatever else lies there is somebody's.
+    ours = [*folder.glob(f"*{_ENDING}"), *folder.glob("new-*")]
+    newest_first = sorted(ours, key=lambda each: -each.lstat().st_mtime)
     for each in newest_first[_KEPT:]:
         each.unlink(missing_ok=True)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from kinespace.library.naming import spelling
 from kinespace.stream.feeds.kinematics import Quaternion, Vector
-from kinespace.stream.feeds.preset import Means, MessageRule, Preset
+from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset
 from kinespace.stream.osc.packet import Message
 
 #: A performer's name may have 64 characters; the number of a second sender is added to it.
@@ -115,7 +115,8 @@ class Mapper:
         return best
 
     def _find_ways(self, address: str) -> list[_Way]:
-        found = [(rule, rule.pattern.fullmatch(address)) for rule in self.preset.messages]
+        rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()
+        found = [(rule, rule.pattern.fullmatch(address)) for rule in rules]
         return [_Way(rule, match.groupdict()) for rule, match in found if match]
 
     def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:

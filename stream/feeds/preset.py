@@ -32,6 +32,9 @@ _Role = Annotated[str, Meta(pattern=f"^({'|'.join(_ROLES)}|=.*)$")]
 #: A number above 0 that is neither infinite nor NaN.
 _Length = Annotated[float, Meta(ge=1e-9, le=1e9)]
 _Port = Annotated[int, Meta(ge=1, le=65535)]
+#: Characters of an address, as written and as sent; messages and placeholders of an address, at most: a stranger's
+#: preset must not take long to match what a stranger sends.
+MAX_ADDRESS, _MAX_MESSAGES, _MAX_PLACEHOLDERS = 256, 64, 6
 #: Regular expressions for the placeholders of an address.
 _PLACEHOLDERS = {"joint": "(?P<joint>[^/]+)", "performer": "(?P<performer>[^/]+)", "skip": "[^/]+", "any": ".+"}
 
@@ -91,7 +94,7 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         The message's meaning for the frame, if the file says it.
     """
 
-    address: Annotated[str, Meta(pattern="^/")]
+    address: Annotated[str, Meta(pattern="^/", max_length=MAX_ADDRESS)]
     arguments: tuple[_Role, ...] = ()
     each: tuple[_Role, ...] = ()
     given: Means | None = msgspec.field(name="means", default=None)
@@ -106,6 +109,10 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             ) from error
         except re.error as error:
             raise ValueError(f"address: expected each of {{joint}} and {{performer}} once, got {error}") from error
+        held = [part.count("{") for part in self.address.split("/")]
+        if max(held) > 1 or sum(held) > _MAX_PLACEHOLDERS or self.address.count("{any}") > 1:
+            expected = f"at most {_MAX_PLACEHOLDERS} names in braces, one between two slashes, and {{any}} once"
+            raise ValueError(f"address: expected {expected}, got {self.address!r}")
         for key, roles in (("arguments", self.arguments), ("each", self.each)):
             named = [role for role in roles if role != "skip" and not role.startswith("=")]
             if len(set(named)) != len(named):
@@ -250,7 +257,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     """
 
     port: _Port
-    messages: tuple[MessageRule, ...] = msgspec.field(name="message")
+    messages: Annotated[tuple[MessageRule, ...], Meta(max_length=_MAX_MESSAGES)] = msgspec.field(name="message")
     joint_map: dict[str, str] = msgspec.field(name="joints")
     tables: tuple[str, ...] = ()
     product: Text = ""

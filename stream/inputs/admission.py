@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-from kinespace.stream.frame import Admitted, Announcement, CountReset, Frame, Input, NewSender
+from kinespace.stream.frame import Admitted, Announcement, Frame, Input, NewSender
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.packet import Sender, sender_name
 from kinespace.stream.status import AdmissionCounts
@@ -116,9 +116,7 @@ class Admission:
         host, port = sender or ("", 0)
         admitted: list[Admitted] = []
         for event in events:
-            if isinstance(event, CountReset):
-                admitted.append(event)
-            elif self._allowed and event.performer not in self._allowed:
+            if self._allowed and event.performer not in self._allowed:
                 self.counts.not_allowed += 1
             elif isinstance(event, Announcement):
                 admitted += self._announcement(event, arrival, host, port)

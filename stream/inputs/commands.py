@@ -6,10 +6,16 @@ from collections.abc import Sequence
 from ipaddress import ip_network
 
 from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within
-from kinespace.stream.teaching import wire
+from kinespace.stream.teaching import commands, wire
 from kinespace.stream.teaching.commands import Asked, CommandError
 
-_TEACH = wire.TEACH.encode()
+_TEACH, _RESET = wire.TEACH.encode(), wire.RESET.encode()
+#: Bytes of a datagram in which an address may end, at most.
+_MAX_ADDRESS = 512
+#: Commands of a sender that are obeyed in a second, and at once.
+_A_SECOND = 20
+#: Senders whose commands are counted, at most.
+_MAX_SENDERS = 256
 _THIS_MACHINE = ip_network("127.0.0.0/8"), ip_network("::1/128")
 
 
@@ -18,10 +24,27 @@ def may_command(sender: Sender, networks: Networks) -> bool:
     return sender is not None and (sender[0].startswith(KEYED) or is_within(sender[0], (*_THIS_MACHINE, *networks)))
 
 
-def holds_command(packet: Packet) -> bool:
-    """Say whether a packet holds a command."""
-    datagram = datagram_of(packet)
-    return datagram.startswith(_TEACH) or (datagram.startswith(b"#bundle") and _TEACH in datagram)
+class Quota:
+    """Counts each sender's commands: some take hundredths of a second, in which nobody is answered."""
+
+    def __init__(self) -> None:
+        #: How many count still, by host or key, and when.
+        self._used: dict[str, tuple[float, float]] = {}
+
+    def allows(self, host: str, commands: int, now: float) -> bool:
+        """Say whether a sender may give some commands at a moment in seconds; then they count."""
+        used, since = self._used.get(host, (0.0, now))
+        used = max(used - _A_SECOND * (now - since), 0.0) + commands
+        if used > _A_SECOND:
+            return False
+        if len(self._used) >= _MAX_SENDERS:
+            self._used.clear()
+        self._used[host] = used, now
+        return True
+
+
+#: What a sender hears whose commands are too many.
+TOO_MANY = f"too many commands: expected at most {_A_SECOND} a second"
 
 
 class CommandReader:
@@ -31,26 +54,47 @@ class CommandReader:
     ----------
     networks
         Networks whose senders may command, as this machine may.
+    no_lessons
+        What a sender hears who would teach where nobody may; empty where people may.
 
     Attributes
     ----------
     received, refused
-        Packets with commands, and packets of senders that may not command.
+        Packets with commands, and packets whose commands nobody obeys.
+    others
+        Messages in the last packet that were no commands; at least one where it could not be read.
     """
 
-    def __init__(self, networks: Networks = ()) -> None:
-        self._networks = networks
-        self.received = self.refused = 0
+    def __init__(self, networks: Networks = (), no_lessons: str = "") -> None:
+        self._networks, self._no_lessons, self._quota = networks, no_lessons, Quota()
+        self.received = self.refused = self.others = 0
 
-    def read(self, packet: Packet, sender: Sender) -> Sequence[Asked] | None:
+    def read(self, packet: Packet, sender: Sender, now: float) -> Sequence[Asked] | None:
         """Read a packet's commands; None for a packet that holds none: hundreds of frames come each second."""
-        if not holds_command(packet):
+        datagram = datagram_of(packet)
+        if datagram.startswith(b"#bundle"):
+            holds = _TEACH in datagram or _RESET in datagram
+        else:
+            holds = datagram.startswith(_TEACH) or datagram.find(_RESET, 0, _MAX_ADDRESS) > 0
+        if not holds:
             return None
-        self.received += 1
-        if not may_command(sender, self._networks):
-            self.refused += 1
-            return [Asked(None, f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from")]
+        mistake, given, self.others = "", list[commands.Command](), 1
         try:
-            return [Asked(command) for command in wire.decode(datagram_of(packet))]
+            said, self.others = wire.said_in(datagram)
+            if not said:
+                return None
+            given = wire.decode(said)
         except CommandError as error:
-            return [Asked(None, str(error))]
+            mistake = str(error)
+        refusal = self._refusal(given, sender, now) or mistake
+        self.received += 1
+        self.refused += bool(refusal)
+        return [Asked(None, refusal)] if refusal else [Asked(each) for each in given]
+
+    def _refusal(self, given: Sequence[commands.Command], sender: Sender, now: float) -> str:
+        """Say why a sender's commands are not obeyed; empty where they are."""
+        if not may_command(sender, self._networks):
+            return f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from"
+        if self._no_lessons and not all(isinstance(each, commands.Reset) for each in given):
+            return self._no_lessons
+        return "" if self._quota.allows(sender[0] if sender else "", max(len(given), 1), now) else TOO_MANY

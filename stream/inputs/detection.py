@@ -17,7 +17,7 @@ from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means, Preset
 from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
-from kinespace.stream.frame import Announcement, CountReset, Frame
+from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, OscDecoder
 from kinespace.stream.osc.frames import SKELETON, decode
@@ -253,8 +253,6 @@ class Survey:
         for datagram, arrival, sender in self._kept:
             for event in decoder.decode(datagram, arrival, sender):
                 name = event.performer
-                if isinstance(event, CountReset):
-                    continue
                 if isinstance(event, Announcement):
                     joints[name] = Naming().read(event.joints).joints
                     lengths.pop(name, None)

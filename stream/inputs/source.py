@@ -17,12 +17,12 @@ from typing import NamedTuple, Protocol
 
 from kinespace.stream.frame import Admitted, Input
 from kinespace.stream.inputs.admission import Admission
-from kinespace.stream.inputs.commands import CommandReader, holds_command
+from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.decoder import Decoder
 from kinespace.stream.inputs.detection import Survey
 from kinespace.stream.inputs.recording.kinerec import Recorder
 from kinespace.stream.osc.frames import beginning_of
-from kinespace.stream.packet import Packet, Receiver, Sender, datagram_of, sender_name
+from kinespace.stream.packet import Packet, Receiver, Sender, sender_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
 
@@ -89,9 +89,7 @@ class Source:
     has_put_aside
         Whether packets were put aside; the socket does not wake the loop for them.
     commands
-        Reads the commands among the packets; None where nobody may command.
-    no_commands
-        What the first sender of a command hears where nobody may command; empty once it is said.
+        Reads the commands among the packets; None where nobody listens to them.
     unread
         Looks at packets while no frame comes of them; None: nobody does.
     is_of_browsers
@@ -116,7 +114,6 @@ class Source:
         self.decoder = decoder
         self.recorder: Recorder | Survey | None = recorder
         self.commands: CommandReader | None = None
-        self.no_commands = ""
         self.is_of_browsers = False
         self.unread: Unread | None = None
         #: When a frame or an announcement last came, seconds on our clock.
@@ -188,14 +185,12 @@ class Source:
             return ()
         known = None if self.decoder.expires else sender
         begun = time.perf_counter()
-        asked = self.commands.read(packet, sender) if self.commands else None
+        asked = self.commands.read(packet, sender, arrival) if self.commands else None
         # A bundle may hold both commands and frames.
-        has_frames = asked is None or datagram_of(packet).startswith(b"#bundle")
+        has_frames = not (self.commands and asked) or self.commands.others > 0
         decoded = self.decoder.decode(packet, arrival, sender) if has_frames else ()
         if decoded:
             self._made = arrival
-        elif self.no_commands and holds_command(packet):
-            asked, self.no_commands = [Asked(None, self.no_commands)], ""
         elif self.unread and asked is None and arrival - self._made > _SILENCE:
             self.unread.keep(packet, arrival, sender)
         self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)

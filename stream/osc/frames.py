@@ -2,14 +2,12 @@
 
 `/motion/skeleton s performer s*J joint names`, at the start and every second.
 `/motion/frame s performer d time f*3J positions`, metres; time 0 means "the time of arrival".
-`/motion/<performer>/count/reset`: the performer's motions are counted from 1 again; `*` means all performers.
 
 Hundreds of frames arrive each second, so their packets are read directly with struct and numpy.
 """
 
 from __future__ import annotations
 
-import re
 import struct
 import sys
 from dataclasses import dataclass, field
@@ -17,12 +15,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, CountReset, Frame, Input
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame, Input
 from kinespace.stream.osc.packet import Message, PacketError, decode_messages, encode_message, padded, split_packet
 
 _FRAME = "/motion/frame"
 SKELETON = "/motion/skeleton"
-_COUNT_RESET = re.compile("/motion/([^/]+)/count/reset")
 _FRAME_ADDRESS = b"/motion/frame\0"
 _FRAME_START = _FRAME_ADDRESS + b"\0\0,sd"
 #: Frames in one packet, at most: each is recognised before the next packet is looked at. As many performers
@@ -150,8 +147,6 @@ def beginning_of(datagram: bytes) -> tuple[bytes, float]:
 
 def _understood(message: Message, arrival: float) -> Input | None:
     """Read our messages; None for any other. Raises TypeError, ValueError or OverflowError for a malformed one."""
-    if reset := _COUNT_RESET.fullmatch(message.address):
-        return CountReset("" if reset[1] == "*" else reset[1])
     if message.address not in (_FRAME, SKELETON):
         return None
     if not message.arguments:

@@ -13,8 +13,9 @@ from kinespace.stream.teaching.notices import Notice
 class Sink:
     """Takes everything and passes nothing on. No method of a sink may raise or wait."""
 
-    #: Answers that could not be sent.
-    failed = 0
+    #: Answers that could not be sent; calls that raised in spite of all, and what the last one raised.
+    failed = raised = 0
+    error = ""
     #: Notes for a person, a line each.
     notes: Sequence[str] = ()
 

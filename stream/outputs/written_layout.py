@@ -12,6 +12,7 @@ arguments = [1]
 
 from __future__ import annotations
 
+import re
 import string
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -41,6 +42,11 @@ FACTS: dict[When, tuple[str, ...]] = {
     "gone": ("performer",),
 }
 
+#: What may stand behind a name and a colon: how wide it is written at least, and with how many places. Other programs'
+#: formats may take all memory, or fail at a value that has not come before.
+_FORMAT = re.compile(r"[<>^]?0?\d{0,2}(\.\d)?[dfg%]?")
+_MAX_MESSAGES = 256
+
 #: Facts that are no fractions, by which a file is tried before a performer comes.
 _EXAMPLES: Facts = {"performer": "ann", "class": "bow", "title": "bow", "index": 0, "number": 1, "count": 1}
 
@@ -61,12 +67,14 @@ class Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"
         known = FACTS[self.when]
         for text in (self.address, *(each for each in self.arguments if isinstance(each, str))):
             try:
-                names = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
+                fields = [each[1:] for each in string.Formatter().parse(text) if each[1] is not None]
             except ValueError as error:
                 raise ValueError(f"address or arguments: expected names in braces, got {text!r} ({error})") from error
-            for name in names:
+            for name, form, conversion in fields:
                 if name not in known:
                     raise ValueError(f"{{{name}}}: expected one of {', '.join(known)} when {self.when}, got {text!r}")
+                if conversion or not _FORMAT.fullmatch(form or ""):
+                    raise ValueError(f"{{{name}}}: expected a format like :.2f or :>8, got {text!r}")
         try:
             self.encoded({name: _EXAMPLES.get(name, 0.5) for name in known})
         except (ValueError, OverflowError, BuildError) as error:
@@ -80,7 +88,7 @@ class Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    message: Annotated[tuple[Message, ...], msgspec.Meta(min_length=1)]
+    message: Annotated[tuple[Message, ...], msgspec.Meta(min_length=1, max_length=_MAX_MESSAGES)]
     title: Text = "layout"
     port: Annotated[int, msgspec.Meta(ge=1, le=65535)] = 9000
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Protocol, Self
+from typing import Concatenate, ParamSpec, Protocol, Self
 
 import numpy as np
 import zmq
 
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Admitted, CountReset, Frame
+from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.osc.answers import address_part
@@ -25,12 +25,15 @@ from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, PATIENCE, Overload, Taken
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.commands import Asked
 from kinespace.stream.teaching.notices import State, Step
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
+#: Seconds between two refusals of commands that are said, at least.
+REFUSED_EVERY = 1.0
 #: Seconds for which packets that have waited are taken in before some performers are answered, at most.
 _MAX_CATCHING_UP = 0.1
 #: Performers that are then answered, at least, before packets are taken in again: their frames are fresh.
@@ -52,6 +55,7 @@ _MAX_SLEEP = 0.1
 _MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
+_Told = ParamSpec("_Told")
 
 
 class Source(Protocol):
@@ -241,12 +245,14 @@ class Service:
         self._latest_rates: dict[str, float] = {}
         #: The share of the answers due that were given, and how many were given and left out before.
         self._answered, self._answered_before = 1.0, (0, 0)
-        self._next_status = self._next_classes = clock()
+        self._next_status = self._next_classes = self._next_refusal = clock()
         #: When the last step ends; inf before it was stopped.
         self._over = math.inf
         self._overload = Overload()
         #: How many performers are answered at the next turn, at least.
         self._turns = float(_TURNS)
+        #: Commands that wait.
+        self._asked = deque[Asked]()
         #: The motions whose starts were published: performer and class.
         self._begun: set[tuple[str, str]] = set()
         #: How often each performer has done a motion: performer and index of the class, which a renamed class keeps.
@@ -289,6 +295,8 @@ class Service:
             for _ in range(_MAX_LAST_STEPS):
                 if time.perf_counter() < self._over:
                     self.step(0.0)
+            while self._asked:
+                self._carry_out(self._asked.popleft())
         finally:
             self._publish_events(self.performers.end())
             self._publish_gone(self.performers.names)
@@ -301,7 +309,8 @@ class Service:
             self._tend()
             sleep = min(sleep, self._tended_within)
         aside = any(source.has_put_aside for source in self.sources)
-        self._poller.poll(0 if aside or self._overload.until == math.inf else math.ceil(sleep * 1000))
+        is_busy = aside or self._asked or self._overload.until == math.inf
+        self._poller.poll(0 if is_busy else math.ceil(sleep * 1000))
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.
         for source in self.sources:
@@ -313,6 +322,9 @@ class Service:
 
     def _deal_with_waiting(self, source: Source, most: int) -> int:
         """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
+        # One alone: some take hundredths of a second, in which nobody is answered.
+        if self._asked:
+            self._carry_out(self._asked.popleft())
         taken: list[Taken] = []
         source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
         if source.patience < math.inf:
@@ -340,16 +352,24 @@ class Service:
         if events is None:
             return False
         for event in events:
-            if isinstance(event, CountReset):
-                self._forget_counts(event.performer)
-            elif not isinstance(event, Asked):
-                taken.append(Taken(event, started, source.waited))
-            elif self._control:
-                self._control.carry_out(event)
+            if isinstance(event, Asked):
+                self._asked.append(event)
             else:
-                for sink in self.sinks:
-                    sink.publish_notice(State("", Step.REFUSED, reason=event.refusal))
+                taken.append(Taken(event, started, source.waited))
         return True
+
+    def _carry_out(self, asked: Asked) -> None:
+        """Carry out a command; of those that are refused one is said in a second."""
+        refused = [] if asked.command else [State("", Step.REFUSED, reason=asked.refusal)]
+        if isinstance(asked.command, commands.Reset):
+            self._forget_counts(asked.command.performer)
+        if refused and (now := self._clock()) >= self._next_refusal:
+            self._next_refusal = now + REFUSED_EVERY
+            tell(self.sinks, Sink.publish_notice, refused[0])
+        if self._control and asked.command:
+            self._control.carry_out(asked)
+        elif asked.reply:
+            asked.reply(refused, {})
 
     def _catch_up(self, source: Source, taken: list[Taken]) -> None:
         """Take in all that waits; answer it all if it is little and not too old, else let performers wait for turns."""
@@ -394,8 +414,7 @@ class Service:
         for event in events:
             if isinstance(event, Frame):
                 self._rates[event.performer] += 1
-                for sink in self._watching:
-                    sink.publish_frame(event)
+                tell(self._watching, Sink.publish_frame, event)
         return len(events) - answers.count(None)
 
     def _as_answered(self, recognition: Recognition) -> Recognition:
@@ -417,8 +436,7 @@ class Service:
     def publish(self, recognition: Recognition, took: float) -> None:
         """Publish an answer, made here or elsewhere, and what happened; its frame came `took` seconds ago."""
         recognition = self._as_answered(recognition)
-        for sink in self.sinks:
-            sink.publish(recognition)
+        tell(self.sinks, Sink.publish, recognition)
         self._publish_events(recognition.events)
         if recognition.done:
             self._publish_done(recognition.done)
@@ -431,36 +449,32 @@ class Service:
             if event.kind is EventKind.END and motion not in self._begun:
                 continue
             (self._begun.add if event.kind is EventKind.START else self._begun.discard)(motion)
-            for sink in self.sinks:
-                sink.publish_event(event)
+            tell(self.sinks, Sink.publish_event, event)
 
     def _publish_done(self, done: Done) -> None:
         """Count a motion that was done, and publish it."""
         self._done[done.performer, done.index] += 1
         counted = replace(done, count=self._done[done.performer, done.index])
-        for sink in self.sinks:
-            sink.publish_done(counted)
+        tell(self.sinks, Sink.publish_done, counted)
 
     def _forget_counts(self, performer: str) -> None:
-        """Count a performer's motions from 1 again, by the name that stands in addresses; all performers' for none."""
-        for motion in [each for each in self._done if performer in ("", address_part(each[0]))]:
+        """Count a performer's motions from 1 again, by the name or as it stands in addresses; for none everybody's."""
+        for motion in [each for each in self._done if performer in ("", each[0], address_part(each[0]))]:
             del self._done[motion]
 
     def _publish_gone(self, performers: Sequence[str]) -> None:
         gone = {*performers}
         self._begun = {motion for motion in self._begun if motion[0] not in gone}
         for performer in performers:
-            self._forget_counts(address_part(performer))
-            for sink in self.sinks:
-                sink.publish_gone(performer)
+            self._forget_counts(performer)
+            tell(self.sinks, Sink.publish_gone, performer)
 
     def _publish_on_time(self) -> None:
         now = self._clock()
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
             classes = self._control.classes if self._control else self.performers.classes
-            for sink in self.sinks:
-                sink.publish_classes(classes)
+            tell(self.sinks, Sink.publish_classes, classes)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and nobody knows who is silent.
@@ -470,18 +484,17 @@ class Service:
             self._latest_rates = self._rates.read(now, self.performers.names)
             self._note_answered()
             status = self.status()
-            for sink in self.sinks:
-                sink.publish_status(status)
+            tell(self.sinks, Sink.publish_status, status)
 
     def status(self) -> Status:
         """Give the counters as they are now."""
         notes = [note for source in self.sources for note in source.notes]
-        notes += [note for sink in self.sinks for note in sink.notes]
+        notes += [note for sink in self.sinks for note in (*sink.notes, sink.error) if note]
         promised, missed = self.performers.promise
         return Status(
             inputs=sum((source.counts for source in self.sources), start=InputCounts(stale=self._overload.stale)),
             outcomes=self.performers.counts,
-            unsent=sum(sink.failed for sink in self.sinks),
+            unsent=sum(sink.failed + sink.raised for sink in self.sinks),
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=self._hop_times.percentile(50),
             hop_p99=self._hop_times.percentile(99),
@@ -509,3 +522,18 @@ class Service:
     def _from(self, performer: str) -> str:
         """Give the sender of a performer's frames, where it is known."""
         return "".join(f", from {host}:{port}" for host, port in self._admission.senders(performer))
+
+
+def tell(
+    sinks: Iterable[Sink], what: Callable[Concatenate[Sink, _Told], None], *told: _Told.args, **named: _Told.kwargs
+) -> None:
+    """Call a method of all sinks; an error of one is counted there, and keeps what is told from nobody else."""
+    for sink in sinks:
+        try:
+            getattr(sink, what.__name__)(*told, **named)
+        except BrokenPipeError:
+            # Whoever read what this program prints has gone: all programs end then.
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever strangers make a sink tell, it ends nobody else's answers
+            sink.raised += 1
+            sink.error = f"{type(sink).__name__}: {type(error).__name__}: {error}"

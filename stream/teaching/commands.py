@@ -194,13 +194,23 @@ class Sensitivity:
 
 
 @dataclass(frozen=True, slots=True)
+class Reset:
+    """Count a performer's motions from 1 again, by the name or as it stands in addresses; without one everybody's."""
+
+    performer: str = ""
+
+    def __post_init__(self) -> None:
+        _require_performer(self.performer)
+
+
+@dataclass(frozen=True, slots=True)
 class List:
     """Change nothing; the reply has the classes and settings, as every reply does."""
 
 
 #: What gives an example, and what changes or ends something.
 _Showing = Teach | Last | Hold | Right | Wrong
-_Changing = Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | List
+_Changing = Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | Reset | List
 Command = _Showing | _Changing
 
 

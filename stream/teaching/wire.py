@@ -1,13 +1,15 @@
 """Commands and notices on the wire: OSC, and JSON for ZeroMQ. Pure encode and decode.
 
 A command is `/motion/teach/<command>` with its arguments in order (`/motion/teach` alone is `teach`), or the same words
-in JSON: `{"do": "teach", "performer": "ann", "class": "wave"}`.
+in JSON: `{"do": "teach", "performer": "ann", "class": "wave"}`. `/motion/<performer>/count/reset` is `reset`; `*` means
+all performers.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any, get_args, get_type_hints
 
@@ -18,6 +20,10 @@ from kinespace.stream.teaching.notices import Notice, State
 
 #: The beginning of commands' addresses.
 TEACH = "/motion/teach"
+RESET = "/count/reset"
+_RESET = re.compile(f"/motion/([^/]+){RESET}")
+#: Commands in one packet, at most: each may take some hundredths of a second, in which nobody is answered.
+MAX_COMMANDS = 8
 #: Bytes of a JSON request, at most.
 _MAX_REQUEST = 10_000
 #: The largest number that is read, so that every number can be a float.
@@ -30,24 +36,43 @@ _ARGUMENTS: dict[str, dict[str, tuple[str, type]]] = {
 }
 
 
-def decode(packet: bytes) -> list[Command]:
-    """Read the commands of an OSC packet.
+#: A command's word and its arguments.
+_Said = tuple[str, list[object]]
+
+
+def said_in(packet: bytes) -> tuple[list[_Said], int]:
+    """Find the commands of an OSC packet; give them, and the number of its messages that are none.
 
     Raises
     ------
     CommandError
-        The packet is no OSC, or a message is no command; the error names the argument that was expected.
+        The packet is no OSC.
     """
     try:
         messages = decode_packet(packet)
     except PacketError as error:
         raise CommandError(f"packet: expected OSC ({error})") from error
-    found = []
+    asked: list[_Said] = []
     for address, arguments in messages:
-        start, _, word = address.partition(TEACH)
-        if start or word[:1] not in ("", "/"):
-            continue
-        word = word[1:] or "teach"
+        if reset := _RESET.fullmatch(address):
+            asked.append(("reset", [reset[1].replace("*", "")]))
+        elif address == TEACH or address.startswith(f"{TEACH}/"):
+            asked.append((address[len(TEACH) + 1 :] or "teach", arguments))
+    return asked, len(messages) - len(asked)
+
+
+def decode(said: Sequence[_Said]) -> list[Command]:
+    """Read the commands of a packet.
+
+    Raises
+    ------
+    CommandError
+        They are too many, or one is no command; the error names the argument that was expected.
+    """
+    if len(said) > MAX_COMMANDS:
+        raise CommandError(f"packet: expected at most {MAX_COMMANDS} commands, got {len(said)}")
+    found = []
+    for word, arguments in said:
         names = _names(word)
         if names and len(arguments) > len(names):
             raise CommandError(f"{word}: expected {', '.join(names)}, got {len(arguments)}")
@@ -88,7 +113,8 @@ def _made(word: str, given: Mapping[str, Any]) -> Command:
 
 
 def _as(kind: type, name: str, value: Any) -> Any:  # noqa: ANN401 - of the kind that is asked for
-    if kind is str and isinstance(value, str):
+    # JSON can write half a character, which no other transport can.
+    if kind is str and isinstance(value, str) and value.encode(errors="replace").decode() == value:
         return value
     number = kind is not str and isinstance(value, int | float) and abs(value) <= _MAX_NUMBER
     if number and (kind is float or value == int(value)):

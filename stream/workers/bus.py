@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from kinespace.stream.workers.certificates import tls_of
+from kinespace.stream.workers.certificates import admitting
 from kinespace.stream.workers.terms import MAX_LIBRARY
 
 #: Where a gateway listens by default.
@@ -108,7 +108,7 @@ def _config(zenoh: Any, listen: Sequence[str], connect: Sequence[str], file: Pat
         ours |= {"connect/endpoints": list(connect), "connect/exit_on_failure": False}
         ours["connect/retry"] = {"period_init_ms": 100, "period_max_ms": 250, "period_increase_factor": 2}
     if keys and any(each.startswith(_PROVING) for each in (*listen, *connect)):
-        ours["transport/link/tls"] = tls_of(keys)
+        ours |= admitting(keys)
     try:
         for name, value in ours.items():
             config.insert_json5(name, json.dumps(value))

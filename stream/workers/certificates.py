@@ -1,7 +1,8 @@
 """Certificates for Zenoh (TLS): who may join, and whom we join; made and kept next to the keys for ZeroMQ.
 
 A folder holds our own certificate, `NAME.pem`, its secret key, `NAME.pem_secret`, and the certificates, `*.pem`, of all
-that are admitted. Each certificate stands for itself: no authority has signed it, and no other is believed.
+that are admitted. Each certificate stands for itself. Zenoh would believe a certificate that an admitted key has
+signed; what it sends is dropped, and it gets nothing, unless it bears an admitted name.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import base64
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from kinespace.stream.zeromq.keys import SECRET_MODE, require_own
+from kinespace.stream.zeromq.keys import SECRET_MODE, both_or_none, require_own
 
 #: The ending of a certificate.
 PUBLIC = ".pem"
@@ -39,20 +40,27 @@ def make_certificate(folder: Path, name: str) -> tuple[Path, Path]:
     since, number = datetime.now(UTC) - timedelta(days=1), x509.random_serial_number()
     made = x509.CertificateBuilder(own, own, key.public_key(), number, since, since + _LASTS)
     pem, nobody = serialization.Encoding.PEM, serialization.NoEncryption()
-    public, secret = folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}"
-    secret.touch(SECRET_MODE, exist_ok=False)
-    secret.write_bytes(key.private_bytes(pem, serialization.PrivateFormat.PKCS8, nobody))
-    public.write_bytes(made.sign(key, hashes.SHA256()).public_bytes(pem))
+    with both_or_none(folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}") as (public, secret):
+        secret.touch(SECRET_MODE, exist_ok=False)
+        secret.write_bytes(key.private_bytes(pem, serialization.PrivateFormat.PKCS8, nobody))
+        public.write_bytes(made.sign(key, hashes.SHA256()).public_bytes(pem))
     return public, secret
 
 
-def tls_of(folder: Path) -> dict[str, object]:
-    """Give Zenoh's configuration of TLS by the certificates in a folder, both ends of each connection proved.
+#: All that is sent by Zenoh.
+_MESSAGES = (
+    *("put", "delete", "query", "reply", "declare_subscriber", "declare_queryable"),
+    *("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
+)
+
+
+def admitting(folder: Path) -> dict[str, object]:
+    """Give Zenoh's configuration by the certificates in a folder, both ends of each connection proved and named there.
 
     Raises
     ------
     ValueError
-        There is not exactly one secret key, or others may read it.
+        There is not exactly one secret key, or others may read it, or may add certificates.
     OSError
         A file cannot be read.
     """
@@ -60,9 +68,22 @@ def tls_of(folder: Path) -> dict[str, object]:
     if len(secrets) != 1:
         raise ValueError(f"keys: expected one file *{SECRET} in {folder}, got {len(secrets)}")
     require_own(secrets[0])
+    from cryptography import x509  # noqa: PLC0415 - an extra
+
     known = b"".join(path.read_bytes() for path in sorted(folder.glob(f"*{PUBLIC}")))
+    subjects = [each.subject for each in x509.load_pem_x509_certificates(known)]
+    names = [str(each.value) for name in subjects for each in name.get_attributes_for_oid(x509.NameOID.COMMON_NAME)]
+    everything = {"id": "all", "permission": "allow", "messages": _MESSAGES, "flows": ["ingress", "egress"]}
+    access = {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [everything | {"key_exprs": ["**"]}],
+        "subjects": [{"id": "known", "cert_common_names": names}],
+        "policies": [{"rules": ["all"], "subjects": ["known"]}],
+    }
     own = {"certificate": str(secrets[0].with_suffix(PUBLIC)), "private_key": str(secrets[0])}
     ends = {f"{end}_{what}": path for end in ("listen", "connect") for what, path in own.items()}
     # The certificates that are there are known one by one; the host that they are on says nothing more.
     ours = {"enable_mtls": True, "verify_name_on_connect": False}
-    return {"root_ca_certificate_base64": base64.b64encode(known).decode(), **ours, **ends}
+    tls = {"root_ca_certificate_base64": base64.b64encode(known).decode(), **ours, **ends}
+    return {"transport/link/tls": tls, "access_control": access}

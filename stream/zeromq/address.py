@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from ipaddress import IPv4Network
 from typing import NamedTuple
 
 import zmq
@@ -24,7 +26,7 @@ _ASK_TIMES = 5
 #: Milliseconds in which a new connection must have shown that it speaks ZeroMQ and, with keys, its key.
 _MAX_HANDSHAKE = 3000
 #: Hosts of this machine, as addresses name them.
-_THIS_MACHINE = ("localhost", "127.", "[::1]")
+_THIS_MACHINE = r"localhost|127(\.\d{1,3}){3}|\[::1\]"
 
 
 class Endpoint(NamedTuple):
@@ -62,7 +64,7 @@ class Endpoint(NamedTuple):
     def is_open_to_others(self) -> bool:
         """Whether the other end may be another machine."""
         transport, _, place = self.address.partition("://")
-        if transport in ("ipc", "inproc") or not place or place.startswith(_THIS_MACHINE):
+        if transport in ("ipc", "inproc") or not place or re.fullmatch(_THIS_MACHINE, place.rpartition(":")[0]):
             return False
         return transport == "tcp" or bool(zmq.has(transport))
 
@@ -91,6 +93,10 @@ class Endpoint(NamedTuple):
                 f"address: expected --keys, --allow-from or --open with {self.address}, because other machines reach "
                 "it, got none of them"
             )
+        # Sockets without IPv6 meet no such peer, and refuse filters for it.
+        filters = [each for each in networks if isinstance(each, IPv4Network)] if self.bind else []
+        if networks and self.bind and not filters:
+            raise ValueError(f"address: expected a network of IPv4 for {self.address}, got {networks[0]}")
         context = keyring.context if keyring else zmq.Context.instance()
         opened: zmq.Socket[bytes] = context.socket(kind)
         opened.linger = 0
@@ -101,7 +107,7 @@ class Endpoint(NamedTuple):
         opened.setsockopt(zmq.TCP_KEEPALIVE_IDLE, _ASK_AFTER)
         opened.setsockopt(zmq.TCP_KEEPALIVE_INTVL, _ASK_EVERY)
         opened.setsockopt(zmq.TCP_KEEPALIVE_CNT, _ASK_TIMES)
-        for network in networks if self.bind else ():
+        for network in filters:
             opened.setsockopt(zmq.TCP_ACCEPT_FILTER, str(network).encode())
         try:
             if keyring:

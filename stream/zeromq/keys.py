@@ -7,6 +7,8 @@ are admitted. `zmq.auth` makes, reads and checks them, so that every other progr
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
@@ -50,18 +52,29 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
 
     if not name or name.startswith(".") or not name.isprintable() or set(name) & set("/\\*?[]"):
         raise ValueError(f"keys: expected a name for files, got {name!r}")
-    public, secret = folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}"
-    for path in (public, secret):
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with both_or_none(folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}") as (public, secret):
+        # No other user may read the secret key between its writing and a change of the file's mode.
+        mask = os.umask(0o777 & ~SECRET_MODE)
+        try:
+            create_certificates(folder, name)
+        finally:
+            os.umask(mask)
+    return public, secret
+
+
+@contextmanager
+def both_or_none(*paths: Path) -> Iterator[Sequence[Path]]:
+    """Leave no half of a pair of new files when the other cannot be written; FileExistsError where one is there."""
+    for path in paths:
         if path.exists():
             raise FileExistsError(0, "there are keys of this name already", str(path))
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    # No other user may read the secret key between its writing and a change of the file's mode.
-    mask = os.umask(0o777 & ~SECRET_MODE)
     try:
-        create_certificates(folder, name)
-    finally:
-        os.umask(mask)
-    return public, secret
+        yield paths
+    except BaseException:
+        for path in paths:
+            path.unlink(missing_ok=True)
+        raise
 
 
 class Keyring:
@@ -83,7 +96,7 @@ class Keyring:
     Raises
     ------
     ValueError
-        There is not exactly one secret key, others may read it, or a file holds no key.
+        There is not exactly one secret key, others may read it or add keys, or a file holds no key.
     OSError
         A file cannot be read.
     """
@@ -173,7 +186,12 @@ def _is_key(key: bytes) -> bool:
         return False
 
 
-def require_own(path: Path) -> None:
-    """Refuse a file with a secret that others than its owner may read (ValueError)."""
-    if os.name == "posix" and (mode := path.stat().st_mode & 0o777) & 0o077:
-        raise ValueError(f"{path}: expected a file that its owner alone may read (chmod 600), got mode {mode:o}")
+def require_own(secret: Path) -> None:
+    """Refuse a secret that others may read, and a folder to which, or whose files, anybody may write (ValueError)."""
+    if os.name != "posix":
+        return
+    if (mode := secret.stat().st_mode & 0o777) & 0o077:
+        raise ValueError(f"{secret}: expected a file that its owner alone may read (chmod 600), got mode {mode:o}")
+    for path in (secret.parent, *secret.parent.iterdir()):
+        if (mode := path.stat().st_mode & 0o777) & 0o002:
+            raise ValueError(f"{path}: expected what its owner alone may write to (chmod go-w), got mode {mode:o}")

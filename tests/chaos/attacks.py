@@ -57,6 +57,21 @@ def publish(messages: Callable[[], Iterator[list[bytes]]], rate: float, place: P
         _paced(lambda: publisher.send_multipart(next(made)), rate or _BYTES / sum(map(len, next(made))), stop)
 
 
+def many_ports(place: Place, stop: Event) -> None:
+    """Send right frames of 31 performers, each from a port of its own, 500 a second of each."""
+    with ExitStack() as opened:
+        senders = [opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(31)]
+        frames = [[_body(f"p{place}", 1.0 + number / 500) for number in range(5000)] for place in range(31)]
+        turns = cycle([*zip(senders, each, strict=True)] for each in zip(*frames, strict=True))
+        by_turns = (each for turn in turns for each in turn)
+
+        def send() -> None:
+            sender, packet = next(by_turns)
+            sender.sendto(packet, place.osc)
+
+        _paced(send, 31 * 500, stop)
+
+
 # --- packets by OSC ---
 
 
@@ -121,6 +136,17 @@ def many_performers() -> Iterator[bytes]:
 def crowd() -> Iterator[bytes]:
     """Give frames of 20 performers by turns, 60 a second of each."""
     return (_body(f"p{number % 20}", 1.0 + number // 20 / 60) for number in count())
+
+
+def valid_performers() -> Iterator[bytes]:
+    """Give frames of 1,500 performers by turns, 12 a second of each: as few as make a performer."""
+    return (_body(f"p{number % 1500}", 1.0 + number // 1500 / 12) for number in count())
+
+
+def commands() -> Iterator[bytes]:
+    """Give datagrams of 255 commands, and of 8."""
+    said = [("/motion/teach/last", INNOCENT, 3.0, "bow")], [("/motion/teach/undo",)]
+    return cycle([bundle(*[osc.encode_message(*each)] * times) for (each,) in said for times in (255, 8)])
 
 
 # --- messages by ZeroMQ ---

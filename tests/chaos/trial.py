@@ -60,6 +60,8 @@ class Trial(NamedTuple):
     deed
         An action on the recogniser, from our own process, for about the given seconds, with a folder for files; gives
         a line about it for people.
+    prepared
+        Puts what the options name into the folder for files.
     killed
         Whether the recogniser is killed (`kill -9`) and started again on the same ports.
     options
@@ -74,6 +76,7 @@ class Trial(NamedTuple):
     first: bool = False
     fault: Fault | None = None
     deed: Callable[[Program, Path, float], str] | None = None
+    prepared: Callable[[Path], object] | None = None
     killed: bool = False
     options: Sequence[str] = ()
     lasts: float = 1.0
@@ -159,6 +162,8 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outco
     with ExitStack() as opened:
         folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
         options = [[option.format(folder=folder, number=number) for option in trial.options] for number in (0, 1)]
+        if trial.prepared:
+            trial.prepared(folder)
         program = opened.enter_context(started(options[0]))
         place = program.place()
         ready, go, stop = context.Semaphore(0), context.Event(), context.Event()

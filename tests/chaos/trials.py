@@ -16,6 +16,7 @@ from chaos.performer import FRAME_RATE, Fault
 from chaos.trial import Trial, kept, page_of
 from numpy.typing import NDArray
 
+from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
 from kinespace.tools.feeding.feed import Cue
@@ -143,6 +144,13 @@ def _kill_a_recorder(_: Program, folder: Path, seconds: float) -> str:
     return f"{kept(recording)} of {sent:,}"
 
 
+def _large_library(folder: Path) -> None:
+    """Make a library of four times as many classes as the built-in one's."""
+    builtin = MotionLibrary.builtin()
+    motions = [replace(each, class_name=f"{each.class_name} {n}") for n in range(4) for each in builtin.motions]
+    replace(builtin, motions=tuple(motions)).save(folder / "large.npz", compressed=False)
+
+
 TRIALS: tuple[Trial, ...] = (
     Trial("nothing"),
     Trial("nothing, by ZeroMQ", over="zmq"),
@@ -172,6 +180,18 @@ TRIALS: tuple[Trial, ...] = (
     Trial("the performer's clock jumps by 1,000 s and back", fault=_late_clock),
     Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
     Trial("15 % of a core, 20 more performers at 60 Hz", partial(flood, attacks.crowd, 20 * 60), deed=_slow, lasts=2.0),
+    Trial("31 strangers, a port each, 500 right frames a second", attacks.many_ports),
+    Trial(
+        "1,500 performers of one port, 12 frames a second",
+        partial(flood, attacks.valid_performers, 1500 * 12),
+        options=("--performers", "3000"),
+    ),
+    Trial(
+        "20 datagrams a second of 255 or 8 commands",
+        partial(flood, attacks.commands, 20),
+        options=("--teach", "{folder}/mine.npz"),
+    ),
+    Trial("a library four times as large", prepared=_large_library, options=("--library", "{folder}/large.npz")),
     Trial("answers to a closed port", options=("--osc-out", "127.0.0.1:9")),
     Trial("disk full while recording", deed=_full_disk, options=("--record", "{folder}/a.kinerec")),
     Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/a{number}.kinerec")),

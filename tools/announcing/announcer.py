@@ -6,16 +6,18 @@ machine alone.
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import json
 import socket
 import threading
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
+from functools import partial
 from typing import Any
 
+from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
-from websockets.sync.server import ServerConnection, serve
 
 from kinespace.stream.outputs import Sink
 from kinespace.stream.packet import Networks, is_within
@@ -25,10 +27,31 @@ from kinespace.tools.announcing.finding import OSC_SERVICE
 from kinespace.tools.page.requests import Gate, response
 
 QUERY_SERVICE = "_oscjson._tcp.local."
-#: Seconds that a client may take for a request.
-_MAX_REQUEST = 5.0
+#: Seconds that a client may take for a request, and clients at once, at most: their threads would take the
+#: recogniser's time.
+_MAX_REQUEST, MAX_CLIENTS = 5.0, 32
 #: Seconds in which mDNS says farewell, at most.
 _MAX_FAREWELL = 5.0
+
+
+class _Connection(ServerConnection):
+    """A client's connection; one client too many is let go."""
+
+    def __init__(self, here: set[_Connection], *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - passed on
+        super().__init__(*arguments, **options)
+        self.here = here
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin to read the request."""
+        super().connection_made(transport)
+        self.here.add(self)
+        if len(self.here) > MAX_CLIENTS:
+            self.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Make room for another one."""
+        self.here.discard(self)
+        super().connection_lost(exc)
 
 
 class Announcer(Sink):
@@ -47,6 +70,8 @@ class Announcer(Sink):
     ----------
     name, address
         What it is called in messages, and the address of the description.
+    clients
+        The connections now.
 
     Raises
     ------
@@ -64,17 +89,15 @@ class Announcer(Sink):
         self._gate, self._networks = Gate.for_host(host), networks
         listening = socket.create_server((host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
         self._query_port = listening.getsockname()[1]
-        # Every request gets its answer at once: no WebSocket is ever opened.
-        self._server = serve(
-            lambda _: None, sock=listening, process_request=self._answer, open_timeout=_MAX_REQUEST, compression=None,
-            server_header=None,
-        )  # fmt: skip
         self.address = f"http://{host}:{self._query_port}/"
         self._zeroconf: Any = None
-        self._ended = threading.Event()
-        serving = threading.Thread(target=self._server.serve_forever, name="kinespace OSCQuery", daemon=True)
+        self.clients = set[_Connection]()
+        self._ended, self._loop, self._closed = threading.Event(), asyncio.SelectorEventLoop(), asyncio.Event()
+        # A client that comes when no more files may be opened waits.
+        self._loop.set_exception_handler(lambda *_: None)
+        self._serving = threading.Thread(target=self._serve, args=(listening,), name="kinespace OSCQuery", daemon=True)
         self._announcing = threading.Thread(target=self._announce, args=place, name="kinespace mDNS", daemon=True)
-        serving.start()
+        self._serving.start()
         self._announcing.start()
 
     def publish_classes(self, classes: Sequence[str]) -> None:
@@ -86,6 +109,22 @@ class Announcer(Sink):
         """Describe the performers who are followed, to this machine alone."""
         if self._near and [*status.performers] != [*self._known.performers]:
             self._known = self._known._replace(performers=tuple(status.performers))
+
+    def _serve(self, listening: socket.socket) -> None:
+        """Answer clients until we are closed."""
+        with closing(self._loop):
+            self._loop.run_until_complete(self._run(listening))
+
+    async def _run(self, listening: socket.socket) -> None:
+        made: Any = partial(_Connection, self.clients)
+        # Every request gets its answer at once: no WebSocket is ever opened.
+        async with serve(
+            _nothing, sock=listening, process_request=self._answer, create_connection=made, compression=None,
+            open_timeout=_MAX_REQUEST, server_header=None,
+        ):  # fmt: skip
+            await self._closed.wait()
+            for each in self.clients:
+                each.transport.abort()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response:
         """Answer a request for a path, with its query."""
@@ -114,7 +153,12 @@ class Announcer(Sink):
     def close(self) -> None:
         """Say farewell, and close all sockets."""
         self._ended.set()
-        self._server.shutdown()
+        self._loop.call_soon_threadsafe(self._closed.set)
+        self._serving.join()
         self._announcing.join(_MAX_FAREWELL)
         if self._zeroconf:
             self._zeroconf.close()
+
+
+async def _nothing(_: ServerConnection) -> None:
+    """Serve a WebSocket, of which there is none."""

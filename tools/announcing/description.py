@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
-from urllib.parse import unquote, urlsplit
+from urllib.parse import unquote
 
 from kinespace.stream.osc import SKELETON, address_part
 from kinespace.stream.recognition import GONE, EventKind, Outcome
@@ -97,16 +97,16 @@ def reply(root: _Node, info: _Node, target: str) -> tuple[int, _Node | None]:
     target
         The path with its query: an OSC address, and perhaps an attribute or HOST_INFO.
     """
-    split = urlsplit(target)
-    if split.query == "HOST_INFO":
+    path, _, query = target.partition("?")
+    if query == "HOST_INFO":
         return 200, info
     node: _Node | None = root
-    for part in filter(None, unquote(split.path).split("/")):
+    for part in filter(None, unquote(path).split("/")):
         node = (node or {}).get("CONTENTS", {}).get(part)
     if node is None:
         return 404, None
-    if not split.query:
+    if not query:
         return 200, node
-    if split.query not in _ATTRIBUTES:
+    if query not in _ATTRIBUTES:
         return 400, None
-    return (200, {split.query: node[split.query]}) if split.query in node else (204, None)
+    return (200, {query: node[query]}) if query in node else (204, None)

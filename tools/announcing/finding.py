@@ -67,17 +67,19 @@ def announced(wanted: str = "") -> list[Found]:
     """
     if not is_possible():
         return []
-    from zeroconf import InterfaceChoice, ServiceBrowser, ServiceInfo, Zeroconf  # noqa: PLC0415 - an extra
+    from zeroconf import Error, InterfaceChoice, ServiceBrowser, ServiceInfo, Zeroconf  # noqa: PLC0415 - an extra
 
     found, names, until = dict[str, Found](), SimpleQueue[str](), time.monotonic() + WITHIN
     asked = deque[str]()
 
     # It asks nothing itself: its thread may still be at work when the network is closed.
     def meet(*, name: str, **_: object) -> None:
-        names.put(name)
+        # Anybody may announce anything: what cannot be a name is never shown, nor asked for.
+        if is_name(_title(name)):
+            names.put(name)
 
     # A machine without a network has nobody to find.
-    with suppress(OSError), closing(Zeroconf(InterfaceChoice.All)) as network:
+    with suppress(OSError, Error), closing(Zeroconf(InterfaceChoice.All)) as network:
         ServiceBrowser(network, OSC_SERVICE, handlers=[meet])
         while wanted.casefold() not in map(str.casefold, found) and (left := until - time.monotonic()) > 0:
             with suppress(Empty):
@@ -88,9 +90,11 @@ def announced(wanted: str = "") -> list[Found]:
             # The one that is wanted has every turn from when it is heard of.
             name = next((each for each in asked if _title(each).casefold() == wanted.casefold()), asked[0])
             asked.remove(name)
-            info = ServiceInfo(OSC_SERVICE, name)
-            # What came with the announcement need not be asked for.
-            told = info.load_from_cache(network) or info.request(network, 1000 * min(left, _TURN))
+            told = False
+            with suppress(Error):
+                info = ServiceInfo(OSC_SERVICE, name)
+                # What came with the announcement need not be asked for.
+                told = info.load_from_cache(network) or info.request(network, 1000 * min(left, _TURN))
             if not told:
                 asked.append(name)
             elif info.port and (addresses := info.parsed_addresses()):

@@ -12,7 +12,7 @@ import os
 import platform
 
 from kinespace.library import compiled
-from kinespace.tools.bench import against, scale, sockets, stages
+from kinespace.tools.bench import scale, sockets, stages
 from kinespace.tools.bench.report import Plan, rounded
 from kinespace.tools.cli.arguments import add_shared, count, positive
 from kinespace.tools.terminal.console import console, say
@@ -27,19 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "seconds of a run of sockets or scale (default %(default)s)"
     parser.add_argument("--seconds", type=positive, default=20.0, help=text)
     parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
-    text = "with stages: the commit whose costs are measured by turns with these, from a checkout"
-    parser.add_argument("--against", metavar="COMMIT", help=text)
     add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
     plan = Plan(options.seconds, options.crowd)
-    if options.against and options.part != "stages":
-        raise ValueError(f"--against: expected the part stages with it, got {options.part}")
     figures = dict.fromkeys(name for part in PARTS.values() for name in part.FIGURES)
     for part in [part for name, part in PARTS.items() if options.part in (name, "all")]:
-        measured = against.measure(options.against) if options.against else part.measure(plan)
+        measured = part.measure(plan)
         figures |= {name: rounded(value) for name, value in measured.figures.items()}
         for table in () if options.json else measured.tables:
             console.print(table, "")

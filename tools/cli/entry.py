@@ -16,6 +16,8 @@ def main() -> int:
     """
     for name in _THREADS:
         os.environ.setdefault(name, "1")
+    # No process that this one starts imports what lies in the current folder: a stranger's recordings, say.
+    os.environ["PYTHONSAFEPATH"] = "1"
     try:
         from kinespace.tools.cli.interruption import interrupt_on_signals  # noqa: PLC0415 - as below
 

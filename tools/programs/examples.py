@@ -33,7 +33,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     for name in files:
         say(f"{name}  (joint names)" if name.endswith(".toml") else name)
-    say(f"\nkinespace examples NAME > NAME keeps one; {PAGE} in the sources says what each needs.")
+    say("")
+    say(f"kinespace examples NAME > NAME keeps one; {PAGE} in the sources says what each needs.")
     return 0
 
 

@@ -28,11 +28,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    public, secret = make_keys(options.keys or Path(options.name), options.name)
-    made = [(public, secret)]
-    # An extra: only gateways and workers use certificates.
-    with suppress(ImportError):
-        made.append(make_certificate(public.parent, options.name))
+    made, there = list[tuple[Path, Path]](), list[FileExistsError]()
+    for make in (make_keys, make_certificate):
+        # The certificate's package is an extra: only gateways and workers use it, and it may have come later.
+        with suppress(ImportError):
+            try:
+                made.append(make(options.keys or Path(options.name), options.name))
+            except FileExistsError as error:
+                there.append(error)
+    if not made:
+        raise there[0]
     for line in (f"{each}: {advice}" for pair in made for each, advice in zip(pair, _ADVICE, strict=True)):
         say(line)
     return 0

@@ -25,7 +25,7 @@ from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.terminal.console import console, printable, say
+from kinespace.tools.terminal.console import console, say
 from kinespace.tools.terminal.tables import table_of
 
 #: The preset of our own messages, whose joints need not be named.
@@ -229,7 +229,7 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
         if named := named_joints(survey):
             say(summary(named.title or "our", named.joints))
         if guess.frames:
-            say(f"performers: {', '.join(map(printable, guess.performers))}, {guess.rate:.1f} frames per second each")
+            say(f"performers: {', '.join(guess.performers)}, {guess.rate:.1f} frames per second each")
     for line in lines:
         say(line)
 

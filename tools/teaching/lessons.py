@@ -14,7 +14,7 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Event
-from kinespace.stream.service.loop import Recognising
+from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.tools.teaching.opener import Change, RosterOpener
 from kinespace.tools.teaching.roster_file import RosterFile
@@ -91,6 +91,8 @@ class Lessons(Sink):
         match asked.command:
             case None:
                 notices: Iterable[Notice | Changed] = [State("", Step.REFUSED, 0.0, asked.refusal)]
+            case commands.Reset(performer):
+                notices = [State(performer, Step.DONE, 0.0, "counts from 1")]
             case commands.Save():
                 self._file.save(self._teacher.roster, asked=True)
                 notices = [State("", Step.CHECKING, 0.0, "saving")]
@@ -101,7 +103,7 @@ class Lessons(Sink):
                 notices = map(self._explained, self._teacher.command(command, self._clock()))
         states = self._publish(notices)
         if asked.reply:
-            asked.reply(states, self._described())
+            asked.reply(states, self._described() if asked.command else {})
         return states
 
     @property
@@ -159,19 +161,17 @@ class Lessons(Sink):
                 self._opener.open(Change(each.roster, self.performers.settings, each.number, before))
                 continue
             states += [each] if isinstance(each, State) else []
-            for sink in self.sinks:
-                sink.publish_notice(each)
+            tell(self.sinks, Sink.publish_notice, each)
         return states
 
     def _exchange(self, roster: Roster, index: WindowIndex | None) -> Sequence[Notice | Changed]:
         """Let the recognisers compare with the opened roster."""
         self.classes = self._places.of(roster)
         ended = self.performers.exchange(index, self.classes) if index else []
-        for sink in self.sinks:
-            # Without a library no start was published.
-            for event in ended if self.answers else ():
-                sink.publish_event(event)
-            sink.publish_classes(self.classes)
+        # Without a library no start was published.
+        for event in ended if self.answers else ():
+            tell(self.sinks, Sink.publish_event, event)
+        tell(self.sinks, Sink.publish_classes, self.classes)
         self.answers = index is not None
         return ()
 

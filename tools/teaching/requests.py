@@ -9,7 +9,7 @@ from dataclasses import replace
 import zmq
 
 from kinespace.stream.frame import Admitted
-from kinespace.stream.inputs.commands import may_command
+from kinespace.stream.inputs.commands import TOO_MANY, Quota, may_command
 from kinespace.stream.packet import Networks
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import Asked, State, wire
@@ -53,7 +53,7 @@ class RequestSource:
     ) -> None:
         self.pollable = endpoint.open(zmq.REP, networks, keyring)
         self._commanding, self._keyed = commanding, keyring is not None
-        self._counts = InputCounts()
+        self._counts, self._quota = InputCounts(), Quota()
         #: Whether a request waits for its reply; the socket takes none before.
         self._owes = False
 
@@ -67,10 +67,10 @@ class RequestSource:
 
     @property
     def counts(self) -> InputCounts:
-        """Counts of requests of strangers; a copy."""
+        """Counts of requests that nobody obeyed; a copy."""
         return replace(self._counts)
 
-    def take(self, arrival: float) -> Sequence[Asked] | None:  # noqa: ARG002 - as in a source
+    def take(self, arrival: float) -> Sequence[Asked] | None:
         """Take in one request; None when none waits, or while one waits for its reply."""
         if self._owes:
             return None
@@ -79,21 +79,20 @@ class RequestSource:
         except zmq.Again:
             return None
         self._owes = True
-        return [self._asked(request)]
+        return [self._asked(request, arrival)]
 
-    def _asked(self, request: zmq.Frame) -> Asked:
+    def _asked(self, request: zmq.Frame, now: float) -> Asked:
         peer = str(request.get("Peer-Address") or "")
         if peer and not self._keyed and not may_command((peer, 0), self._commanding):
             self._counts.foreign += 1
-            return Asked(None, f"a control message from {peer}: see --allow-from", self._refuse)
+            return Asked(None, f"a control message from {peer}: see --allow-from", self._reply)
+        if not self._quota.allows(peer, 1, now):
+            self._counts.foreign += 1
+            return Asked(None, TOO_MANY, self._reply)
         try:
             return Asked(wire.decode_json(request.bytes), "", self._reply)
         except CommandError as error:
             return Asked(None, str(error), self._reply)
-
-    def _refuse(self, states: Sequence[State], _: Mapping[str, object]) -> None:
-        """Reply to a stranger, who learns nothing about the classes."""
-        self._reply(states, {})
 
     def _reply(self, states: Sequence[State], described: Mapping[str, object]) -> None:
         reply = {"states": [wire.as_json(each) for each in states], **described}

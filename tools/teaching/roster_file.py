@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.teaching.examples import Roster
+from kinespace.library.motion_library import MotionLibrary, library_file
+from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import State, Step
 
-#: Seconds between two attempts to save, and between the ends of two saves: further changes are saved together.
-_AGAIN, _TOGETHER = 1.0, 0.2
+#: Seconds between two attempts to save, between the ends of two saves, and between two looks whether it is time.
+_AGAIN, _TOGETHER, _LOOK = 1.0, 0.2, 0.1
+#: Seconds without a change after which the whole file is written, and examples that wait for that, at most.
+_QUIET, _MOST_NEW = 3.0, 64
 #: Seconds after which a file that a killed program left half written is deleted.
 _ABANDONED = 60.0
 
 
 class RosterFile:
     """Reads the taught library, and saves rosters in its place; one program at a time has it.
+
+    New examples are written at once into a file of their own beside the library (`library_file.beside`), which every
+    reader of the library adds to it: writing all examples takes a second. They come into the file itself when nothing
+    has changed for some seconds, at the end, and with every other change.
 
     Parameters
     ----------
@@ -48,36 +56,47 @@ class RosterFile:
     def __init__(self, path: Path) -> None:
         if not path.absolute().parent.is_dir():
             raise FileNotFoundError(f"{path}: no such folder")
-        self._path, real = path.absolute(), path.resolve()
-        self._lock_path = real.with_name(f".{real.name}.lock")
-        self._lock = _locked(self._lock_path, path)
+        self._path, self._new_path = path.absolute(), library_file.beside(path, "new")
+        self._lock = ExitStack()
+        self._lock.enter_context(library_file.locked(path, for_long=True))
         try:
-            _tidy(real)
+            _tidy(path.resolve())
             self.library = MotionLibrary.load(path) if path.exists() else None
+            if self.library and self._new_path.exists():
+                library_file.write(path.resolve(), self.library.contents)
+            self._new_path.unlink(missing_ok=True)
         except BaseException:
-            self._unlock()
+            self._lock.close()
             raise
-        #: The examples in the file, and in the copy of the file before examples were lost.
-        self._before = Roster.of_library(self.library) if self.library else Roster()
-        self._held = len(self._before.examples)
+        #: The examples that the file had, that are in the file itself now with their library, that would survive now,
+        #: and the newest, with the moment since which they are.
+        self._before = self._in_file = self._safe = self._newest = (
+            Roster.of_library(self.library) if self.library else Roster()
+        )
+        self._written, self._since = self.library, -math.inf
+        #: Examples in the copy of the file before examples were lost.
         self._copied = 0
-        self._newest: Roster | None = None
-        self._asked = self._failed = False
-        self._guard, self._wake, self._ending = threading.Lock(), threading.Event(), threading.Event()
+        self._asked = self._failed = self._ending = False
+        #: Woken by every change; and held while the file of new examples is written or goes.
+        self._wake, self._adding = threading.Condition(), threading.Lock()
         self._said: queue.SimpleQueue[State] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._work, name="kinespace file", daemon=True)
-        self._thread.start()
+        self._threads = [
+            threading.Thread(target=work, name=f"kinespace {name}", daemon=True)
+            for work, name in ((self._add, "examples"), (self._work, "file"))
+        ]
+        for thread in self._threads:
+            thread.start()
 
     @property
     def has_unsaved(self) -> bool:
-        """Whether there are changes that are not in the file."""
-        return self._newest is not None
+        """Whether there are changes that would be lost."""
+        return self._newest is not self._safe
 
     def save(self, roster: Roster, *, asked: bool = False) -> None:
         """Save a roster soon; the newest one counts. Whether somebody asked for it, and waits until it is written."""
-        with self._guard:
-            self._newest, self._asked = roster, self._asked or asked
-        self._wake.set()
+        with self._wake:
+            self._newest, self._since, self._asked = roster, time.monotonic(), self._asked or asked
+            self._wake.notify_all()
 
     def states(self) -> Iterator[State]:
         """Give what is to be said since the last call."""
@@ -86,30 +105,79 @@ class RosterFile:
 
     def close(self) -> None:
         """Save the last changes, and let other programs have the file."""
-        self._ending.set()
-        self._wake.set()
-        self._thread.join()
-        self._unlock()
+        with self._wake:
+            self._ending = True
+            self._wake.notify_all()
+        for thread in self._threads:
+            thread.join()
+        self._lock.close()
+
+    def _wait(self, until: Callable[[], bool], longest: float | None = None) -> None:
+        with self._wake:
+            self._wake.wait_for(lambda: self._ending or until(), longest)
+
+    def _add(self) -> None:
+        """Write new examples beside the file, whenever there are some."""
+        while not self._ending:
+            self._wait(lambda: self.has_unsaved)
+            with self._adding:
+                roster = self._newest
+                self._write_new(roster)
+            # The other thread has to write what cannot be added.
+            self._wait(partial(self._is_past, roster))
+
+    def _is_past(self, roster: Roster) -> bool:
+        return self._newest is not roster
+
+    def _write_new(self, roster: Roster) -> bool:
+        """Write the examples that the file lacks beside it, if nothing else has changed; say whether that was done."""
+        new = self._new(roster)
+        if not new or self._written is None:
+            return False
+        skeleton = self._written.skeleton
+        try:
+            motions = MotionLibrary.of_clips([_completed(each.motion, self._written) for each in new]).motions
+            added = tuple(each.restricted_to(skeleton.joints).as_of(skeleton) for each in motions)
+            library_file.write(self._new_path, library_file.Contents(skeleton, added, None), compressed=False)
+        except (OSError, ValueError):
+            # The other thread is to try at once, and says why it fails.
+            self._since = -math.inf
+            return False
+        self._safe = roster
+        return True
+
+    def _new(self, roster: Roster) -> list[Example] | None:
+        """Give the examples that the file lacks; None where anything else has changed."""
+        before = {*map(_key, self._in_file.examples)}
+        new = [each for each in roster.examples if _key(each) not in before]
+        return new if len(new) + len(before) == len(roster.examples) else None
+
+    def _is_due(self) -> bool:
+        """Say whether the file itself is to be written now."""
+        if self._newest is self._in_file:
+            return self._asked
+        new = None if self._asked or self._written is None else self._new(self._newest)
+        return new is None or len(new) > _MOST_NEW or time.monotonic() - self._since > _QUIET
 
     def _work(self) -> None:
-        while not self._ending.is_set():
-            self._wake.wait(_AGAIN if self.has_unsaved else None)
-            self._wake.clear()
+        while not self._ending:
+            self._wait(lambda: self._newest is not self._in_file or self._asked)
+            self._wait(self._is_due, _LOOK)
+            if self._is_due():
+                self._write()
+                self._wait(lambda: False, _AGAIN if self._failed else _TOGETHER)
+        if self._newest is not self._in_file:
             self._write()
-            self._ending.wait(_TOGETHER)
-        self._write()
 
     def _write(self) -> None:
         """Write the newest roster; a failure is said once, and tried again later."""
-        with self._guard:
+        with self._wake:
             roster, asked, self._asked = self._newest, self._asked, False
-        if roster is None:
-            return
         try:
             real = self._path.resolve()
             self._keep_copy(real, roster)
             if library := self._library(roster):
-                library.save(real)
+                library_file.write(real, library.contents)
             else:
                 real.unlink(missing_ok=True)
         except (OSError, ValueError) as error:
@@ -119,18 +187,22 @@ class RosterFile:
                 self._say(Step.REFUSED, f"{name} was not saved: {why}; the taught motions are still in memory")
             self._failed = True
             return
-        asked, self._failed, self._held = asked or self._failed, False, len(roster.examples)
-        with self._guard:
-            self._newest = None if self._newest is roster else self._newest
+        with self._adding:
+            self._in_file = self._safe = roster
+            self._written = library
+            if not self._write_new(self._newest):
+                self._new_path.unlink(missing_ok=True)
+        asked, self._failed = asked or self._failed, False
         if asked:
-            saved = f"{self._path.name} saved, examples: {self._held}"
-            self._say(Step.DONE, saved if self._held else "nothing to save")
+            saved = f"{self._path.name} saved, examples: {len(roster.examples)}"
+            self._say(Step.DONE, saved if roster.examples else "nothing to save")
 
     def _keep_copy(self, file: Path, roster: Roster) -> None:
         """Keep a copy of a file that has more examples than will be there; a copy that has more yet is kept."""
-        if len(roster.examples) < self._held and self._held >= self._copied and file.exists():
+        held = len(self._in_file.examples)
+        if len(roster.examples) < held and held >= self._copied and file.exists():
             shutil.copy2(file, file.with_name(f"{file.stem}.before{file.suffix}"))
-            self._copied = self._held
+            self._copied = held
 
     def _library(self, roster: Roster) -> MotionLibrary | None:
         """Make a library of a roster; what was in the file and is not touched stays as it was."""
@@ -154,11 +226,10 @@ class RosterFile:
     def _say(self, step: Step, reason: str) -> None:
         self._said.put(State("", step, 0.0, reason))
 
-    def _unlock(self) -> None:
-        lock, self._lock = self._lock, None
-        if lock:
-            self._lock_path.unlink(missing_ok=True)
-            lock.close()
+
+def _key(example: Example) -> tuple[int, str, float, float, int]:
+    """Tell an example from others; the one that was read is another object than the one that was shown."""
+    return example.number, example.class_name, example.begin, example.end, example.recording.frames
 
 
 def _completed(clip: Clip, library: MotionLibrary) -> Clip:
@@ -171,21 +242,6 @@ def _completed(clip: Clip, library: MotionLibrary) -> Clip:
     distances = np.linalg.norm(body[:, None] - body[there], axis=2)
     places = [clip.skeleton.joints.index(joints[there[nearest]]) for nearest in distances.argmin(axis=1).tolist()]
     return replace(clip, skeleton=library.skeleton, positions=clip.positions[:, places])
-
-
-def _locked(path: Path, taught: Path) -> BinaryIO | None:
-    """Lock a file as long as this program runs; None where the system has no such locks."""
-    try:
-        import fcntl  # noqa: PLC0415 - there is none on Windows
-    except ImportError:
-        return None
-    file = path.open("wb")
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        file.close()
-        raise ValueError(f"{taught}: another kinespace teaches there; expected a file of its own") from error
-    return file
 
 
 def _tidy(path: Path) -> None:

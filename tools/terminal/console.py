@@ -7,7 +7,7 @@ import logging
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TextIO, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -58,26 +58,36 @@ class _Lines(logging.Formatter):
         return json.dumps({"time": moment, "level": level, "text": text, **facts})
 
 
+class _Handler(logging.StreamHandler[TextIO]):
+    """Writes lines; where the reader has gone, or the disk is full, that is the program's error, not a traceback."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802 - as logging calls it
+        """Raise the error that is being handled."""
+        raise  # noqa: PLE0704 - as above
+
+
 def log_as(kind: Literal["text", "json"]) -> None:
     """Write every line that is said from now on with the wall clock and a level."""
-    handler = logging.StreamHandler(sys.stdout)
+    handler = _Handler(sys.stdout)
     handler.setFormatter(_Lines(kind))
     _log.handlers, _log.propagate = [handler], False
     _log.setLevel(logging.INFO)
 
 
 def say(line: str | Text, facts: Mapping[str, object] | None = None, *, level: int = logging.INFO) -> None:
-    """Print a line, which the terminal breaks where it is narrow; where a log is kept, with its level and its facts."""
+    """Print one line, which the terminal breaks where it is narrow; in a log, with its level and its facts.
+
+    Whatever names are in it, it stays one line, and has no control characters.
+    """
     if _log.handlers:
-        for each in str(line).splitlines():
-            _log.log(level, "%s", each, extra={"facts": facts or {}})
+        _log.log(level, "%s", line, extra={"facts": facts or {}})
     else:
-        console.print(line, soft_wrap=True)
+        console.print(printable(line) if isinstance(line, str) else line, soft_wrap=True)
 
 
 def note(line: str) -> None:
     """Print a line that is no result where progress is shown: another program may read the results."""
-    progress_console.print(line, soft_wrap=True, markup=False, highlight=False)
+    progress_console.print(printable(line), soft_wrap=True, markup=False, highlight=False)
 
 
 def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:

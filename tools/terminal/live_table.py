@@ -112,14 +112,14 @@ class PlainLines(Sink):
         self._silence.note(recognition.performer)
         if recognition.label != before:
             say(
-                f"{recognition.time - began:10.3f} s  {printable(recognition.performer)}  {recognition.label}  "
+                f"{recognition.time - began:10.3f} s  {recognition.performer}  {recognition.label}  "
                 f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
                 _facts("label", recognition.performer, recognition.label, score=round(recognition.score, 4)),
             )
 
     def publish_gone(self, performer: str) -> None:
         """Print that a performer has left."""
-        say(f"performer {printable(performer)}: gone", {"what": "gone", "performer": performer})
+        say(f"performer {performer}: gone", {"what": "gone", "performer": performer})
 
     def publish_event(self, event: Event) -> None:
         """Print the event at the time of the performer's last answer, and its own time if that was earlier."""
@@ -127,7 +127,7 @@ class PlainLines(Sink):
         at = "" if event.time >= last else f" at {event.time - began:.3f} s"
         moment = max(event.time, last) - began
         say(
-            f"{moment:10.3f} s  {printable(event.performer)}  {event.kind}: {event.label}{at}",
+            f"{moment:10.3f} s  {event.performer}  {event.kind}: {event.label}{at}",
             _facts(event.kind, event.performer, event.label),
         )
 
@@ -135,7 +135,7 @@ class PlainLines(Sink):
         """Print the motion that was done, at the time of the performer's last answer."""
         _, began, last = self._last.get(done.performer, ("", done.start, done.end))
         say(
-            f"{last - began:10.3f} s  {printable(done.performer)}  done: {done.label} {done.count}, "
+            f"{last - began:10.3f} s  {done.performer}  done: {done.label} {done.count}, "
             f"{done.duration:.1f} s, speed {done.speed:.2f}, amplitude {done.amplitude:.2f}",
             _facts("done", done.performer, done.label, count=done.count),
         )
@@ -144,7 +144,7 @@ class PlainLines(Sink):
         """Forget performers that have left, so that their return is printed."""
         self._last = {name: last for name, last in self._last.items() if name in status.performers}
         self._silence.waits(status)
-        said = said_of(status) + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
+        said = said_of(status) + [f"performer {name}: no frames" for name in self._silence.of(self._last)]
         for line in said:
             if line not in self._said:
                 say(line, level=logging.WARNING)
@@ -154,11 +154,11 @@ class PlainLines(Sink):
             kind = note.partition(":")[0]
             if kind not in self._notes:
                 self._notes.add(kind)
-                say(printable(note), level=logging.WARNING)
+                say(note, level=logging.WARNING)
 
     def publish_notice(self, notice: Notice) -> None:
         """Print the notice."""
-        say(printable(as_line(notice)))
+        say(as_line(notice))
 
 
 def _facts(what: str, performer: str, class_name: str, **numbers: float) -> dict[str, object]:
@@ -254,7 +254,7 @@ class LiveTable(Sink):
             label = "no frames" if name in silent else title_of(last.label)
             cells.append(
                 (
-                    shortened(printable(name), _PERFORMER),
+                    shortened(name, _PERFORMER),
                     Text(shortened(doing, room), style="bold"),
                     Text(shortened(label, room), style="" if last.class_name and name not in silent else "dim"),
                     score_shown(last.score, width),
@@ -282,19 +282,19 @@ class LiveTable(Sink):
         status = self._status
         if status is None:
             return f"{len(self._classes)} classes"
-        lines = [f"{printable(name)} before: {', '.join(each.over)}" for name, each in shown.items() if each.over]
+        lines = [f"{name} before: {', '.join(each.over)}" for name, each in shown.items() if each.over]
         for name, done in ((name, list(each.done.items())[-_MOTIONS:]) for name, each in shown.items() if each.done):
-            lines.append(f"{printable(name)} done: {', '.join(f'{title_of(label)} {count}' for label, count in done)}")
-        lines += [f"performer {printable(name)}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
-        lines += [*said_of(status), *map(printable, status.notes)]
-        lines += [*(printable(as_line(each)) for each in self._taught), *([self.hint] if self.hint else ())]
-        return "\n".join([f"{len(self._classes)} classes · {counts(status)}", *lines])
+            lines.append(f"{name} done: {', '.join(f'{title_of(label)} {count}' for label, count in done)}")
+        lines += [f"performer {name}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
+        lines += [*said_of(status), *status.notes]
+        lines += [*(as_line(each) for each in self._taught), *([self.hint] if self.hint else ())]
+        return "\n".join(map(printable, [f"{len(self._classes)} classes · {counts(status)}", *lines]))
 
 
 def said_of(status: Status) -> list[str]:
     """List notes on performers' joints and clocks, and why frames are refused, a line each."""
     noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
-    lines = [f"performer {printable(name)}: {what}" for name, what in noticed]
+    lines = [f"performer {name}: {what}" for name, what in noticed]
     if status.answered < 1:
         lines.append(f"this machine is too slow: {status.answered:.0%} of the answers are given")
     return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]
@@ -308,7 +308,7 @@ def promise(promised: float, missed: float | None) -> str:
 
 def refused_frames(performer: str, why: str) -> str:
     """Name the reason why a performer's frames are refused."""
-    return f"performer {printable(performer)}: frames refused: {why}"
+    return f"performer {performer}: frames refused: {why}"
 
 
 def counted(status: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
@@ -327,7 +327,7 @@ def counts(status: Status) -> str:
     return counters + (" (messages too large or too many?)" if status.inputs.broken else "")
 
 
-def summary(status: Status, hop: float, *, notes: bool = True) -> str:
+def summary(status: Status, hop: float, *, notes: bool = True) -> list[str]:
     """Sum up a service when it ends; `hop`: seconds between two answers to a performer, at least.
 
     `PlainLines` has said the notes already.
@@ -335,11 +335,10 @@ def summary(status: Status, hop: float, *, notes: bool = True) -> str:
     recognizers = status.outcomes.recognizers
     most = f" (--hop: at most {1 / hop:.3g} answers a second)" if hop else ""
     said = (
-        f"{counts(status)}\n"
         f"{recognizers.hops} answers of {recognizers.frames} frames{most}, "
         f"{recognizers.restarts} windows started again, "
         f"{status.unsent} answers not sent, {f'{recognizers.skipped} left out, ' if recognizers.skipped else ''}"
         f"hop {status.hop_p50 * 1000:.2f} ms (p50) {status.hop_p99 * 1000:.2f} ms (p99)"
     )
-    last = [*(refused_frames(name, why) for name, why in status.refused.items()), *map(printable, status.notes)]
-    return "\n".join([said, *(last if notes else ())])
+    last = [*(refused_frames(name, why) for name, why in status.refused.items()), *status.notes]
+    return [counts(status), said, *(last if notes else ())]

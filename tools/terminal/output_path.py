@@ -6,6 +6,8 @@ import errno
 import os
 from pathlib import Path
 
+from kinespace.library.motion_library.library_file import locked
+
 
 def require_place_for(output: Path, *, overwrite: bool = True) -> None:
     """Refuse a place that cannot be written to, with its name.
@@ -23,6 +25,8 @@ def require_place_for(output: Path, *, overwrite: bool = True) -> None:
         It is a folder, or its folder does not exist or is not writable.
     FileExistsError
         It exists, and may not be replaced.
+    ValueError
+        Another program teaches there.
     """
     folder = output.absolute().parent
     if output.is_dir():
@@ -33,3 +37,5 @@ def require_place_for(output: Path, *, overwrite: bool = True) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(output.parent))
     if output.exists() and not overwrite:
         raise FileExistsError(f"{output}: exists already; --overwrite writes over it")
+    with locked(output):
+        pass

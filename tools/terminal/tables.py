@@ -106,7 +106,8 @@ def csv_text(text: str) -> str:
 
 
 def shortened(name: str, width: int) -> str:
-    """Give a name in at most this many characters; its middle is left out, because classes differ in their ends."""
+    """Give a name in at most this many characters, fit to be printed; without its middle: classes differ in ends."""
+    name = printable(name)
     if len(name) <= width:
         return name
     end = width // 2

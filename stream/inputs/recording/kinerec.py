@@ -197,6 +197,7 @@ class RawWriter:
             self._sync()
         except OSError:
             self._file.close()
+            path.unlink(missing_ok=True)
             raise
         self._syncing = threading.Thread(target=self._sync_every_second, name="kinespace recording", daemon=True)
         self._syncing.start()

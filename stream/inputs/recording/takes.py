@@ -19,7 +19,7 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds import Preset
 from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.preset import builtin_preset, parse_preset
-from kinespace.stream.frame import Announcement, CountReset, Frame, Input
+from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket
@@ -118,8 +118,7 @@ class Seen:
 
 def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
     """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
-    events = decoded(recording.header, recording.packets(), preset)
-    return ((arrival, event) for arrival, event in events if not isinstance(event, CountReset))
+    return iter(decoded(recording.header, recording.packets(), preset))
 
 
 def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:

@@ -126,6 +126,10 @@ def test_a_library_too_large_for_a_file_is_not_written(tmp_path: Path, small_lib
     named = dataclasses.replace(motion, name="x" * library_file.MAX_HEADER_BYTES)
     with pytest.raises(ValueError, match="header: expected at most 16000000 bytes, got 1600"):
         dataclasses.replace(small_library, motions=(named,)).save(tmp_path / "library.npz")
+    # What could not be read again.
+    named = dataclasses.replace(motion, class_name="x" * (library_file.MAX_NAME + 1))
+    with pytest.raises(ValueError, match="length <= 400"):
+        dataclasses.replace(small_library, motions=(named,)).save(tmp_path / "library.npz")
     assert not list(tmp_path.iterdir())
 
 
@@ -429,6 +433,9 @@ CRAFTED: list[tuple[Callable[..., None], str]] = [
     (_said("motions", "class_name", 0, to=""), "expected a class name"),
     (_said("motions", "class_name", 0, to=3), "Expected `str`, got `int` - at `$.motions.class_name[0]`"),
     (_said("motions", "actor", 0, to=None), "at `$.motions.actor[0]`"),
+    *((_said("motions", name, 0, to="x" * 401), "length <= 400") for name in ("class_name", "actor", "take", "name")),
+    (_said("joints", 0, to="x" * 401), "length <= 400"),
+    (_said("origins", 0, to=["a", "b", "x" * 4001]), "length <= 4000"),
     (_said("motions", "take", to=["1"]), "take: expected 18, one for each motion, got 1"),
     (_said("motions", "origin", 0, to=1), "origin: expected 0 to 0"),
     (_said("motions", "origin", 0, to=-1), "at `$.motions.origin[0]`"),

@@ -115,6 +115,23 @@ def test_a_file_that_cannot_be_believed_is_made_again(folder: Path, spoil: Calla
     assert not path.stat().st_mode & 0o022
 
 
+@pytest.mark.parametrize("is_link", [False, True])
+def test_nothing_but_our_own_files_is_deleted(folder: Path, tmp_path: Path, is_link: bool) -> None:  # noqa: FBT001 - a parameter
+    """Old files of ours make room; letters stay, also where somebody has put a link to their folder."""
+    letters = tmp_path / "letters" if is_link else folder
+    letters.mkdir(mode=0o700)
+    if is_link:
+        folder.symlink_to(letters)
+    names = [f"letter {number}" for number in range(30)] + ["a.txt", "new"]
+    for name in (*names, *(f"{number}.windows" for number in range(30)), *(f"new-{number}" for number in range(3))):
+        (letters / name).write_bytes(b"")
+        os.utime(letters / name, (1e9, 1e9))
+    _opened()
+    left = {each.name for each in letters.iterdir()}
+    assert left >= {*names}
+    assert len(left) == len(names) + (33 if is_link else 12)
+
+
 def test_other_peoples_motions_are_not_kept(folder: Path) -> None:
     """A library of other motions writes nothing."""
     builtin = MotionLibrary.builtin()

@@ -78,6 +78,10 @@ MISTAKES = {
         '"/{bone}"': "message 1, address: expected only {joint}, {performer}, {skip}, {any} in br",
         '"/{joint}/{joint}"': "message 1, address: expected each of {joint} and {performer} once",
         '"/joint"': "message: expected at least one that holds x, y and z",
+        '"/{any}/{any}/{joint}"': "message 1, address: expected at most 6 names in braces, one between two slashes, a",
+        '"/{joint}{skip}"': "message 1, address: expected at most 6 names in braces, one between two slashes, and {any",
+        f'"/{"{skip}/" * 6}{{joint}}"': "message 1, address: expected at most 6 names in braces",
+        f'"/{"a" * 256}"': "message 1, address: expected text of length <= 256, got",
     },
     '"x", "y", "z"': {
         '"x", "y"': "message 1, arguments: expected joint, x, y, z in a joint message, z too",

@@ -103,6 +103,17 @@ def test_a_file_holds_the_notes(tmp_path: Path) -> None:
     assert all(0 <= each.time < 5 for each in notes)
 
 
+def test_a_program_that_is_killed_leaves_the_notes_until_then(tmp_path: Path) -> None:
+    """The file is whole after every note."""
+    path = tmp_path / "take.mid"
+    sink = MidiSink(f"{path}")
+    for number in range(1, 40):
+        sink.publish_event(START)
+        path.with_name("killed.mid").write_bytes(path.read_bytes())
+        assert len([each for each in mido.MidiFile(tmp_path / "killed.mid") if not each.is_meta]) == number
+    sink.close()
+
+
 def test_a_place_that_cannot_be_written_is_said_at_once(tmp_path: Path) -> None:
     """Not after the show."""
     with pytest.raises(FileNotFoundError):

@@ -17,14 +17,14 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.outputs import LayoutSink, NativeLayout, ZmqSink
+from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.loop import STATUS_EVERY, Service
 from kinespace.stream.service.overload import LATE, MAX_AGE
-from kinespace.stream.status import InputCounts
-from kinespace.stream.teaching import Asked, State, Step, commands
+from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.teaching import Asked, State, Step, commands, wire
 from kinespace.stream.zeromq import Endpoint
 
 LOOPBACK = "127.0.0.1"
@@ -107,6 +107,43 @@ def test_all_that_waits_is_answered_to_all(library: MotionLibrary, source: FakeS
     assert (service.status().notes, service.status().unsent) == (Watching.notes, 0)
 
 
+def test_a_program_whose_reader_has_gone_ends(library: MotionLibrary, source: FakeSource) -> None:
+    """As `kinespace live --log json | head` does."""
+
+    class Unread(FakeSink):
+        def publish_status(self, status: Status) -> None:
+            raise BrokenPipeError(status)
+
+    with pytest.raises(BrokenPipeError):
+        Service(Performers(library), [source], [Unread()]).step(0.0)
+
+
+class Broken(Sink):
+    """Raises whatever it is told."""
+
+    def __getattribute__(self, name: str) -> object:
+        """Raise, where a method of a sink is asked for."""
+        if name.startswith("publish"):
+            raise OverflowError(name)
+        return super().__getattribute__(name)
+
+
+def test_a_sinks_error_is_counted_and_ends_nothing(library: MotionLibrary, source: FakeSource) -> None:
+    """The other sinks get all that they get without it; the status says what the sink raised."""
+    frames = _frames("bow")
+    source.waiting.extend([[frame] for frame in frames] + [[Asked(None, "why")]])
+    sinks = [Broken(), FakeSink()]
+    service = Service(Performers(library), [source], sinks)
+    while source.waiting:
+        service.step(0.0)
+    service.stop()
+    service.run()
+    assert sinks[1].events
+    assert sinks[1].gone == ["p"]
+    assert service.status().unsent >= len(sinks[1].told)
+    assert "Broken: OverflowError: publish_gone" in service.status().notes
+
+
 def test_what_is_due_by_the_clock_is_recognised_too(bench: Bench, library: MotionLibrary) -> None:
     """A source that gives frames without a packet is asked within its time."""
     frames = [_frames("bow")]
@@ -143,8 +180,9 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
         bench.perform([Frame(performer, time, _frames("bow")[0].positions) for time in times])
 
     def reset(address: str) -> None:
-        (received,) = osc.decode(osc.encode_message(address), 0.0).events
-        bench.sources[0].waiting.append([received])
+        bench.sources[0].waiting.append(
+            [Asked(each) for each in wire.decode(wire.said_in(osc.encode_message(address))[0])]
+        )
         bench.step()
 
     perform("Ada 1", 1.0, 2.0, 5.0)

@@ -27,12 +27,15 @@ TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
         (encode_message("/motion/teach/hold", "ann", "bow", 0), commands.Hold("ann", "bow", on=False)),
         (encode_message("/motion/teach/right"), commands.Right()),
         (encode_message("/motion/teach/wrong", "ann"), commands.Wrong("ann")),
+        (encode_message("/motion/Ada_1/count/reset"), commands.Reset("Ada_1")),
+        (encode_message("/motion/*/count/reset", 1), commands.Reset()),
     ],
 )
 def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
     """Every OSC message of the page is the command that it stands for."""
-    assert wire.decode(packet) == [command]
-    assert wire.decode(encode_bundle(encode_message("/other", 1), packet)) == [command]
+    said, others = wire.said_in(packet)
+    assert (wire.decode(said), others) == ([command], 0)
+    assert wire.said_in(encode_bundle(encode_message("/other", 1), packet)) == (said, 1)
 
 
 @pytest.mark.parametrize(
@@ -79,12 +82,13 @@ def test_commands_in_json(request_: dict[str, object], command: commands.Command
         (encode_message("/motion/teach/right", "a" * 65), "performer"),
         (encode_message("/motion/teach/jump"), "expected one of"),
         (b"/motion/teach", "expected OSC"),
+        (encode_bundle(*[encode_message("/motion/teach/undo")] * 9), "at most 8 commands, got 9"),
     ],
 )
 def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
     """A command that cannot be read raises one line with the expectation."""
     with pytest.raises(CommandError, match=told) as raised:
-        wire.decode(packet)
+        wire.decode(wire.said_in(packet)[0])
     assert "\n" not in str(raised.value)
 
 
@@ -93,6 +97,9 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
     [
         ({"do": "teach", "class": "wave"}, "teach: expected performer, class, .*, got no performer"),
         ({"do": "trim"}, "trim: expected on, got no on"),
+        # Half a character, which JSON can write and no transport can send.
+        ({"do": "teach", "performer": "\ud800", "class": "bow"}, r"performer: expected str, got '\\ud800'"),
+        ({"do": "forget", "class": "a\udfff"}, "class: expected str"),
         ({"do": "undo", "on": True}, "undo: expected no more, got 'on'"),
         ({"do": "sensitivity", "share": 1.5}, "share: expected 0 to 1, got 1.5"),
         ({"do": "sensitivity", "share": -0.1}, "share"),
@@ -109,7 +116,7 @@ def test_bad_requests_are_one_line(request_: dict[str, object], told: str) -> No
 @given(st.binary(max_size=80))
 def test_no_bytes_break_a_decoder(some: bytes) -> None:
     """Any bytes give a command or a CommandError."""
-    for decode in (wire.decode, wire.decode_json):
+    for decode in (lambda packet: wire.decode(wire.said_in(packet)[0]), wire.decode_json):
         try:
             decode(b"/motion/teach" + some)
             decode(some)

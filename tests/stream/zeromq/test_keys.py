@@ -49,6 +49,32 @@ def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest
     assert secret.read_bytes() == before
 
 
+def test_what_is_missing_is_made(tmp_path: Path) -> None:
+    """A certificate beside older keys, keys beside a certificate; another's public half is never written over."""
+    pytest.importorskip("cryptography")
+    names = ("ann.key", "ann.key_secret", "ann.pem", "ann.pem_secret")
+    keys = ["keys", "ann", "--keys", str(tmp_path)]
+    assert main(keys) == 0
+    for gone, status in ((names[2:], 0), (names[:2], 0), (names[2:3], 2), ((), 2)):
+        for name in gone:
+            (tmp_path / name).unlink()
+        before = {each.name: each.read_bytes() for each in tmp_path.iterdir()}
+        assert main(keys) == status
+        after = {each.name: each.read_bytes() for each in tmp_path.iterdir()}
+        assert before.items() <= after.items()
+        assert len(after) == (4 if status == 0 else len(before))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="other systems have other rights")
+@pytest.mark.parametrize("name", ["", "ann.key", "stage.key"])
+def test_where_anybody_may_add_keys_nobody_is_let_in(tmp_path: Path, name: str) -> None:
+    """The folder, and every key in it, is its owner's alone to write."""
+    stage, _ = folders(tmp_path, "stage", "ann")
+    (stage / name).chmod(0o777 if not name else 0o666)
+    with pytest.raises(ValueError, match="expected what its owner alone may write to"):
+        Keyring(stage)
+
+
 @pytest.mark.parametrize("name", ["", "../ann", ".ann", "an\nn", "a*"])
 def test_a_name_that_is_no_files_is_refused(tmp_path: Path, name: str) -> None:
     """Keys are written into the folder, and nowhere else."""
@@ -138,6 +164,9 @@ def test_a_program_with_keys_reaches_known_keys_alone(tmp_path: Path) -> None:
         ("tcp://0.0.0.0:9320", True),
         ("tcp://*:9320", True),
         ("tcp://eth0:9320", True),
+        ("tcp://127.0.0.1:1;0.0.0.0:9320", True),
+        ("tcp://localhost.example:9320", True),
+        ("tcp://127.0.0.1.example:9320", True),
         ("tcp://192.168.0.7:9320", True),
     ],
 )
@@ -156,7 +185,11 @@ def test_nobody_knows_it_is_open_to_others(address: str, kind: int, tmp_path: Pa
     make_keys(tmp_path, "stage")
     with Keyring(tmp_path) as keyring:
         endpoint.open(kind, keyring=keyring).close()
-    endpoint.open(kind, [ip_network("192.0.2.0/24")]).close()
+    # As `--allow-from` and this machine are passed on.
+    near = [ip_network(each) for each in ("192.0.2.0/24", "127.0.0.0/8", "::1/128", "fd00::/8")]
+    endpoint.open(kind, near).close()
+    with pytest.raises(ValueError, match=r"expected a network of IPv4 .*, got fd00::/8"):
+        endpoint.open(kind, near[3:])
     Endpoint(address, bind=True, to_anybody=True).open(kind).close()
 
 

@@ -137,8 +137,16 @@ def test_the_readme_is_read_in_minutes() -> None:
     assert any(line.startswith("make test ") for line in lines)
 
 
+def test_every_test_that_a_page_cites_is_there() -> None:
+    """A page says which tests hold a promise: files of these names exist."""
+    cited = {name for text in PAGES.values() for name in re.findall(r"\btest_\w+\.py\b", text)}
+    assert len(cited) > 20
+    assert cited <= {path.name for path in (ROOT / "tests").rglob("test_*.py")}
+
+
 def test_the_pages_stay_short() -> None:
-    """All pages together, and the method's, which is read beside the code."""
+    """All pages together, the method's, which is read beside the code, and the one on strangers."""
     words = {path.name: len(text.split()) for path, text in PAGES.items() if path.is_relative_to(ROOT / ".github")}
     assert sum(words.values()) <= 14_000
     assert words["method.md"] <= 900
+    assert words["robustness.md"] <= 1800

@@ -1,6 +1,7 @@
 """Files made to break their readers: cut, changed, repeated, with other words, in every format that can be read.
 
-Some hundred in `make test`; `make fuzz` reads 20,000, and `make fuzz FILES=100000` as many as asked.
+Some hundred in `make test`; `make fuzz` cuts each file and flips its bits at more than 200 places, and reads 20,000;
+`make fuzz FILES=100000` as many as asked.
 """
 
 import io
@@ -162,8 +163,17 @@ def recorded_and_broken(whole: bytes, generator: np.random.Generator) -> bytes:
     return b"".join(kinerec._record(record) for record in records)  # noqa: SLF001 - what a writer would write
 
 
+def cut_and_flipped(whole: bytes, step: int) -> Iterator[bytes]:
+    """Cut a file at each byte of its beginning and at 200 places, and flip single bits at 200; every few of these."""
+    places = sorted({*range(min(64, len(whole))), *np.linspace(0, len(whole) - 1, 200).astype(int).tolist()})
+    for place in places[::step]:
+        yield whole[:place]
+        yield whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :]
+
+
 def mutants(name: str, whole: bytes, count: int, seed: int) -> Iterator[bytes]:
     """Give broken files."""
+    yield from cut_and_flipped(whole, 1 if FILES > 2000 else 40)
     generator = np.random.default_rng(seed)
     inside = unpacked_and_broken if whole.startswith(b"PK") else recorded_and_broken if name == ".kinerec" else broken
     for number in range(count):

@@ -1,9 +1,11 @@
 """`kinespace live` announced: found by another mDNS than ours, described over HTTP, gone when it ends."""
 
 import json
+import socket
+import threading
 import time
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -15,7 +17,7 @@ from zeroconf import ServiceBrowser, ServiceStateChange, Zeroconf
 from kinespace.library import MotionLibrary
 from kinespace.stream.osc import OscSender
 from kinespace.stream.osc.frames import encode_frame
-from kinespace.tools.announcing.announcer import QUERY_SERVICE, Announcer
+from kinespace.tools.announcing.announcer import MAX_CLIENTS, QUERY_SERVICE, Announcer
 from kinespace.tools.announcing.description import Known
 from kinespace.tools.announcing.finding import OSC_SERVICE
 
@@ -59,6 +61,37 @@ def test_live_is_found_and_described(builtin: MotionLibrary) -> None:
             until(lambda: "ann" in asked(f"{address}motion")["CONTENTS"])
             assert program.interrupt() == 0
         until(lambda: all(seen.get(name) is ServiceStateChange.Removed for name in names))
+
+
+@pytest.mark.slow
+def test_clients_that_never_ask_take_little_and_hold_up_nobody() -> None:
+    """Hundreds come and say half a request: one thread serves all, odd requests are answered, the end comes at once."""
+    threads, halves = threading.active_count(), list[socket.socket]()
+    announcer = Announcer((LOOPBACK, free_udp_port()), Known(31, ("wave",)))
+    place = LOOPBACK, int(announcer.address.split(":")[2].strip("/"))
+    with ExitStack() as opened:
+        for _ in range(300):
+            halves.append(opened.enter_context(socket.create_connection(place, PATIENCE)))
+            halves[-1].sendall(b"GET / HTTP/1.1\r\nHost: 127")
+        until(lambda: len(announcer.clients) <= MAX_CLIENTS)
+        # One serves, one announces, one is zeroconf's.
+        assert threading.active_count() <= threads + 3
+        began = time.monotonic()
+        announcer.close()
+        assert time.monotonic() - began < PATIENCE
+    assert not [each for each in threading.enumerate() if each.name == "kinespace OSCQuery"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", ["//[", "http://[evil/", "/%", "/motion/%00", "//"])
+def test_an_odd_request_is_answered(target: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """With a status, and nothing is printed."""
+    with closing(Announcer((LOOPBACK, free_udp_port()), Known(31, ("wave",)))) as announcer:
+        port = int(announcer.address.split(":")[2].strip("/"))
+        with socket.create_connection((LOOPBACK, port), PATIENCE) as client:
+            client.sendall(f"GET {target} HTTP/1.1\r\nHost: {LOOPBACK}\r\n\r\n".encode())
+            assert client.recv(20).startswith((b"HTTP/1.1 404", b"HTTP/1.1 200"))
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.slow

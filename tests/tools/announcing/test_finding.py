@@ -223,3 +223,25 @@ def test_live_answers_to_a_program_by_its_name(receiver: osc.OscReceiver) -> Non
         with started("live", *ends, name) as program:
             assert program.wait() == 2
             assert "--out: expected one of native" in program.errors
+
+
+def test_what_cannot_be_a_name_is_neither_asked_for_nor_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anybody may announce an escape, and mDNS's library raises of some names: the others are found all the same."""
+    names = ["a\x1b[31mb", "\x9b", "\u202e", "\n", "x" * 64, "raises", "films"]
+
+    class Browser:
+        def __init__(self, _: object, kind: str, handlers: list[Any]) -> None:
+            for each in names:
+                handlers[0](name=f"{each}.{kind}")
+
+    def info(_: str, name: str) -> Any:  # noqa: ANN401 - as zeroconf's
+        assert name.partition(".")[0] in ("raises", "films")
+        if name.startswith("raises"):
+            raise zeroconf.BadTypeInNameException
+        told = {"load_from_cache": lambda _: True, "port": 7, "parsed_addresses": lambda: ["192.0.2.1"]}
+        return SimpleNamespace(**told)
+
+    monkeypatch.setattr(zeroconf, "ServiceBrowser", Browser)
+    monkeypatch.setattr(zeroconf, "ServiceInfo", info)
+    monkeypatch.setattr(zeroconf, "Zeroconf", lambda _: SimpleNamespace(close=lambda: None))
+    assert finding.announced("films") == [finding.Found("films", "192.0.2.1", 7)]

@@ -5,10 +5,11 @@ import math
 from itertools import islice
 from pathlib import Path
 
+import against
 import numpy as np
 import pytest
 
-from kinespace.tools.bench import against, sockets, stages
+from kinespace.tools.bench import sockets, stages
 from kinespace.tools.bench.crowd import endless
 from kinespace.tools.bench.report import rounded, shown
 from kinespace.tools.bench.stages import in_turns
@@ -60,9 +61,7 @@ def test_the_tables_fit_a_narrow_terminal(capsys: pytest.CaptureFixture[str], mo
     assert " cores" in lines[-1]
 
 
-def test_another_version_is_measured_by_turns(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_another_version_is_measured_by_turns(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Each turn's own ratio counts, so that an hour in which the machine is slow meets both versions."""
     busy, order = [1.0, 1.0, 3.0, 3.0, 2.0, 2.0, 1.0, 1.0, 5.0, 5.0, 4.0, 4.0], list[bool]()
 
@@ -72,19 +71,8 @@ def test_another_version_is_measured_by_turns(
 
     monkeypatch.setattr(against, "_installed", lambda *_: tmp_path)
     monkeypatch.setattr(against, "_figures", figures)
-    assert main(["bench", "stages", "--against", "main", "--json"]) == 0
+    assert against.measure("main").figures == {"us_per_frame_ratio": 0.75}
     assert order == [True, False] * against.TURNS
-    given = json.loads(capsys.readouterr().out)
-    assert given["us_per_frame_ratio"] == 0.75
-    assert {name for name, figure in given.items() if figure is not None} == {"us_per_frame_ratio"}
-
-
-def test_only_stages_are_measured_against_a_commit_that_is_there(capsys: pytest.CaptureFixture[str]) -> None:
-    """Another part, and a commit that git does not know, are told in a line."""
-    assert main(["bench", "sockets", "--against", "main"]) == 2
-    assert "--against: expected the part stages with it, got sockets" in capsys.readouterr().err
-    assert main(["bench", "stages", "--against", "no-such-commit"]) == 2
-    assert "git" in capsys.readouterr().err
 
 
 def test_figures_have_four_digits() -> None:

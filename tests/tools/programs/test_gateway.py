@@ -57,15 +57,30 @@ def test_a_worker_recognises_for_a_gateway(stage: osc.OscReceiver) -> None:
         assert re.search(r"refused 0, unread 0, stale \d+, missing 0\n", work.output)
 
 
+def _sign(by: str, whose: str) -> None:
+    """Let the owner of one certificate sign another's, as an authority does."""
+    from cryptography import x509  # noqa: PLC0415 - an extra
+    from cryptography.hazmat.primitives import hashes, serialization  # noqa: PLC0415 - as above
+
+    key = serialization.load_pem_private_key(Path(by, f"{by}.pem_secret").read_bytes(), None)
+    file, issuer = Path(whose, f"{whose}.pem"), x509.load_pem_x509_certificate(Path(by, f"{by}.pem").read_bytes())
+    own = x509.load_pem_x509_certificate(file.read_bytes())
+    built = x509.CertificateBuilder(
+        issuer.subject, own.subject, own.public_key(), 7, own.not_valid_before_utc, own.not_valid_after_utc
+    )
+    file.write_bytes(built.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM))
+
+
 @pytest.mark.slow
 def test_certificates_let_in_whom_we_know(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`kinespace keys` serves both ends: the owner of a known certificate works and is named, a stranger does not."""
     pytest.importorskip("cryptography")
     monkeypatch.chdir(tmp_path)
-    for name in ("stage", "ann", "eve"):
+    for name in ("stage", "ann", "eve", "mallory"):
         assert main(["keys", name]) == 0
     shutil.copy("ann/ann.pem", "stage")
-    for name in ("ann", "eve"):
+    _sign("ann", "mallory")
+    for name in ("ann", "eve", "mallory"):
         shutil.copy("stage/stage.pem", name)
     assert {path.stat().st_mode & 0o777 for path in tmp_path.glob("*/*_secret")} == {0o600}
     place = free_place().replace("tcp", "tls")
@@ -78,11 +93,13 @@ def test_certificates_let_in_whom_we_know(tmp_path: Path, monkeypatch: pytest.Mo
             stack.enter_context(started("work", "--connect", where, "--keys", tmp_path / "eve"))
             for where in (place, place.replace("tls", "tcp"))
         ]
+        signed = stack.enter_context(started("work", "--connect", place, "--keys", tmp_path / "mallory"))
+        signed.expect("no gateway is seen yet")
         known = stack.enter_context(started("work", "--connect", place, "--keys", tmp_path / "ann"))
-        gateway.expect(f"worker [0-9a-f]{{12}} works; workers: 1; joined: ann at tls/{LOOPBACK}:")
+        gateway.expect(f"worker [0-9a-f]{{12}} works; workers: 1; joined: .*ann at tls/{LOOPBACK}:")
         for stranger in strangers:
             stranger.expect("no gateway is seen yet; not reached: ")
-        for each in (known, *strangers, gateway):
+        for each in (known, signed, *strangers, gateway):
             assert (each.interrupt(), each.errors) == (0, "")
         assert gateway.output.count(" works; ") == 1
 

@@ -13,6 +13,7 @@ import zmq
 from synthetic import STICK, stick_clip
 
 from kinespace.library import Clip, MotionLibrary
+from kinespace.library.motion_library import library_file
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.library.windows.index import WindowIndex
@@ -181,12 +182,12 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
 @pytest.mark.slow
 def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A failure to save is reported; the class is known all the same."""
-    save = MotionLibrary.save
+    write = library_file.write
 
-    def full(*_: object) -> None:
+    def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(MotionLibrary, "save", full)
+    monkeypatch.setattr(library_file, "write", full)
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
     heard = stage.until(lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
@@ -197,7 +198,7 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     # When there is room again, it is saved without being asked, and said.
     (tmp_path / "far").mkdir()
     (tmp_path / "mine.npz").symlink_to(tmp_path / "far" / "mine.npz")
-    monkeypatch.setattr(MotionLibrary, "save", save)
+    monkeypatch.setattr(library_file, "write", write)
     stage.until(lambda heard: State("", Step.DONE, 0.0, "mine.npz saved, examples: 1") in heard.notices)
     assert not stage.lessons.has_unsaved
     assert (tmp_path / "mine.npz").is_symlink()

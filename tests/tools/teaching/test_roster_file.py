@@ -1,9 +1,11 @@
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -13,9 +15,11 @@ import pytest
 from programs import PATIENCE
 
 from kinespace.library import Clip, MotionLibrary
+from kinespace.library.motion_library import library_file
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.tools.teaching.roster_file import RosterFile
+from kinespace.tools.terminal.output_path import require_place_for
 
 #: A program that changes a roster at random; it says each change before it hands it over, and the newest one that is
 #: kept.
@@ -34,7 +38,7 @@ roster, first = Roster.of_library(file.library) if file.library else Roster(), i
 for change in count(first):
     kept = roster.examples[-4:] if generator.random() < 0.1 else roster.examples
     roster = Roster((*kept, Example(change, f"c{change}", motion, 0.0, 0.2)))
-    print("changed", change, flush=True)
+    print("changed", change, time.monotonic(), flush=True)
     file.save(roster)
     time.sleep(generator.choice((0.0, 0.02, 0.1)))
     if generator.random() < 0.2:
@@ -42,6 +46,14 @@ for change in count(first):
             time.sleep(0.01)
         print("kept", change, flush=True)
 """
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait until a condition holds."""
+    end = time.monotonic() + PATIENCE
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.01)
+    assert condition()
 
 
 @pytest.fixture
@@ -62,14 +74,15 @@ def _saved(path: Path, roster: Roster) -> MotionLibrary:
 
 def test_the_newest_roster_is_saved_at_the_end(tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousand changes that pour in while one is saved are one further save, and the last one is in the file."""
-    file, saved, poured_in, save = RosterFile(tmp_path / "mine.npz"), list[str](), threading.Event(), MotionLibrary.save
+    file, write = RosterFile(tmp_path / "mine.npz"), library_file.write
+    saved, poured_in = list[str](), threading.Event()
 
-    def slowly(library: MotionLibrary, path: Path) -> None:
-        saved.append(library.classes[0])
+    def slowly(path: Path, contents: library_file.Contents) -> None:
+        saved.append(contents.motions[0].class_name)
         assert poured_in.wait(PATIENCE)
-        save(library, path)
+        write(path, contents)
 
-    monkeypatch.setattr(MotionLibrary, "save", slowly)
+    monkeypatch.setattr(library_file, "write", slowly)
     for count in range(1, 1001):
         file.save(_roster(motion, f"class {count}"))
     poured_in.set()
@@ -77,7 +90,7 @@ def test_the_newest_roster_is_saved_at_the_end(tmp_path: Path, motion: Clip, mon
     assert not file.has_unsaved
     assert len(saved) <= 2
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("class 1000",)
-    assert [each.name for each in tmp_path.iterdir()] == ["mine.npz"]
+    assert sorted(each.name for each in tmp_path.iterdir()) == [".mine.npz.lock", "mine.npz"]
 
 
 def test_a_second_program_is_refused(tmp_path: Path, motion: Clip) -> None:
@@ -91,6 +104,105 @@ def test_a_second_program_is_refused(tmp_path: Path, motion: Clip) -> None:
         file.save(_roster(motion, "bow"))
     assert _saved(tmp_path / "link.npz", _roster(motion, "bow", "wave")).classes == ("bow", "wave")
     assert (tmp_path / "link.npz").is_symlink()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such lock")
+@pytest.mark.parametrize("kind", ["link", "dangling link", "pipe", "folder"])
+def test_whatever_lies_where_the_lock_is_to_be_stays_as_it_is(tmp_path: Path, kind: str) -> None:
+    """In a folder where others write: nothing is followed, waited for, emptied or deleted; no program starts."""
+    lock, important = tmp_path / ".mine.npz.lock", tmp_path / "important.txt"
+    important.write_text("text", encoding="utf-8")
+    if kind == "pipe":
+        os.mkfifo(lock)
+    elif kind == "folder":
+        lock.mkdir()
+    else:
+        lock.symlink_to(important if kind == "link" else tmp_path / "nothing")
+    with pytest.raises((OSError, ValueError), match=r"mine\.npz\.lock"):
+        RosterFile(tmp_path / "mine.npz")
+    assert important.read_text(encoding="utf-8") == "text"
+    assert lock.is_symlink() or lock.exists()
+    assert not (tmp_path / "nothing").exists()
+    # An important file of another name is not emptied, either.
+    lock.rmdir() if kind == "folder" else lock.unlink()
+    os.link(important, lock)
+    RosterFile(tmp_path / "mine.npz").close()
+    assert important.read_text(encoding="utf-8") == "text"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such lock")
+def test_one_program_at_a_time_has_the_lock(tmp_path: Path) -> None:
+    """Three programs that take it and leave it as fast as they can: never do two have it at once."""
+    taking = (
+        "import os, sys, time\n"
+        "from pathlib import Path\n"
+        "from kinespace.library.motion_library import library_file\n"
+        "until, taken, mark = time.monotonic() + 2, 0, Path('mark')\n"
+        "while time.monotonic() < until or not taken:\n"
+        "    try:\n"
+        "        with library_file.locked(Path('mine.npz'), for_long=True):\n"
+        "            mark.touch(exist_ok=False)\n"
+        "            mark.unlink()\n"
+        "            taken += 1\n"
+        "    except ValueError:\n"
+        "        pass\n"
+    )
+    programs = [subprocess.Popen([sys.executable, "-c", taking], cwd=tmp_path) for _ in range(3)]
+    assert [each.wait(PATIENCE) for each in programs] == [0, 0, 0]
+
+
+def test_other_programs_that_write_a_library_ask_the_lock(tmp_path: Path, motion: Clip) -> None:
+    """`build` and `learn` save a library, and every program looks first whether its output has room."""
+    path, other = tmp_path / "mine.npz", MotionLibrary.of_clips([replace(motion, class_name="built")])
+    with closing(RosterFile(path)) as file:
+        file.save(_roster(motion, "bow"))
+        with pytest.raises(ValueError, match=r"mine\.npz: another kinespace teaches there"):
+            other.save(path)
+        with pytest.raises(ValueError, match=r"mine\.npz: another kinespace teaches there"):
+            require_place_for(path)
+    assert MotionLibrary.load(path).classes == ("bow",)
+    other.save(path)
+    assert MotionLibrary.load(path).classes == ("built",)
+
+
+def test_new_examples_survive_before_the_file_is_written(
+    tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They lie beside the file, readers find them, and they come into it when it is quiet, or with another change."""
+    path, new = tmp_path / "mine.npz", tmp_path / ".mine.npz.new"
+    _saved(path, _roster(motion, "bow", "wave"))
+    file = RosterFile(path)
+    assert file.library is not None
+    roster, content = Roster.of_library(file.library), path.read_bytes()
+    for number in range(3, 8):
+        roster = roster.with_example(Example(number, f"kick {number}", motion, 0.0, 0.5))
+        file.save(roster)
+    until(lambda: not file.has_unsaved)
+    assert path.read_bytes() == content
+    assert len(MotionLibrary.load(path)) == 7
+    # As a program is killed: the next one finds all, and puts them into the file.
+    copied = tmp_path / "elsewhere"
+    copied.mkdir()
+    for each in (path, new):
+        shutil.copy(each, copied / each.name)
+    with closing(RosterFile(copied / "mine.npz")) as again:
+        assert again.library is not None
+        assert sorted(each.take for each in again.library.motions) == [f"{number:04d}" for number in range(1, 8)]
+        assert not (copied / ".mine.npz.new").exists()
+        assert len(MotionLibrary.load(copied / "mine.npz")) == 7
+    file.save(roster.renamed("bow", "dip"))
+    until(lambda: not file.has_unsaved)
+    assert not new.exists()
+    assert "dip" in MotionLibrary.load(path).classes
+    monkeypatch.setattr("kinespace.tools.teaching.roster_file._QUIET", 0.0)
+    file.save(roster.renamed("bow", "dip").with_example(Example(8, "bow", motion, 0.0, 0.5)))
+    until(lambda: path.read_bytes() != content and not new.exists())
+    file.close()
+    assert len(MotionLibrary.load(path)) == 8
+    # What is in both counts once: a program was killed in between.
+    shutil.copy(path, new)
+    assert len(MotionLibrary.load(path)) == 8
 
 
 def test_a_file_that_loses_examples_is_kept(tmp_path: Path, motion: Clip) -> None:
@@ -111,7 +223,8 @@ def test_what_a_killed_program_left_is_deleted(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"")
         os.utime(tmp_path / name, (time.time() - age,) * 2)
     RosterFile(tmp_path / "mine.npz").close()
-    assert sorted(each.name for each in tmp_path.iterdir()) == [".mine.npz.b.part", ".other.npz.a.part"]
+    left = {".mine.npz.b.part", ".mine.npz.lock", ".other.npz.a.part"}
+    assert {each.name for each in tmp_path.iterdir()} == left
 
 
 @pytest.mark.slow
@@ -152,14 +265,19 @@ def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 def test_a_program_that_is_killed_loses_no_change_that_was_kept(tmp_path: Path) -> None:
-    """At random moments among changes; the file is whole each time, and the next program opens it."""
+    """At random moments among changes; the file is whole each time, and the next program opens it.
+
+    `KINESPACE_KILLS=200` kills so often, and then no example that is older than a second may be lost, either.
+    """
     path, generator = tmp_path / "mine.npz", np.random.default_rng(31)
+    kills, young = int(os.environ.get("KINESPACE_KILLS", "4")), 1.0 if "KINESPACE_KILLS" in os.environ else PATIENCE
     first, last_kept = 1, 0
-    for _ in range(int(os.environ.get("KINESPACE_KILLS", "4"))):
+    for _ in range(kills):
         program = subprocess.Popen(
             [sys.executable, "-c", CHANGES, str(path), str(first)], stdout=subprocess.PIPE, text=True
         )
         said = [program.stdout.readline() for _ in range(generator.integers(1, 40))]
+        killed = time.monotonic()
         program.send_signal(signal.SIGKILL)
         said += program.stdout.readlines()
         program.stdout.close()
@@ -168,8 +286,10 @@ def test_a_program_that_is_killed_loses_no_change_that_was_kept(tmp_path: Path) 
             what: [int(line.split()[1]) for line in said if line.startswith(what) and line.endswith("\n")]
             for what in ("changed", "kept")
         }
+        times = [float(line.split()[2]) for line in said if line.startswith("changed") and line.endswith("\n")]
+        old = [number for number, at in zip(numbers["changed"], times, strict=True) if at < killed - young]
         there = [int(name[1:]) for name in MotionLibrary.load(path).classes] if path.exists() else []
-        last_kept = max([last_kept, *numbers["kept"]])
+        last_kept = max([last_kept, *numbers["kept"], *old])
         assert max(there, default=0) >= last_kept
         first = max(numbers["changed"]) + 1
     assert last_kept > 0

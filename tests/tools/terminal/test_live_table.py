@@ -1,8 +1,14 @@
 """The table of a running recogniser."""
 
+import logging
 import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -15,6 +21,7 @@ from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
 from kinespace.tools.terminal import live_table
+from kinespace.tools.terminal.console import log_as, note, say
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, score_shown, summary
 
 CLASSES = ("bow", "jump", "wave")
@@ -260,13 +267,67 @@ def test_the_counts_name_every_loss() -> None:
 
 def test_the_summary_adds_answers_and_times() -> None:
     """The summary holds the counts, the answers, the new beginnings, the unsent and the hop times in milliseconds."""
-    first, second = summary(status(), 1 / 30).splitlines()
+    first, second = summary(status(), 1 / 30)
     assert first == counts(status())
     assert second == (
         "20 answers of 80 frames (--hop: at most 30 answers a second), "
         "9 windows started again, 10 answers not sent, hop 1.20 ms (p50) 3.40 ms (p99)"
     )
     refused = replace(status(), refused={"ann": "2 joints"}, notes=("malformed: x",))
-    assert summary(refused, 1 / 30).splitlines()[2:] == ["performer ann: frames refused: 2 joints", "malformed: x"]
+    assert summary(refused, 1 / 30)[2:] == ["performer ann: frames refused: 2 joints", "malformed: x"]
     # Lines have said them already.
     assert summary(refused, 1 / 30, notes=False) == summary(status(), 1 / 30)
+
+
+#: A text that moves the cursor, colours, turns the writing round, and begins a line of its own.
+HOSTILE = "a\x1b[31m\x9b\u202e\u2028\nFORGED"
+
+
+@pytest.fixture
+def logged() -> Iterator[Callable[[Literal["text", "json"]], None]]:
+    """Give the switch to a log, which is off again afterwards."""
+    yield log_as
+    log = logging.getLogger("kinespace.lines")
+    log.handlers, log.propagate = [], True
+
+
+@pytest.mark.parametrize("way", ["table", "lines", "text", "json"])
+def test_no_name_steers_a_terminal_or_forges_a_line(
+    way: str, logged: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever a performer, a class, a joint or a note is called, it stays in its line, without control characters."""
+    if way in ("text", "json"):
+        logged(way)
+    sink: LiveTable | PlainLines = LiveTable(CLASSES) if way == "table" else PlainLines()
+    hostile = Recognition(HOSTILE, 1.0, Outcome.NAMED, (HOSTILE,), np.ones(1), movement=0.1, share=0.9, gap=0.8)
+    sink.publish(hostile)
+    for kind in (EventKind.START, EventKind.END, EventKind.START):
+        sink.publish_event(Event(HOSTILE, kind, HOSTILE, 0, 0.9, 2.0))
+    sink.publish_done(Done(HOSTILE, HOSTILE, 0, 1.0, 1.0, 0.9, 1.0, 1.0))
+    said = {HOSTILE: HOSTILE}
+    odd = replace(status(HOSTILE), notes=(HOSTILE,), refused=said, doubted=said, compared=said, clocks=said)
+    sink.publish_status(odd)
+    sink.publish_notice(State(HOSTILE, Step.REFUSED, 0.0, HOSTILE))
+    sink.publish_gone(HOSTILE)
+    for line in summary(odd, 1 / 30):
+        say(line)
+    note(HOSTILE)
+    output = capsys.readouterr()
+    for text in (shown(sink) if isinstance(sink, LiveTable) else "", output.out, output.err):
+        assert not [each for each in text if not each.isprintable() and each != "\n"]
+        assert not [line for line in text.splitlines() if line.lstrip().startswith("FORGED")]
+    assert "FORGED" in output.out + output.err
+
+
+def test_a_log_that_cannot_be_written_is_an_error_without_a_traceback(
+    logged: Callable[..., None], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is the sink's error, which the service counts; where the reader has gone the program ends, as all do."""
+    with Path("/dev/full").open("w", buffering=1, encoding="utf-8") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        logged("json")
+        with pytest.raises(OSError, match="No space left"):
+            say("a line")
+        with suppress(OSError):
+            full.close()
+    assert capsys.readouterr().err == ""

@@ -10,7 +10,9 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true, tunes: {}, sounded: "" };
+  // A class may be called `constructor`.
+  titles: Object.create(null), tunes: Object.create(null), hits: [], wrong: null, taught: "", held: "", sound: true,
+  sounded: "" };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;

@@ -37,7 +37,7 @@ from kinespace.tools.terminal.console import say
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 #: Where the page's process finds its recogniser.
 _HERE = zeromq.Endpoint("tcp://127.0.0.1:*", bind=True)
-#: What the first who would teach hears where nobody may.
+#: What a person hears who would teach where nobody may.
 _NO_LESSONS = "teaching is off: start kinespace live with --teach FILE"
 _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 
@@ -264,11 +264,10 @@ def open_announcer(options: argparse.Namespace, sources: Sequence[Source], class
 def open_controls(
     options: argparse.Namespace, sources: Sequence[Source], keyring: Keyring | None
 ) -> list[RequestSource]:
-    """Let the frames' own ports take commands, and open the further ways in for them; without lessons say so once."""
+    """Let the frames' own ports take commands, and open the further ways in for them."""
     networks = _networks(options)
     for source in sources:
-        source.commands = CommandReader(networks) if options.teach else None
-        source.no_commands = "" if options.teach else _NO_LESSONS
+        source.commands = CommandReader(networks, "" if options.teach else _NO_LESSONS)
     controls: list[RequestSource] = []
     for control in options.control:
         with opening("--control"):

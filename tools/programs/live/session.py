@@ -7,6 +7,7 @@ import gc
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterable
 from contextlib import ExitStack, closing, nullcontext
 from itertools import chain
@@ -19,7 +20,7 @@ from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.outputs import ZmqSink
-from kinespace.stream.outputs.midi_sink import MIDI
+from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.service.loop import Service
@@ -114,13 +115,15 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         gc.freeze()
         _run(service, shown, lessons)
         status = _ended(service, lessons, from_workers)
-    say(summary(status, settings.hop, notes=not isinstance(shown, PlainLines)))
-    for source in sources:
-        if isinstance(source, FeedSource):
-            say(frames_made(source))
-    if kept:
-        say(f"{record}: {kept.written} packets, {kept.failed} could not be written")
-    return 2 if lessons and lessons.has_unsaved else 0
+    behind = [each for each in sinks if isinstance(each, MidiSink) and each.is_behind]
+    for line in (
+        *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
+        *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
+        *([f"{record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
+        *(f"{each}: not all notes are written" for each in behind),
+    ):
+        say(line)
+    return 2 if behind or (lessons and lessons.has_unsaved) else 0
 
 
 def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
@@ -158,8 +161,14 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
             raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
         options.osc_in = options.osc_in or OSC_IN
     notes = [Path(place) for name, _, place in (out.partition("=") for out in options.out) if name == MIDI]
-    for file in filter(None, (options.record, *(each for each in notes if each.suffix == ".mid"))):
+    written = [*filter(None, (options.record, *(each for each in notes if each.suffix == ".mid")))]
+    for file in written:
         require_place_for(file, overwrite=options.overwrite)
+    # `--overwrite` is no leave to write over what this program reads or teaches.
+    named = [Path(each) for each in (getattr(options, "teach", None), options.library, options.feed) if each]
+    files = Counter(each.resolve() for each in (*written, *{*named}))
+    for file in (each for each in written if files[each.resolve()] > 1):
+        raise ValueError(f"{file}: expected a file for each purpose, got one for several")
     preset = preset_named(options.feed) if options.feed else None
     if preset and not (options.osc_in or options.zmq_in):
         options.osc_in = f"127.0.0.1:{preset.port}"

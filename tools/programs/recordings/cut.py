@@ -14,7 +14,7 @@ from pathlib import Path
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
-from kinespace.tools.terminal.console import printable, progress, say
+from kinespace.tools.terminal.console import progress, say
 from kinespace.tools.terminal.named_joints import NameNotes
 from kinespace.tools.terminal.output_path import require_place_for
 from kinespace.tools.terminal.tables import csv_text
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
         rows = csv.writer(file)
         rows.writerow(COLUMNS)
         rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
-    whose = ", ".join(printable(take.actor or "one performer") for take in takes)
+    whose = ", ".join(take.actor or "one performer" for take in takes)
     say(f"{labels}: {len(found)} movements of {whose}; write a class behind each; a movement without one is left out")
     long = [each for each, _ in found if each.duration > _MAX_SECONDS]
     if long:

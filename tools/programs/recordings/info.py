@@ -27,7 +27,7 @@ from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.recognizer.joints.kinds import TITLES, kinds_of
 from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
 from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.terminal.console import console, printable, progress, say
+from kinespace.tools.terminal.console import progress, say
 from kinespace.tools.terminal.named_joints import read_with_notes
 from kinespace.tools.terminal.tables import print_scores
 
@@ -101,13 +101,13 @@ def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
 
 
 def _show_raw(described: Mapping[str, Any]) -> None:
-    console.print(f"{described['file']}: recorded {described['recorded']}, {described['seconds']:.1f} s")
+    say(f"{described['file']}: recorded {described['recorded']}, {described['seconds']:.1f} s")
     for sender, count in described["packets"].items():
-        say(f"{printable(sender)}: {count} packets")
+        say(f"{sender}: {count} packets")
     for name, same in described["presets"].items():
-        say(f"preset {printable(name)}: kept in the recording, {'same as' if same else 'other than'} the built-in one")
+        say(f"preset {name}: kept in the recording, {'same as' if same else 'other than'} the built-in one")
     for performer, count in described["frames"].items():
-        say(f"performer {printable(performer)}: {count} frames")
+        say(f"performer {performer}: {count} frames")
     if described["damage"]:
         say(described["damage"])
 
@@ -265,4 +265,4 @@ def _show_library(described: Mapping[str, Any]) -> None:
 
 def _say_each(lines: Mapping[str, str]) -> None:
     for heading, text in lines.items():
-        say(f"{heading}: {printable(text)}")
+        say(f"{heading}: {text}")

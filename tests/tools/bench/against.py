@@ -1,4 +1,4 @@
-"""`kinespace bench stages --against COMMIT`: costs over another version's, by turns: hosts differ by 2."""
+"""`python tests/tools/bench/against.py COMMIT`: costs of `bench stages` over another version's, by turns."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from kinespace.tools.bench.report import Measured, shown
 from kinespace.tools.bench.stages import COSTS
-from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import table_of
 
 #: Turns of each version, and draws of turns from which an interval is taken.
 TURNS, _DRAWS = 6, 2000
 #: The folder of this version's sources.
-_HERE = Path(__file__).parents[2]
+_HERE = Path(__file__).parents[3]
 _MEASURE = (
     "import sys; from kinespace.tools.cli.entry import main; sys.argv[1:] = ['bench', 'stages', '--json']; main()"
 )
@@ -90,8 +90,13 @@ def _installed(commit: str, folder: Path) -> Path:
 
 def _called(command: Sequence[str], *, environment: dict[str, str] | None = None) -> bytes:
     # S603: every argument is ours, but for the commit, which git alone reads.
-    done = subprocess.run(command, env=environment, capture_output=True, check=False)  # noqa: S603
+    done = subprocess.run(command, env=environment, capture_output=True, check=False)
     if done.returncode:
         last = done.stderr.decode(errors="replace").strip().splitlines()
         raise OSError(f"{' '.join(command[:3])}: {last[-1] if last else 'failed'}")
     return done.stdout
+
+
+if __name__ == "__main__":
+    for each in measure(sys.argv[1]).tables:
+        console.print(each)

@@ -1,0 +1,47 @@
+"""A folder of a stranger's files: no program runs one of them, because it was started there."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from programs import started
+
+from kinespace.tools.cli.main import PROGRAMS
+
+#: What makes each program start processes or threads, and import what it needs, and a line after which it is ended; the
+#: others show their options.
+ARGUMENTS = {
+    "live": (
+        "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz --announce",
+        "listening on(.|\n)*WebSocket",
+    ),
+    "gateway": ("--osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --listen tcp/127.0.0.1:0", "listening on"),
+    "record": ("a.kinerec --osc-in 127.0.0.1:0", "recording"),
+    "demo": ("squat1Reps", ""),
+    "listen": ("127.0.0.1:0 --seconds 0.5", ""),
+    "latency": ("--transport osc --seconds 0.5", ""),
+    "info": ("", ""),
+    "feeds": ("", ""),
+    "keys": ("ann", ""),
+    "examples": ("", ""),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_nothing_of_the_current_folder_runs(program: str, tmp_path: Path) -> None:
+    """Modules of the names of Python's own and of packages that we use lie there; none is imported."""
+    ran = tmp_path / "ran"
+    for name in {*sys.stdlib_module_names, "numpy", "zmq", "scipy", "websockets", "kinespace", "sitecustomize"}:
+        # The tests' own network guard is a sitecustomize, too.
+        text = f"open({str(ran)!r}, 'a').write({name!r} + ' ')\nraise SystemExit('ran')\n"
+        (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+    command = [Path(sys.executable).with_name("kinespace")]
+    arguments, said = ARGUMENTS.get(program, ("--help", ""))
+    with started(program, *arguments.split(), at=tmp_path, begins=command) as running:
+        if said:
+            running.expect(said)
+            running.interrupt()
+        # On a machine without an extra a program says so.
+        assert running.wait() in (0, 1, 2)
+    assert not ran.exists(), ran.read_text(encoding="utf-8")

@@ -14,6 +14,7 @@ METRES = {
     **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
     **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    **dict.fromkeys(("um", "µm", "micrometer", "micrometers"), 1e-6),
     **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
 }
 #: The size of a person, in the file's numbers, up to which the unit is a metre. A crouching child and a very tall
@@ -24,10 +25,14 @@ _MAX_IN_CENTIMETRES = 500.0
 
 
 def metres_of(unit: str) -> float | None:
-    """Give the metres of a unit's name, or of a number that says them itself; None for any other text."""
-    name = unit.strip().lower()
-    if name in METRES:
-        return METRES[name]
+    """Give the metres of a unit's name, or of a number that says them itself; None for any other text.
+
+    A name may be cut short, as C3D's fields of four letters do it: `mete`.
+    """
+    name = unit.strip().strip("()[].").lower()
+    meant = {METRES[name]} if name in METRES else {each for word, each in METRES.items() if word.startswith(name)}
+    if len(meant) == 1 and (name in METRES or len(name) > 2):
+        return meant.pop()
     try:
         metres = float(name)
     except ValueError:

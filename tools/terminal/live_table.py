@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kinespace.library.naming.hdm05 import title_of
+from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
@@ -295,6 +296,11 @@ def said_of(status: Status) -> list[str]:
     """List notes on performers' joints and clocks, and why frames are refused, a line each."""
     noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
     lines = [f"performer {printable(name)}: {what}" for name, what in noticed]
+    lines += [
+        f"performer {printable(name)}: OSC answers at /motion/{printable(at)}/..."
+        for name in status.performers
+        if (at := address_part(name)) != name or not name.isascii()
+    ]
     if status.answered < 1:
         lines.append(f"this machine is too slow: {status.answered:.0%} of the answers are given")
     return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]

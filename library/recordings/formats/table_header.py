@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import accumulate, pairwise
 
 from kinespace.library.recordings.formats.errors import number_of
@@ -85,6 +86,13 @@ class Header:
     rate: float
     metres: float | None
     others: Sequence[str]
+
+
+@lru_cache(maxsize=4096)
+def coordinate_of(name: str) -> tuple[str, str] | None:
+    """Give the joint and the axis in the name of one coordinate, like `/p1/wrist_l:tx`; None for another name."""
+    named = next((found for way in _WAYS[:2] if (found := way.fullmatch(name)) and not found["unit"]), None)
+    return (plain(named["joint"]), named["axis"].lower()) if named else None
 
 
 def is_numbers(row: Sequence[str]) -> bool:

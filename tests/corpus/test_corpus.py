@@ -9,6 +9,7 @@ from kinds import BODY, KINDS, NAMES, Kind
 from kinespace.library import Clip
 from kinespace.library.naming import Naming
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader
+from kinespace.tools.cli.main import main
 
 AS_THEY_ARE = Naming.asked("as-they-are")
 
@@ -46,6 +47,25 @@ def test_every_kind_is_read_right(tmp_path: Path, name: str) -> None:
             expected = plain.positions[:, [plain.skeleton.joints.index(joint) for joint in there]]
         held = expected[kind.frames]
         np.testing.assert_allclose(found if len(found) == len(held) else found[kind.frames], held, atol=kind.near)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["npz", "csv"])
+@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if kind.reads])
+def test_reading_twice_changes_nothing(tmp_path: Path, name: str, ending: str) -> None:
+    """What `convert` writes is read as the same clip: joints by our names, times, positions."""
+    kind, unit = KINDS[name], {key: str(value) for key, value in KINDS[name].options}
+    path, out = tmp_path / f"take.{kind.ending}", tmp_path / f"again.{ending}"
+    path.write_bytes(kind.content)
+    for once in RecordingReader(Reading(**dict(kind.options))).clips(path):  # type: ignore[arg-type]
+        who = ["--performer", once.actor] if once.actor else []
+        rate = ["--frame-rate", unit["frame_rate"]] if unit else []
+        assert main(["convert", str(path), "-o", str(out), "--overwrite", *who, *rate]) == 0
+        (again,) = RecordingReader().clips(out)
+        assert again.skeleton.joints == once.skeleton.joints
+        assert again.frame_rate == pytest.approx(once.frame_rate, rel=1e-9)
+        np.testing.assert_allclose(again.positions, once.positions, rtol=6e-9)
+        assert not again.notes
 
 
 @pytest.mark.slow

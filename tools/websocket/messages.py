@@ -2,8 +2,8 @@
 
 A frame is text, one JSON object: `performer`, `positions` (a list of [x, y, z] or {x, y, z} in metres for each joint,
 null for what is lost), and perhaps `t` (seconds; 0 or none: the arrival) and `joints` (names, in the first frame and
-when they change); or binary, the msgpack map of ZeroMQ. An answer is text: ZeroMQ's JSON with its topic as `type`; so is
-an error, for the client whose frame cannot be read.
+when they change); or binary, the msgpack map of ZeroMQ. An answer is text: ZeroMQ's JSON with its topic as `type`; an
+error is, too, for the client whose frame cannot be read.
 """
 
 from __future__ import annotations

@@ -213,6 +213,8 @@ def _begun(path: Path, most: int | None = None) -> tuple[Header, list[str], Iter
             else:
                 # The header of another part of the file.
                 head = []
+        if found is None and (header := header_of(head)):
+            found = header, [], rows, len(head)
     return found
 
 
@@ -237,7 +239,7 @@ def _read_csv(path: Path) -> tuple[Header, dict[str, _Frames], list[str]]:
         raise RecordingError(f"{path}: expected a CSV ({error})") from error
     if head.others:
         notes.append(f"no positions: {', '.join(head.others[:5])}{' ...' if len(head.others) > 5 else ''}: left out")
-    return head, people if len(people) > 1 else {"": next(iter(people.values()))}, notes
+    return head, people if len(people) > 1 else {"": next(iter(people.values()), _Frames())}, notes
 
 
 def _whole(

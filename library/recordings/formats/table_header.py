@@ -21,7 +21,7 @@ from kinespace.library.recordings.formats.units import metres_of
 
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
-    re.compile(r"(?P<joint>.*[^\W_])[\W_]+t?(?P<axis>[xyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
+    re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[xyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
     re.compile(r"(?P<joint>.*[a-z0-9\])])(?P<axis>[XYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
     re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[xyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
 )

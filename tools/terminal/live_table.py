@@ -145,7 +145,11 @@ class PlainLines(Sink):
         """Forget performers that have left, so that their return is printed."""
         self._last = {name: last for name, last in self._last.items() if name in status.performers}
         self._silence.waits(status)
-        said = said_of(status) + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
+        said = (
+            said_of(status)
+            + addresses(status)
+            + [f"performer {printable(name)}: no frames" for name in self._silence.of(self._last)]
+        )
         for line in said:
             if line not in self._said:
                 say(line, level=logging.WARNING)
@@ -287,7 +291,7 @@ class LiveTable(Sink):
         for name, done in ((name, list(each.done.items())[-_MOTIONS:]) for name, each in shown.items() if each.done):
             lines.append(f"{printable(name)} done: {', '.join(f'{title_of(label)} {count}' for label, count in done)}")
         lines += [f"performer {printable(name)}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
-        lines += [*said_of(status), *map(printable, status.notes)]
+        lines += [*said_of(status), *addresses(status), *map(printable, status.notes)]
         lines += [*(printable(as_line(each)) for each in self._taught), *([self.hint] if self.hint else ())]
         return "\n".join([f"{len(self._classes)} classes · {counts(status)}", *lines])
 
@@ -296,14 +300,18 @@ def said_of(status: Status) -> list[str]:
     """List notes on performers' joints and clocks, and why frames are refused, a line each."""
     noticed = (*status.compared.items(), *status.clocks.items(), *status.doubted.items())
     lines = [f"performer {printable(name)}: {what}" for name, what in noticed]
-    lines += [
+    if status.answered < 1:
+        lines.append(f"this machine is too slow: {status.answered:.0%} of the answers are given")
+    return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]
+
+
+def addresses(status: Status) -> list[str]:
+    """Say which performer has which OSC address where that is not plain, a line each."""
+    return [
         f"performer {printable(name)}: OSC answers at /motion/{printable(at)}/..."
         for name in status.performers
         if (at := address_part(name)) != name or not name.isascii()
     ]
-    if status.answered < 1:
-        lines.append(f"this machine is too slow: {status.answered:.0%} of the answers are given")
-    return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]
 
 
 def promise(promised: float, missed: float | None) -> str:

@@ -36,7 +36,8 @@ from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.
 _MARKS = "\t;,"
-#: Lines in which a table's first frame must come.
+#: Lines of which one must have the mark between fields, and lines in which a table's first frame must come.
+_FRONT = 50
 _MAX_HEAD = 2000
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt")
@@ -201,8 +202,8 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
 
 def _begun(path: Path, most: int | None = None) -> tuple[Header, list[str], Iterator[list[str]], int] | None:
     """Read a table up to its first frame: the header, that frame, the rows behind it, and the frame's line."""
-    found = None
-    for mark in _MARKS:
+    found, front = None, "".join(islice(memory.lines(path, most, errors="replace"), _FRONT))
+    for mark in (each for each in _MARKS if each in front):
         head, rows = list[list[str]](), _rows(path, mark, most)
         for number, row in enumerate(islice(rows, _MAX_HEAD), start=1):
             if not is_numbers(row):
@@ -231,7 +232,11 @@ def _read_csv(path: Path) -> tuple[Header, dict[str, _Frames], list[str]]:
         for number, row in _whole(path, chain([first], rows), begin, needed, notes):
             person = row[head.person].strip() if head.person is not None else ""
             frames = people.setdefault(person, _Frames())
-            frames.values.extend([_number(path, number, row[column]) for column in columns])
+            fields = [row[column] for column in columns]
+            try:
+                frames.values.extend([*map(float, fields)])
+            except ValueError:
+                frames.values.extend([_number(path, number, each) for each in fields])
             if head.label is not None:
                 frames.labels.append(row[head.label].strip())
             frames.moments.append(math.nan if clock is None else _moment(path, number, row[clock]))

@@ -15,9 +15,9 @@ from functools import lru_cache
 from itertools import accumulate, pairwise
 
 from kinespace.library.recordings.formats.errors import number_of
-from kinespace.library.recordings.formats.joint_choice import plain
+from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.timed_frames import words_of
-from kinespace.library.recordings.formats.units import metres_of
+from kinespace.library.recordings.formats.units import WORDS, metres_of
 
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
@@ -25,34 +25,16 @@ _WAYS = (
     re.compile(r"(?P<joint>.*[a-z0-9\])])(?P<axis>[XYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
     re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[xyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
 )
-#: First or last words of three columns that are no position.
-_NO_PLACES = frozenset(
-    (
-        *(
-            "rot",
-            "rotation",
-            "rotations",
-            "quat",
-            "quaternion",
-            "q",
-            "angle",
-            "angles",
-            "euler",
-            "orient",
-            "orientation",
-        ),
-        *("vel", "velocity", "acc", "accel", "acceleration", "gyro", "angular", "direction", "dir", "normal", "scale"),
-        *("force", "forces", "moment", "moments", "power", "powers", "torque", "error", "visibility"),
-    )
+#: Words of columns (`words.toml`).
+_TIMES, _SECONDS, _FRAMES, _LABELS, _NO_PLACES = (
+    frozenset(WORDS["columns"][kind]) for kind in ("times", "alone", "frames", "labels", "no_places")
 )
-_TIMES = frozenset(("time", "times", "timestamp", "timestamps", "elapsed", "stamp"))
-_SECONDS = frozenset(("s", "sec", "secs", "seconds", "ms", "msec", "milliseconds", "us", "usec", "ns", "nsec", "t"))
-_FRAMES = frozenset(("frame", "frames", "index", "sample", "framenumber", "frameindex"))
-_LABELS = frozenset(("joint", "keypoint", "landmark", "marker", "bodypart", "bone", "label", "name", "part", "point"))
 _PERSON = re.compile(
     r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object)"
     r"( ?(id|ids|idx|index|nr|no|number|name))?|p?id"
 )
+#: Rows above the first frame that may name joints.
+_DEEP = 12
 _RATE = re.compile(r"(export |data |camera )?(frame ?rate|frequency|sampl\w+ (rate|frequency)|fps)\b.*", re.IGNORECASE)
 _UNIT = re.compile(r"(length )?units?\W*", re.IGNORECASE)
 
@@ -104,7 +86,7 @@ def is_numbers(row: Sequence[str]) -> bool:
 
 def header_of(rows: Sequence[Sequence[str]]) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
-    for place in range(len(rows) - 1, -1, -1):
+    for place in range(len(rows) - 1, max(len(rows) - _DEEP, 0) - 1, -1):
         axes = [name.strip().lower() for name in rows[place]]
         if min(map(axes.count, "xyz")) > 1 and (found := _of_several(rows, place)):
             return found
@@ -122,7 +104,7 @@ def _of_one(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, No
     for way in _WAYS:
         found, units = dict[str, dict[str, int]](), set[str]()
         for place, name in enumerate(row):
-            if named := way.fullmatch(name.strip().strip("#").strip()):
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().strip("#").strip())):
                 found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
                 units.add((named.groupdict().get("unit") or "").lower())
         whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
+from kinespace.library.recordings.formats.units import WORDS
 from kinespace.library.skeleton import Skeleton
 
 #: Seconds a marker may be out of sight. Over a longer time a straight line would be an invented movement.
@@ -24,13 +25,7 @@ _TIE = 1e-6
 #: Frames per second of a file without a clock: the rate of MediaPipe's cameras.
 FRAME_RATE = 30.0
 #: Seconds of the units in which files count time, by the words for them in a column's name.
-_UNITS = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microsecond", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nanos", "nanosecond", "nanoseconds"), 1e-9),
-    **dict.fromkeys(("tick", "ticks", "hns"), 1e-7),
-}
+_UNITS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
 #: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
 _RATES = ((14.0, 500.0), (4.0, 2000.0))
 #: Times that differ from even ones by less than this share of a frame are even.

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from importlib import resources
 
 import numpy as np
 from numpy.typing import NDArray
 
+#: Words in recordings, by kind.
+WORDS = tomllib.loads((resources.files("kinespace.library.recordings.formats") / "words.toml").read_text("utf-8"))
 #: Metres of each unit, under the names and abbreviations that files use, in lower case.
-METRES = {
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
-    **dict.fromkeys(("dm", "decimeter", "decimeters"), 0.1),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
-    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
-    **dict.fromkeys(("um", "µm", "micrometer", "micrometers"), 1e-6),
-    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
-}
+METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for word in words}
 #: The size of a person, in the file's numbers, up to which the unit is a metre. A crouching child and a very tall
 #: person are far from this limit and the next.
 _MAX_IN_METRES = 16.0

@@ -53,6 +53,9 @@ class Clip:
     gaps
         Times between which nothing was seen for longer than straight lines may last, seconds from the clip's start. The
         body stays there where it was last seen, and motions are not cut across these times.
+    notes
+        Remarks of the reader on the file, a line each, whose kind stands before a colon: markers that were left out,
+        times that differ from the header's.
 
     Raises
     ------
@@ -75,6 +78,7 @@ class Clip:
     naming: str = ""
     filled: int = 0
     gaps: tuple[tuple[float, float], ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.skeleton, Skeleton):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import ctypes
 import errno
 import io
@@ -128,8 +129,28 @@ def content(path: Path, most: int = MAX_WITHOUT_MOTION) -> bytes:
     return found
 
 
-def lines(path: Path, most: int | None = None, *, encoding: str = "utf-8-sig", errors: str = "strict") -> Iterator[str]:
-    """Read a text line by line, each with its end.
+def encoding_of(path: Path) -> str:
+    """Say by its first bytes in which encoding a text is: UTF-8, UTF-16, else Shift-JIS or Windows' Latin letters."""
+    with opened(path) as file:
+        begin = file.read(MAX_WITHOUT_MOTION)
+    if begin[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    if begin[1:40:2].count(0) > 9:
+        return "utf-16-le"
+    for encoding in ("utf-8-sig", "cp932"):
+        try:
+            # The last character may be cut.
+            codecs.getincrementaldecoder(encoding)().decode(begin)
+        except UnicodeDecodeError:
+            continue
+        # Latin letters above ASCII begin at 0xa0; of Japanese text some bytes are lower.
+        if encoding == "utf-8-sig" or any(0x81 <= byte <= 0x9F for byte in begin):
+            return encoding
+    return "cp1252"
+
+
+def lines(path: Path, most: int | None = None, *, encoding: str = "", errors: str = "strict") -> Iterator[str]:
+    """Read a text line by line, each with its end; in the encoding that `encoding_of` finds when none is given.
 
     Raises
     ------
@@ -139,7 +160,7 @@ def lines(path: Path, most: int | None = None, *, encoding: str = "utf-8-sig", e
         The file cannot be opened.
     """
     left = limit() if most is None else most
-    with io.TextIOWrapper(opened(path), encoding=encoding, errors=errors, newline="") as file:
+    with io.TextIOWrapper(opened(path), encoding=encoding or encoding_of(path), errors=errors, newline="") as file:
         while line := file.readline(MAX_LINE + 1):
             left -= len(line)
             if left < 0 or len(line) > MAX_LINE:

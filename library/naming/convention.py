@@ -2,7 +2,7 @@
 
 Capitals and marks between words are ignored: `LeftUpLeg`, `left_up_leg` and `left-upLeg` are one name. So is text in
 front of a name: a namespace (`mixamorig:Hips`), a path (`Armature|Hips`), or a prefix that all joints of a skeleton
-share (`Skeleton 001_Hip`).
+share (`Skeleton 001_Hip`), and an end that all share (`LEFT_HIP_BD`).
 """
 
 from __future__ import annotations
@@ -52,6 +52,8 @@ class Convention:
         Prefixes that every name may have, perhaps followed by a number, spelled by `spelling`.
     absent
         Names, spelled by `spelling`; a skeleton that has one of them is not of this convention.
+    needed
+        Names, spelled by `spelling`; a skeleton that has none of them is not of this convention.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Convention:
     targets: Mapping[str, str] = field(repr=False)
     prefixes: tuple[str, ...] = ()
     absent: frozenset[str] = frozenset()
+    needed: frozenset[str] = frozenset()
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -68,7 +71,13 @@ class Convention:
     def spelled(self, labels: Sequence[str]) -> list[str]:
         """Spell labels by `spelling`, without the text in front of each name."""
         bare = [_NAMESPACE.sub("", label) or label for label in labels]
-        return max(([self._bare(label) for label in each] for each in (bare, _without_front(bare))), key=self.known)
+        front = _without_front(bare)
+        both = [label[::-1] for label in _without_front([label[::-1] for label in front])]
+        return max(([self._bare(label) for label in each] for each in (bare, front, both)), key=self.known)
+
+    def fits(self, spelled: Sequence[str]) -> bool:
+        """Say whether a skeleton has none of the names that it must lack, and one of those that it needs."""
+        return self.absent.isdisjoint(spelled) and not (self.needed and self.needed.isdisjoint(spelled))
 
     def known(self, spelled: Sequence[str]) -> int:
         """Count the names that belong to the convention."""
@@ -136,6 +145,7 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     prefixes: tuple[Text, ...] = ()
     sides: tuple[tuple[Text, Text], ...] = ()
     absent: tuple[Text, ...] = ()
+    needed: tuple[Text, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse joints that HDM05 lacks, and names that have two targets."""
@@ -152,6 +162,10 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
         """Give each name and its joint, on both sides."""
         return [each for name, target in self.joints.items() for each in self.both_sides(name, target.strip())]
 
+    def spelled(self, patterns: Sequence[str]) -> frozenset[str]:
+        """Spell names, on both sides."""
+        return frozenset(spelling(each) for pattern in patterns for each, _ in self.both_sides(pattern))
+
     def both_sides(self, name: str, target: str = "") -> list[tuple[str, str]]:
         """Replace `*` by each word for a side."""
         if _SIDE not in name:
@@ -166,7 +180,7 @@ def parse_convention(text: str, file: str) -> Convention:
     Parameters
     ----------
     text
-        The TOML: `title`, `[joints]`, and if needed `sides`, `prefixes` and `absent`.
+        The TOML: `title`, `[joints]`, and if needed `sides`, `prefixes`, `absent` and `needed`.
     file
         The file's name in messages; the convention's name is the same without folder and ending.
 
@@ -182,7 +196,8 @@ def parse_convention(text: str, file: str) -> Convention:
         title=read.title.strip() or name,
         targets={spelling(each): target for each, target in read.targets()},
         prefixes=tuple(map(spelling, read.prefixes)),
-        absent=frozenset(spelling(each) for pattern in read.absent for each, _ in read.both_sides(pattern)),
+        absent=read.spelled(read.absent),
+        needed=read.spelled(read.needed),
     )
 
 

@@ -22,7 +22,11 @@ _SHARE = 0.6
 #: Skeletons whose names are remembered, at most.
 _MAX_REMEMBERED = 64
 #: Names that are listed because they are not known, and characters of each, at most.
-_MAX_LISTED, _MAX_LABEL = 5, 24
+_MAX_LISTED, _MAX_LABEL = 8, 24
+#: The joints of each arm and each leg.
+_LIMBS = tuple(
+    frozenset(side + each for each in limb) for side in "lr" for limb in (("humerus", "radius"), ("femur", "tibia"))
+)
 #: The table that is copied where none is near.
 _USUAL = "mixamo"
 
@@ -50,7 +54,12 @@ class NamedJoints(NamedTuple):
 def summary(title: str, joints: Sequence[str]) -> str:
     """Say in a line which convention was applied, and how many of our joints it found."""
     ours = hdm05.SKELETON.joints
-    return f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"
+    line = f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"
+    foreign = [joint[:_MAX_LABEL] for joint in joints if joint not in ours]
+    if foreign and any(each.isdisjoint(joints) for each in _LIMBS):
+        listed = ", ".join(foreign[:_MAX_LISTED]) + (" ..." if len(foreign) > _MAX_LISTED else "")
+        line += f"; an arm or a leg is missing, not understood: {listed}"
+    return line
 
 
 def unknown_names(labels: Sequence[str], joints: Collection[str]) -> str:
@@ -125,11 +134,15 @@ class Naming:
 def _found(labels: tuple[str, ...]) -> NamedJoints:
     """Rename joints by the convention that knows most of them; unchanged where no convention fits."""
     best, most = None, (0, 0.0)
+    ours = sum(label in hdm05.SKELETON.joints for label in labels)
     for convention in conventions():
         spelled = convention.spelled(labels)
         known = convention.known(spelled)
         targets = {convention.targets.get(label, "") for label in spelled} - {""}
-        if len(targets) < _MIN_KNOWN or not convention.absent.isdisjoint(spelled):
+        # A file that was renamed before has our names and some of the convention's.
+        if ours >= _MIN_KNOWN and not convention.needed and convention != own_convention():
+            continue
+        if len(targets) < _MIN_KNOWN or not convention.fits(spelled):
             continue
         of_names, of_joints = known / len(labels), len(targets) / len(convention.joints)
         # Of two conventions that know as many names, the one of whose joints the skeleton has a larger share.

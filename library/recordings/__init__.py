@@ -11,6 +11,7 @@ from kinespace.library.recordings.reader import (
     find_recordings,
     instead_of_recording,
     is_recording,
+    is_systems,
     labelled,
     performed,
     read_recordings,

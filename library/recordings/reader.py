@@ -24,18 +24,18 @@ _AMC = ".amc"
 _C3D = ".c3d"
 #: A raw recording of a feed: `stream` decodes feeds, so its reader is handed in (`Reading.raw`).
 RAW = ".kinerec"
-_TABLES = (".csv", ".npz")
+_TABLES = (*joint_table.TEXTS, ".npz")
 #: Films: `tools` finds bodies in them, so that its reader is handed in as well.
 FILMS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 #: Readers of the files that hold their own skeleton, by ending.
-_READERS: dict[str, Callable[..., Clip]] = {
+_READERS: dict[str, Callable[..., Clip | list[Clip]]] = {
     ".bvh": bvh.read_clip,
     _C3D: c3d.read_clip,
     ".trc": trc.read_clip,
 }
 #: The endings of all files that can be read.
 ENDINGS = (_AMC, *_READERS, RAW, *_TABLES)
-_NAMED = f"{', '.join(ENDINGS[:-2])}, a table in {' or '.join(_TABLES)}"
+_NAMED = f"{', '.join(ENDINGS[: -len(_TABLES)])}, a table in {', '.join(joint_table.TEXTS)} or .npz"
 #: Bytes of memory for each byte in a text: a number takes two characters or more, and eight bytes in each of the arrays
 #: that are computed one from the other.
 _TIMES = 4
@@ -102,6 +102,11 @@ def is_recording(path: Path) -> bool:
     return joint_table.is_joint_table(path) if ending in _TABLES else ending in (*ENDINGS, *FILMS)
 
 
+def is_systems(path: Path) -> bool:
+    """Say whether a system wrote a file beside a person's: its name, or a folder's above it, begins with a dot."""
+    return any(part.startswith((".", "__MACOSX")) for part in path.parts)
+
+
 def instead_of_recording(path: Path) -> str:
     """Describe a file that is no recording."""
     if path.is_file() and not path.stat().st_size:
@@ -124,7 +129,8 @@ def paths_of(given: str | Path | Iterable[str | Path]) -> list[Path]:
 def find_recordings(places: str | Path | Iterable[str | Path]) -> list[Path]:
     """List the recordings under some folders (at any depth) and files, sorted within each folder, each once.
 
-    Films count only in a folder that has no other recordings: else they show what was recorded by better means.
+    Films count only in a folder that has no other recordings: else they show what was recorded by better means. What
+    systems put beside files (`._take.bvh`, `__MACOSX`) is no recording (`is_systems`).
 
     Raises
     ------
@@ -136,7 +142,8 @@ def find_recordings(places: str | Path | Iterable[str | Path]) -> list[Path]:
         if not place.exists():
             raise RecordingError(f"{place}: no such file or folder")
         if place.is_dir():
-            within = sorted(path for path in place.rglob("*") if is_recording(path) and not path.is_dir())
+            ours = (path for path in place.rglob("*") if not is_systems(path.relative_to(place)))
+            within = sorted(path for path in ours if is_recording(path) and not path.is_dir())
             found += [path for path in within if path.suffix.lower() not in FILMS] or within
         else:
             found.append(place)
@@ -208,7 +215,9 @@ class RecordingReader:
         first, *others = self.clips(path)
         if others:
             names = ", ".join(clip.actor for clip in (first, *others))
-            raise RecordingError(f"{path}: the recording has several performers ({names})")
+            raise RecordingError(
+                f"{path}: the recording has several performers ({names}): kinespace convert --performer takes one"
+            )
         return first
 
     def _read(self, path: Path) -> Sequence[Clip]:
@@ -221,9 +230,10 @@ class RecordingReader:
         if ending == _AMC:
             clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
             return [restricted(clip, reading.joints)]
-        read = _READERS.get(ending, joint_table.read_clip)
-        metres = metres_of(reading.unit)
-        return [read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)]
+        read = _READERS.get(ending, joint_table.read_clips)
+        metres = metres_of(reading.unit) if reading.unit else None
+        found = read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)
+        return [found] if isinstance(found, Clip) else found
 
     def _body(self, path: Path) -> acclaim.AcclaimSkeleton:
         file = self._reading.asf or acclaim.find_asf(path)

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
+from urllib.parse import unquote
 
 from kinespace.library.naming import spelling
 from kinespace.stream.feeds.kinematics import Quaternion, Vector
 from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset
-from kinespace.stream.osc.packet import Message
+from kinespace.stream.osc.packet import Message, number_of
 
 #: A performer's name may have 64 characters; the number of a second sender is added to it.
 MAX_PERFORMER_LENGTH = 48
@@ -97,11 +98,12 @@ class Mapper:
             The preset knows the address, but with other arguments.
         """
         ways = [way for way in self._ways(message.address) if way.literals_fit(message.arguments)]
-        best: Reading | None = None
+        best, why = None, ""
         for way in ways:
             try:
                 reading = self._read(way, message.arguments)
-            except (TypeError, OverflowError):
+            except (TypeError, OverflowError) as error:
+                why = f": {error}"
                 continue
             if reading is None:
                 continue
@@ -111,13 +113,16 @@ class Mapper:
             if best is None or len(reading.sightings) > len(best.sightings):
                 best = reading
         if ways and best is None:
-            raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}")
+            raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}{why}")
         return best
 
     def _find_ways(self, address: str) -> list[_Way]:
         rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()
         found = [(rule, rule.pattern.fullmatch(address)) for rule in rules]
-        return [_Way(rule, match.groupdict()) for rule, match in found if match]
+        # A name in an address may be written as in a URL (`address_part`).
+        return [
+            _Way(rule, {key: unquote(name) for key, name in each.groupdict().items()}) for rule, each in found if each
+        ]
 
     def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
         """Read arguments; None, TypeError or OverflowError when they do not fit the roles."""
@@ -151,10 +156,10 @@ class Mapper:
         place = way.places.get("time")
         if place is None:
             return None
-        time = _number(arguments[place])
+        time = number_of(arguments[place])
         high = way.places.get("time_high")
         if high is not None:
-            time = float((int(_number(arguments[high])) << 32) + (int(time) & 0xFFFFFFFF))
+            time = float((int(number_of(arguments[high])) << 32) + (int(time) & 0xFFFFFFFF))
         # As in our own frames, 0 means "on arrival".
         return time * self.preset.seconds if time and math.isfinite(time) else None
 
@@ -184,11 +189,11 @@ class Mapper:
         numbers = [arguments[start + place] for place in way.position]
         if None in numbers:
             return Sighting(joint, None)
-        x, y, z = map(_number, numbers)
+        x, y, z = map(number_of, numbers)
         rotation = None
         # World positions need no rotations.
         if way.rotation and self.preset.bones:
-            a, b, c, d = (_number(arguments[start + place]) for place in way.rotation)
+            a, b, c, d = (number_of(arguments[start + place]) for place in way.rotation)
             rotation = (a, b, c, d)
         seen = math.isfinite(x + y + z) and (rotation is None or math.isfinite(sum(rotation)))
         if seen and way.confidence is not None:
@@ -199,7 +204,7 @@ class Mapper:
         if isinstance(argument, str):
             # A word that the preset does not list does not make the joint absent.
             return self.preset.closings.words.get(argument.casefold(), math.inf)
-        return math.inf if argument is None else _number(argument)
+        return math.inf if argument is None else number_of(argument)
 
 
 class _Way:
@@ -264,9 +269,3 @@ def _text(argument: object) -> str:
     if not 0 < len(text) <= MAX_PERFORMER_LENGTH:
         raise TypeError(f"expected a name of 1 to {MAX_PERFORMER_LENGTH} characters, got {len(text)}")
     return text
-
-
-def _number(argument: object) -> float:
-    if type(argument) not in (float, int):
-        raise TypeError(f"expected a number, got {type(argument).__name__}")
-    return float(argument)  # type: ignore[arg-type]  # checked above

@@ -2,7 +2,7 @@
 
 osc       as it is
 channels  OSC with one number to a message, as TouchDesigner's OSC Out CHOP sends it: `/p1/wrist_l:tx f`; three of them
-          become `/p1/wrist_l x y z`
+          become `/p1/wrist_l x y z`, whichever of their spellings they have; numbers that did not change may lack
 rokoko    Rokoko Studio's JSON, version 3: `/rokoko/<actor>/<joint> x y z`
 zigsim    ZIG SIM's JSON: `/zigsim/<device>/<joint> x y z`; its OSC as it is
 xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
@@ -10,22 +10,23 @@ xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
 import msgspec
 
+from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet
 
-#: Numbers that wait for the others of their joint, at most; a sender that makes up names fills the memory, and empties
-#: it.
+#: Joints whose numbers are known, at most; a sender that makes up names fills the memory, and empties it.
 _MAX_WAITING = 1024
-_CHANNEL = re.compile(r"(?P<joint>.*[^:/_.])[:/_.]t?(?P<axis>[xyz])", re.IGNORECASE)
+#: Bundles without a joint after which its numbers count as unchanged, and after which they count as lost.
+_UNCHANGED, _LOST = 4, 600
 #: Xsens MVN's network stream: identifier, sample, datagram, items, time code in ms, character, body segments, props,
 #: finger segments, two reserved bytes and the size of the rest.
 _MXTP = struct.Struct(">6sIBBIBBBB2xH")
@@ -38,13 +39,17 @@ Unpacker = Callable[[bytes], list[Message]]
 
 
 class _Vector(msgspec.Struct):
-    x: float
-    y: float
-    z: float
+    x: float | None
+    y: float | None
+    z: float | None
+
+
+#: A place as [x, y, z], as {x, y, z}, or none.
+_Place = tuple[float | None, float | None, float | None] | _Vector | None
 
 
 class _RokokoJoint(msgspec.Struct):
-    position: _Vector
+    position: _Place
 
 
 class _RokokoActor(msgspec.Struct):
@@ -66,7 +71,7 @@ class _ZigSimDevice(msgspec.Struct):
 
 
 class _ZigSimSensors(msgspec.Struct):
-    body: dict[str, tuple[float, float, float]] = msgspec.field(default_factory=dict, name="bodyTracking")
+    body: dict[str, _Place] = msgspec.field(default_factory=dict, name="bodyTracking")
 
 
 class _ZigSim(msgspec.Struct):
@@ -82,9 +87,7 @@ def unpack_rokoko(packet: bytes) -> list[Message]:
     """Read a frame of Rokoko Studio's JSON; all actors are in it."""
     actors = _read(_rokoko, packet).scene.actors
     return _bounded(
-        _message("rokoko", actor.name, joint, at.position.x, at.position.y, at.position.z)
-        for actor in actors
-        for joint, at in actor.body.items()
+        _message("rokoko", actor.name, joint, at.position) for actor in actors for joint, at in actor.body.items()
     )
 
 
@@ -94,7 +97,7 @@ def unpack_zigsim(packet: bytes) -> list[Message]:
         return decode_packet(packet)
     frame = _read(_zigsim, packet)
     device = frame.device.name or frame.device.uuid or "device"
-    return _bounded(_message("zigsim", device, joint, *position) for joint, position in frame.sensors.body.items())
+    return _bounded(_message("zigsim", device, joint, position) for joint, position in frame.sensors.body.items())
 
 
 def unpack_xsens(packet: bytes) -> list[Message]:
@@ -111,31 +114,68 @@ def unpack_xsens(packet: bytes) -> list[Message]:
     return _bounded(Message(f"/xsens/{character}/{number}", [x, y, z, float(time)]) for number, x, y, z in segments)
 
 
+@dataclass(slots=True)
+class _Channels:
+    """A joint's numbers by their axes, the axes that came since they were given, and the bundle of the last one."""
+
+    numbers: dict[str, object] = field(default_factory=dict)
+    new: set[str] = field(default_factory=set)
+    bundle: int = 0
+
+
 class ChannelUnpacker:
-    """Puts the three numbers of a joint together that come in three messages, in one packet or in several."""
+    """Puts the three numbers of a joint together that come in three messages, in one packet or in several.
+
+    Some senders leave out numbers that did not change. A joint of which some came in a bundle keeps the others; one
+    that does not come at all keeps all of them while its performer's other joints go on.
+    """
 
     def __init__(self) -> None:
-        self._waiting: dict[str, dict[str, object]] = {}
+        self._waiting: dict[str, _Channels] = {}
+        self._bundles = 0
 
     def __call__(self, packet: bytes) -> list[Message]:
-        """Give a message for each joint whose last number is in the packet; give other messages unchanged."""
-        return [whole for message in decode_packet(packet) if (whole := self._joined(message))]
+        """Give a message for each joint whose numbers are in the packet or did not change; give others unchanged."""
+        given = list[Message]()
+        self._bundles += packet[:1] == b"#"
+        for message in decode_packet(packet):
+            named = coordinate_of(message.address) if len(message.arguments) == 1 else None
+            if named is None:
+                given.append(message)
+                continue
+            joint, axis = named
+            if joint not in self._waiting and len(self._waiting) >= _MAX_WAITING:
+                self._waiting.clear()
+            known = self._waiting.setdefault(joint, _Channels())
+            if axis in known.new:
+                given += _whole(joint, known)
+            known.numbers[axis], known.bundle = message.arguments[0], self._bundles
+            known.new.add(axis)
+            if len(known.new) == len("xyz"):
+                given += _whole(joint, known)
+        return given + self._unchanged() if packet[:1] == b"#" else given
 
-    def _joined(self, message: Message) -> Message | None:
-        channel = _CHANNEL.fullmatch(message.address)
-        if channel is None or len(message.arguments) != 1:
-            return message
-        joint, axis = channel["joint"], channel["axis"].lower()
-        if joint not in self._waiting and len(self._waiting) >= _MAX_WAITING:
-            self._waiting.clear()
-        known = self._waiting.setdefault(joint, {})
-        known[axis] = message.arguments[0]
-        if len(known) < len("xyz"):
-            return None
-        del self._waiting[joint]
-        return Message(joint, [known["x"], known["y"], known["z"]])
+    def _unchanged(self) -> list[Message]:
+        """Give the joints that wait at a bundle's end for numbers that did not change."""
+        here = {joint.rpartition("/")[0] for joint, known in self._waiting.items() if known.bundle == self._bundles}
+        given = list[Message]()
+        for joint, known in self._waiting.items():
+            since = self._bundles - known.bundle
+            if known.new or (joint.rpartition("/")[0] in here and _UNCHANGED < since <= _LOST):
+                given += _whole(joint, known)
+        return given
 
 
+def _whole(joint: str, known: _Channels) -> list[Message]:
+    """Give a joint as a message, if each of its numbers came once."""
+    if len(known.numbers) < len("xyz"):
+        return []
+    known.new.clear()
+    return [Message(joint, [known.numbers[axis] for axis in "xyz"])]
+
+
+#: Packings whose packets may hold a part of a frame.
+LOOSE = ("osc", "channels")
 #: The unpackers for one port, by the name of their packing.
 UNPACKERS: Mapping[str, Callable[[], Unpacker]] = {
     "osc": lambda: decode_packet,
@@ -153,8 +193,9 @@ def _read(read: Callable[[bytes], Any], packet: bytes) -> Any:  # noqa: ANN401 -
         raise PacketError(f"packet: expected this product's JSON ({error})") from error
 
 
-def _message(kind: str, performer: str, joint: str, *position: float) -> Message:
-    named = address_part(performer)[:MAX_PERFORMER_LENGTH] or "performer"
+def _message(kind: str, performer: str, joint: str, place: _Place) -> Message:
+    named = address_part(performer[:MAX_PERFORMER_LENGTH] or "performer")
+    position = (place.x, place.y, place.z) if isinstance(place, _Vector) else place or (None, None, None)
     return Message(f"/{kind}/{named}/{address_part(joint)}", list(position))
 
 

@@ -16,7 +16,7 @@ from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means, Preset
-from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
+from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS, Unpacker
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, OscDecoder
@@ -271,7 +271,7 @@ class Survey:
         if packing not in self._read or self._read[packing][0] != len(self._kept):
             unpack = UNPACKERS[packing]()
             read = [
-                (_unpacked(unpack, datagram) or [], arrival, packing != "osc" or datagram[:1] == b"#")
+                (_unpacked(unpack, datagram) or [], arrival, packing not in LOOSE or datagram[:1] == b"#")
                 for datagram, arrival, _ in self._kept
             ]
             self._read[packing] = len(self._kept), read

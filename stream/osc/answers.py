@@ -16,10 +16,10 @@ belong to the guess. No number is larger than a float, because Pure Data and man
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
+from urllib.parse import quote
 
 from pythonosc.osc_packet import OscPacket, ParseError
 
@@ -36,8 +36,8 @@ _PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: The largest number that OSC holds as a float.
 _MAX_FLOAT = (2 - 2**-23) * 2.0**127
-#: Characters that OSC 1.0 reserves in addresses, and characters that do not print.
-_NOT_IN_ADDRESS = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
+#: Characters that OSC 1.0 reserves in addresses, and the sign by which they are written.
+_RESERVED = frozenset(" #*,/?[]{}%")
 
 #: A label's bytes: a performer's answers have the same few.
 _label = lru_cache(maxsize=1024)(padded)
@@ -146,9 +146,17 @@ def encode_status(status: Status) -> bytes:
     return encode_message("/motion/status", 1, status.frames_per_second, len(status.performers), lost)
 
 
+@lru_cache(maxsize=1024)
 def address_part(performer: str) -> str:
-    """Give a performer's name for use in addresses: characters that OSC reserves become underscores."""
-    return _NOT_IN_ADDRESS.sub("_", performer)
+    """Give a performer's name for use in addresses, another for each name.
+
+    Letters of any script stay, in UTF-8; characters that OSC reserves or that do not print are written as in a URL
+    (`a b` is `a%20b`).
+    """
+    return "".join(
+        each if each.isprintable() and each not in _RESERVED else quote(each, safe="", errors="replace")
+        for each in performer
+    )
 
 
 def decode_answer(datagram: bytes) -> Answer | None:

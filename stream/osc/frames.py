@@ -16,7 +16,15 @@ from functools import lru_cache
 import numpy as np
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame, Input
-from kinespace.stream.osc.packet import Message, PacketError, decode_messages, encode_message, padded, split_packet
+from kinespace.stream.osc.packet import (
+    Message,
+    PacketError,
+    decode_messages,
+    encode_message,
+    number_of,
+    padded,
+    split_packet,
+)
 
 _FRAME = "/motion/frame"
 SKELETON = "/motion/skeleton"
@@ -160,13 +168,10 @@ def _understood(message: Message, arrival: float) -> Input | None:
     if len(message.arguments) < 2:
         raise ValueError("time: expected seconds behind the performer, got nothing")
     time, *numbers = message.arguments[1:]
-    if any(type(number) not in (float, int) for number in (time, *numbers)):
-        raise TypeError("numbers: expected floats or integers")
-    positions = np.array(numbers, dtype=np.float64)
+    positions = np.array([number_of(number) for number in numbers], dtype=np.float64)
     if positions.size % 3:
         raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
-    moment = float(time)  # type: ignore[arg-type]  # checked above
-    return Frame(performer, moment or arrival, positions.reshape(-1, 3))
+    return Frame(performer, number_of(time) or arrival, positions.reshape(-1, 3))
 
 
 def _performer(argument: object) -> str:

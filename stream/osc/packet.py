@@ -42,6 +42,18 @@ class Message(NamedTuple):
     arguments: list[object]
 
 
+def number_of(argument: object) -> float:
+    """Give an argument as a number, also one that patchers and `toFixed` send as text; TypeError for any other."""
+    if isinstance(argument, str):
+        try:
+            return float(argument.replace(",", "."))
+        except ValueError:
+            raise TypeError(f"expected a number, got {argument[:40]!r}") from None
+    if type(argument) not in (float, int):
+        raise TypeError(f"expected a number, got a {type(argument).__name__}")
+    return float(argument)  # type: ignore[arg-type]  # checked above
+
+
 def encode_message(address: str, *arguments: str | float) -> bytes:
     """Encode one message; floats as float32, integers as int32, which all receivers know."""
     return build_msg(address, arguments).dgram
@@ -101,7 +113,7 @@ def decode_messages(messages: Iterable[bytes]) -> list[Message]:
 
 def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tuple[int, int]]:
     """Find the places of the messages before any is read, so that a packet with too many is refused at once."""
-    if packet[begin : begin + 1] == b"/":
+    if packet[begin : begin + 1] == b"/" or _is_bare(packet, begin, end):
         return [(begin, end)]
     if packet[begin : begin + 8] != _BUNDLE or end - begin < 16:
         raise PacketError("neither a message nor a bundle")
@@ -124,11 +136,17 @@ def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tup
     return found
 
 
+def _is_bare(packet: bytes, begin: int, end: int) -> bool:
+    """Say whether a message begins whose address lacks its slash: a word, and behind its zeros the type tags."""
+    stop = packet.find(b"\0", begin, end)
+    return stop > begin and packet[begin:stop].isascii() and packet.startswith(b",", stop + 4 - (stop - begin) % 4)
+
+
 def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
     """Decode a message of at most `left` values that are not floats; give it and the number of these values."""
     address, place = _string(packet, 0)
-    if not address.startswith("/"):
-        raise PacketError("an address that does not begin with /")
+    # Some programs write no slash in front, or one behind.
+    address = "/" + address.strip("/")
     if place == len(packet):
         return Message(address, []), 0
     tags, place = _string(packet, place)

@@ -25,8 +25,11 @@ from kinespace.tools.feeding.feed import Cue, OscFrameSender, Packet, without_pa
 from kinespace.tools.loopback.answers import Listener, answer_in
 from kinespace.tools.loopback.service_process import Transport
 
-#: A line on what is odd about a body that could be read (`library.windows.oddities.remarks`).
-REMARK = re.compile(r"^[^:]*: (names not known|joints|flat|size|frame rate): ")
+#: A line on what is odd about a body or a file that could be read (`library.windows.oddities.remarks`, `Clip.notes`).
+REMARK = re.compile(
+    r"^[^:]*: (names not known|joints|flat|size|frame rate|"
+    r"frames|times|units|left out|not seen|twice|parts|no positions|positions): "
+)
 #: The motions of the small library.
 SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SMALL_ACTORS = ("bd", "dg", "mm")

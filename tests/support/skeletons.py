@@ -154,3 +154,120 @@ ARKIT = (
         for n in ("Start", "_1", "_2", "_3", "End")
     ),
 )
+UNREAL = (
+    *("root", "pelvis", *(f"spine_0{n}" for n in range(1, 6)), "neck_01", "neck_02", "head"),
+    *(
+        f"{part}_{s}"
+        for s in "lr"
+        for part in ("clavicle", "upperarm", "lowerarm", "hand", "thigh", "calf", "foot", "ball")
+    ),
+    *(
+        f"{finger}_0{n}_{s}"
+        for s in "lr"
+        for finger in ("thumb", "index", "middle", "ring", "pinky")
+        for n in (1, 2, 3)
+    ),
+    *(f"{part}_twist_01_{s}" for s in "lr" for part in ("upperarm", "lowerarm", "thigh", "calf")),
+    *("ik_foot_root", "ik_foot_l", "ik_foot_r", "ik_hand_root", "ik_hand_gun", "ik_hand_l", "ik_hand_r"),
+)
+UNREAL_4 = tuple(name for name in UNREAL if name not in ("spine_04", "spine_05", "neck_02"))
+BIPED = tuple(
+    f"Bip01 {name}".strip()
+    for name in (
+        *("", "Pelvis", "Spine", "Spine1", "Spine2", "Neck", "Head", "HeadNub"),
+        *(f"{s} {part}" for s in "LR" for part in ("Clavicle", "UpperArm", "Forearm", "Hand", "Finger0", "Finger0Nub")),
+        *(f"{s} {part}" for s in "LR" for part in ("Thigh", "Calf", "Foot", "Toe0", "Toe0Nub")),
+    )
+)
+VALVE = tuple(f"ValveBiped.{name.replace(' ', '_')}" for name in BIPED if "Nub" not in name and name != "Bip01")
+CHARACTER_CREATOR = tuple(
+    f"CC_Base_{name}"
+    for name in (
+        *(
+            "BoneRoot",
+            "Hip",
+            "Pelvis",
+            "Waist",
+            "Spine01",
+            "Spine02",
+            "NeckTwist01",
+            "NeckTwist02",
+            "Head",
+            "FacialBone",
+        ),
+        *(f"{s}_{part}" for s in "LR" for part in ("Clavicle", "Upperarm", "Forearm", "Hand", "Mid1", "Mid2", "Mid3")),
+        *(f"{s}_{part}" for s in "LR" for part in ("Thigh", "Calf", "Foot", "ToeBase")),
+    )
+)
+RIGIFY = (
+    *("spine", *(f"spine.00{n}" for n in range(1, 7))),
+    *(f"{part}.{s}" for s in "LR" for part in ("pelvis", "breast", "shoulder", "upper_arm", "forearm", "hand")),
+    *(f"{part}.{s}" for s in "LR" for part in ("f_middle.01", "thumb.01", "thigh", "shin", "foot", "toe", "heel.02")),
+)
+POSER = (
+    *("hip", "abdomen", "chest", "neck", "head"),
+    *(
+        f"{s}{part}"
+        for s in "lr"
+        for part in ("Collar", "Shldr", "ForeArm", "Hand", "Buttock", "Thigh", "Shin", "Foot")
+    ),
+)
+GENESIS_8 = (
+    *("hip", "pelvis", "abdomenLower", "abdomenUpper", "chestLower", "chestUpper", "neckLower", "neckUpper", "head"),
+    *(
+        f"{s}{part}"
+        for s in "lr"
+        for part in ("Collar", "ShldrBend", "ShldrTwist", "ForearmBend", "ForearmTwist", "Hand")
+    ),
+    *(f"{s}{part}" for s in "lr" for part in ("ThighBend", "ThighTwist", "Shin", "Foot", "Metatarsals", "Toe", "Mid1")),
+)
+GENESIS_9 = (
+    *("hip", "pelvis", "spine1", "spine2", "spine3", "spine4", "neck1", "neck2", "head"),
+    *(f"{s}_{part}" for s in "lr" for part in ("shoulder", "upperarm", "forearm", "hand", "mid1")),
+    *(f"{s}_{part}" for s in "lr" for part in ("thigh", "shin", "foot", "metatarsals", "toes")),
+)
+MMD = (
+    *("全ての親", "センター", "グルーブ", "腰", "下半身", "上半身", "上半身2", "首", "頭"),
+    *(f"{s}{part}" for s in "左右" for part in ("肩", "腕", "ひじ", "手首", "中指１", "足", "ひざ", "足首", "つま先")),
+)
+MMD_TOOLS = tuple(f"{name[1:]}.{'L' if name[0] == '左' else 'R'}" if name[0] in "左右" else name for name in MMD)
+WEBXR = (
+    *("hips", "spine-lower", "spine-middle", "spine-upper", "chest", "neck", "head"),
+    *(f"{s}-{part}" for s in ("left", "right") for part in ("shoulder", "scapula", "arm-upper", "arm-lower")),
+    *(f"{s}-hand-{part}" for s in ("left", "right") for part in ("wrist-twist", "palm", "wrist", "thumb-metacarpal")),
+    *(f"{s}-hand-thumb-{part}" for s in ("left", "right") for part in ("phalanx-proximal", "phalanx-distal", "tip")),
+    *(
+        f"{s}-hand-{finger}-{part}"
+        for s in ("left", "right")
+        for finger in ("index", "middle", "ring", "little")
+        for part in ("metacarpal", "phalanx-proximal", "phalanx-intermediate", "phalanx-distal", "tip")
+    ),
+    *(f"{s}-{part}" for s in ("left", "right") for part in ("upper-leg", "lower-leg")),
+    *(
+        f"{s}-foot-{part}"
+        for s in ("left", "right")
+        for part in ("ankle-twist", "ankle", "subtalar", "transverse", "ball")
+    ),
+)
+META = tuple(
+    f"XR_FULL_BODY_JOINT_{name.replace('-phalanx', '').replace('-', '_').upper()}_META" for name in ("root", *WEBXR)
+)
+PICO = tuple(f"XR_BODY_JOINT_{name.upper()}_BD" for name in SMPL)
+MHR_70 = (
+    *("nose", "left-eye", "right-eye", "left-ear", "right-ear"),
+    *(f"{s}-{part}" for part in ("shoulder", "elbow", "hip", "knee", "ankle") for s in ("left", "right")),
+    *(f"{s}-{part}" for s in ("left", "right") for part in ("big-toe-tip", "small-toe-tip", "heel")),
+    *(
+        f"{s}-{finger}-{part}"
+        for s in ("right", "left")
+        for finger in ("thumb", "index", "middle", "ring", "pinky")
+        for part in ("tip", "first-joint", "second-joint", "third-joint")
+    ),
+    *(f"{s}-{part}" for part in ("wrist", "olecranon", "cubital-fossa", "acromion") for s in ("left", "right")),
+    "neck",
+)
+MOCOPI = (
+    *("root", *(f"torso_{n}" for n in range(1, 8)), "neck_1", "neck_2", "head"),
+    *(f"{s}_{part}" for s in "lr" for part in ("shoulder", "up_arm", "low_arm", "hand")),
+    *(f"{s}_{part}" for s in "lr" for part in ("up_leg", "low_leg", "foot", "toes")),
+)

@@ -71,7 +71,7 @@ MALFORMED_OSC: dict[str, bytes] = {
     "time is a word": _frame("ss" + "f" * 6, "p", "now", *_HALVES),
     "time is NaN": osc_frame(time=_NAN),
     "time is infinite": osc_frame(time=-_INFINITY),
-    "a word for a number": _frame("sdfffffs", "p", 1.0, *_HALVES[1:], "0.5"),
+    "a word for a number": _frame("sdfffffs", "p", 1.0, *_HALVES[1:], "half"),
     "true for a number": _frame("sdfffffT", "p", 1.0, *_HALVES[1:]),
     "nothing for a number": _frame("sdfffffN", "p", 1.0, *_HALVES[1:]),
     "an array": _frame("sd[ffffff]", "p", 1.0, *_HALVES),

@@ -101,8 +101,10 @@ def reply(root: _Node, info: _Node, target: str) -> tuple[int, _Node | None]:
     if query == "HOST_INFO":
         return 200, info
     node: _Node | None = root
-    for part in filter(None, unquote(path).split("/")):
-        node = (node or {}).get("CONTENTS", {}).get(part)
+    for part in filter(None, path.split("/")):
+        below = (node or {}).get("CONTENTS", {})
+        # A name in an address may be written as in a URL already.
+        node = below.get(part, below.get(unquote(part)))
     if node is None:
         return 404, None
     if not query:

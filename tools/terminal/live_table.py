@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kinespace.library.naming.hdm05 import title_of
+from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
@@ -144,7 +145,8 @@ class PlainLines(Sink):
         """Forget performers that have left, so that their return is printed."""
         self._last = {name: last for name, last in self._last.items() if name in status.performers}
         self._silence.waits(status)
-        said = said_of(status) + [f"performer {name}: no frames" for name in self._silence.of(self._last)]
+        silent = [f"performer {name}: no frames" for name in self._silence.of(self._last)]
+        said = [*said_of(status), *addresses(status), *silent]
         for line in said:
             if line not in self._said:
                 say(line, level=logging.WARNING)
@@ -286,7 +288,7 @@ class LiveTable(Sink):
         for name, done in ((name, list(each.done.items())[-_MOTIONS:]) for name, each in shown.items() if each.done):
             lines.append(f"{name} done: {', '.join(f'{title_of(label)} {count}' for label, count in done)}")
         lines += [f"performer {name}: no frames for {seconds:.0f} s" for name, seconds in silent.items()]
-        lines += [*said_of(status), *status.notes]
+        lines += [*said_of(status), *addresses(status), *status.notes]
         lines += [*(as_line(each) for each in self._taught), *([self.hint] if self.hint else ())]
         return "\n".join(map(printable, [f"{len(self._classes)} classes · {counts(status)}", *lines]))
 
@@ -298,6 +300,15 @@ def said_of(status: Status) -> list[str]:
     if status.answered < 1:
         lines.append(f"this machine is too slow: {status.answered:.0%} of the answers are given")
     return [*lines, *(refused_frames(name, why) for name, why in status.refused.items())]
+
+
+def addresses(status: Status) -> list[str]:
+    """Say which performer has which OSC address where that is not plain, a line each."""
+    return [
+        f"performer {printable(name)}: OSC answers at /motion/{printable(at)}/..."
+        for name in status.performers
+        if (at := address_part(name)) != name or not name.isascii()
+    ]
 
 
 def promise(promised: float, missed: float | None) -> str:

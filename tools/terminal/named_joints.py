@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,12 +12,15 @@ from kinespace.library.recordings import labelled
 from kinespace.library.windows.oddities import remarks
 from kinespace.tools.terminal.console import note, progress
 
+#: Remarks of each kind on what was read otherwise than it stands in a file, at most.
+_MAX_SAID = 10
+
 
 class NameNotes:
     """Says, once for each, which convention clips' joint names had, how many of our joints they have, and oddities."""
 
     def __init__(self) -> None:
-        self._noted = set[str]()
+        self._noted, self._said = set[str](), Counter[str]()
 
     def __call__(self, clip: Clip) -> Clip:
         """Print a note on a clip if it is new; give the clip."""
@@ -24,11 +28,15 @@ class NameNotes:
         if line and line not in self._noted:
             self._noted.add(line)
             note(line)
-        for remark in remarks(clip):
-            # A folder's recordings mostly have the same oddity: one line of each kind is enough.
-            if (kind := remark.partition(":")[0]) not in self._noted:
-                self._noted.add(kind)
+        for remark in (*clip.notes, *remarks(clip)):
+            # A folder's recordings mostly have the same oddities: of what a body is like one line of each kind is
+            # enough, of what was read otherwise than it stands in a file some.
+            kind, most = remark.partition(":")[0], _MAX_SAID if remark in clip.notes else 1
+            self._said[kind] += 1
+            if self._said[kind] <= most:
                 note(f"{clip.name}: {remark}")
+            elif self._said[kind] == _MAX_SAID + 1:
+                note(f"{clip.name}: {remark}; no more of this kind ({kind}) is said")
         return clip
 
 

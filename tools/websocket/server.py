@@ -136,7 +136,11 @@ class SocketServer(ClientServer):
             await asyncio.sleep(_MEETING)
             with suppress(ConnectionClosed):
                 async for message in connection:
-                    sender.send([packed(message)])
+                    frame, why = packed(message)
+                    sender.send([frame])
+                    if why:
+                        client.waiting.append(why)
+                        client.woken.set()
         self._clients.discard(client)
         sending.cancel()
         await asyncio.gather(sending, return_exceptions=True)

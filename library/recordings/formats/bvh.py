@@ -2,9 +2,9 @@
 
 A BVH gives every joint an offset from its parent and channels: rotations, of which the first named is applied last (R =
 R₁ · R₂ · R₃), and for the root, in some files for every joint, positions. A joint's position channels replace its
-offset, as in MotionBuilder and Blender; where they are 0 in the whole file the offset stays, because some programs
-write empty position channels. An End Site is a joint like any other, called after its parent with `_end`. A joint that
-always coincides with its parent, or with an earlier child of its parent, is left out.
+offset, as in MotionBuilder and Blender; where they are mostly small against it the offset stays, because some programs
+write position channels of nothing, or of noise. An End Site is a joint like any other, called after its parent with
+`_end`. A joint that always coincides with its parent, or with an earlier child of its parent, is left out.
 
 The file names no unit; `library.formats.units.guessed_metres` guesses it.
 """
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import Line, count_in, numbers_in, positive_in
+from kinespace.library.recordings.formats.errors import Line, RecordingError, number_of, numbers_in
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
 from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
 from kinespace.library.recordings.formats.units import guessed_metres
@@ -33,6 +33,8 @@ from kinespace.library.skeleton import Skeleton
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
 #: An offset shorter than this share of the largest offset counts as none.
 _NO_OFFSET = 1e-6
+#: A joint's position channels replace its offset where half of them are longer than this share of it.
+_REPLACES = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +69,14 @@ class BvhMotion:
         All joints' numbers one after the other, shape (frames, channels): degrees, and lengths in the file's unit.
     frame_rate
         Frames per second.
+    notes
+        Remarks on the file.
     """
 
     joints: tuple[BvhJoint, ...]
     channels: NDArray[np.float64]
     frame_rate: float
+    notes: tuple[str, ...] = ()
 
 
 def _statements(path: Path) -> Iterator[Line]:
@@ -132,8 +137,6 @@ class _HierarchyReader:
             statement.fail(f"expected a name after {statement.words[0]!r}")
         if len(self.joints) == MAX_JOINTS:
             statement.fail(f"expected at most {MAX_JOINTS} joints, got more")
-        if any(joint.name == name for joint in self.joints):
-            statement.fail(f"joint {name!r} stands in it twice")
         self._named = name
 
     def _describe(self, word: str, statement: Line) -> None:
@@ -175,14 +178,20 @@ def _channels(statement: Line) -> tuple[str, ...]:
     return channels
 
 
-def read_bvh(path: Path) -> BvhMotion:
-    """Read a BVH as it stands, line by line.
+def read_bvh(path: Path, frame_rate: float | None = None) -> BvhMotion:
+    """Read a BVH as it stands, line by line; of a line that is cut off at the file's end nothing.
+
+    Parameters
+    ----------
+    path
+        The file.
+    frame_rate
+        Frames per second; by default the file's own.
 
     Raises
     ------
     RecordingError
-        The file is no BVH, its hierarchy makes no sense, a frame has too few or too many numbers, or frames are
-        missing.
+        The file is no BVH, its hierarchy makes no sense, or a frame has too few or too many numbers.
     OSError
         The file cannot be opened.
     """
@@ -192,28 +201,34 @@ def read_bvh(path: Path) -> BvhMotion:
             break
     else:
         line.fail("expected HIERARCHY and MOTION, got a file that ends before its motion")
-    announced, frame_rate, line = _motion_header(statements, line)
+    announced, rate, line = _motion_header(statements, line, frame_rate)
     size = sum(len(joint.channels) for joint in hierarchy.joints)
-    frames, values = 0, array("d")
+    frames, values, notes = 0, array("d"), list[str]()
     for line in statements:
-        if frames == announced:
-            line.fail(f"a frame more than the {announced} that were announced")
-        values.extend(numbers_in(line.words, path, line.number, size))
+        try:
+            values.extend(numbers_in(line.words, path, line.number, size))
+        except RecordingError:
+            if not frames or next(statements, None) is not None:
+                raise
+            notes.append(f"frames: the last line, {line.number}, is cut off and left out")
+            break
         frames += 1
-    if frames != announced:
-        line.fail(f"the file ends after {frames} of {announced} frames")
+    if not frames:
+        line.fail("the file ends before its first frame")
+    if announced != str(frames):
+        notes.append(f"frames: the header says {announced}, there are {frames}: these are taken")
     memory.require_numbers(frames * max(size, 3 * len(hierarchy.joints)))
     channels = np.frombuffer(values, dtype=np.float64).reshape(frames, size)
-    return BvhMotion(tuple(hierarchy.joints), channels, frame_rate)
+    return BvhMotion(tuple(hierarchy.joints), channels, rate, tuple(notes))
 
 
-def _motion_header(statements: Iterator[Line], last: Line) -> tuple[int, float, Line]:
+def _motion_header(statements: Iterator[Line], last: Line, given: float | None) -> tuple[str, float, Line]:
     """Read `Frames: 100` and `Frame Time: 0.01`: frames, frames per second, and the last statement of the two."""
     last, frames = _after("Frames", statements, last)
-    announced = count_in(frames, last.path, last.number, "Frames")
     last, period = _after("Frame Time", statements, last)
-    positive_in([period], last.path, last.number, "Frame Time")
-    return announced, _frame_rate(period), last
+    if not given and not 0 < (number_of(period) or 0.0) < math.inf:
+        last.fail(f"expected a positive Frame Time, got {period}: --frame-rate says the frames per second")
+    return frames, given or _frame_rate(period.replace(",", ".")), last
 
 
 def _after(name: str, statements: Iterator[Line], last: Line) -> tuple[Line, str]:
@@ -276,11 +291,27 @@ def _by_joint(joints: Sequence[BvhJoint], channels: NDArray[np.float64]) -> list
 
 
 def _displaced(motion: BvhMotion) -> list[bool]:
-    """Tell for each joint whether its position channels hold a number other than 0."""
-    return [
-        bool(own[:, [name[0] == "p" for name in joint.channels]].any())
-        for joint, own in zip(motion.joints, _by_joint(motion.joints, motion.channels), strict=True)
+    """Tell for each joint whether its position channels stand in place of its offset: they are not small against it."""
+    found = list[bool]()
+    for joint, own in zip(motion.joints, _by_joint(motion.joints, motion.channels), strict=True):
+        moves = np.linalg.norm(own[:, [name[0] == "p" for name in joint.channels]], axis=1)
+        small = _REPLACES * math.hypot(*joint.offset)
+        found.append(bool(moves.any() if joint.parent < 0 else np.median(moves) > small))
+    return found
+
+
+def _passing(motion: BvhMotion, displaced: Sequence[bool]) -> list[str]:
+    """Say which joints kept their offset although their position channels are large in some frames."""
+    large = [
+        joint.name
+        for joint, own, moved in zip(motion.joints, _by_joint(motion.joints, motion.channels), displaced, strict=True)
+        if not moved and joint.parent >= 0
+        for moves in [np.abs(own[:, [name[0] == "p" for name in joint.channels]])]
+        if moves.max(initial=0.0) > _REPLACES * math.hypot(*joint.offset)
     ]
+    return [f"positions: channels of {', '.join(large[:5])} pass over their OFFSET in some frames: left out"] * bool(
+        large
+    )
 
 
 def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> list[int]:
@@ -353,9 +384,11 @@ def read_clip(
     OSError
         The file cannot be opened.
     """
-    motion = read_bvh(path)
-    kept, parents = _kept(motion.joints, _displaced(motion), joints)
-    skeleton = Skeleton(short_names([motion.joints[index].name for index in kept]), parents)
+    motion = read_bvh(path, frame_rate)
+    displaced = _displaced(motion)
+    kept, parents = _kept(motion.joints, displaced, joints)
+    names, twice = short_names([motion.joints[index].name for index in kept])
+    skeleton = Skeleton(names, parents)
     positions = forward_kinematics(motion)[:, kept]
     if not np.isfinite(positions).all():
         raise ValueError("expected places of joints, got numbers too large to compute with")
@@ -364,8 +397,9 @@ def read_clip(
     clip = Clip(
         skeleton=skeleton,
         positions=positions,
-        frame_rate=motion.frame_rate if frame_rate is None else frame_rate,
+        frame_rate=motion.frame_rate,
         name=path.stem,
         rotations=np.radians(motion.channels[:, turns]),
+        notes=(*motion.notes, *twice, *_passing(motion, displaced)),
     )
     return hdm05.titled(clip, path)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
+
+#: How programs write that there is no number.
+_NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#n/?a|null|none|undefined|missing", re.IGNORECASE)
 
 
 class RecordingError(ValueError):
@@ -31,6 +35,26 @@ def refuse(path: Path, line: int, what: str) -> NoReturn:
     raise RecordingError(f"{path}:{line}: {what}")
 
 
+def mended(words: Sequence[str]) -> list[str]:
+    """Give the numbers of a line with decimal commas, commas between, or no blank before a sign."""
+    text = " ".join(words)
+    text = text.replace(",", " ") if "." in text else re.sub(r"(?<=\d),(?=\d)", ".", text).replace(",", " ")
+    return re.sub(r"(?<=[\d.])(?=[-+])", " ", text).split()
+
+
+def number_of(field: str) -> float | None:
+    """Read a field of a table: NaN where it is empty or says that there is no number, None for any other text."""
+    try:
+        return float(field)
+    except ValueError:
+        if _NOTHING.fullmatch(field):
+            return math.nan
+    try:
+        return float(field.replace(",", "."))
+    except ValueError:
+        return None
+
+
 def numbers_in(words: Sequence[str], path: Path, line: int, count: int, where: str = "") -> list[float]:
     """Read words of a line as finite numbers.
 
@@ -50,12 +74,16 @@ def numbers_in(words: Sequence[str], path: Path, line: int, count: int, where: s
     RecordingError
         There are more or fewer, or one is no finite number.
     """
-    if len(words) != count:
-        refuse(path, line, f"expected {count} numbers{where}, got {len(words)}")
     try:
         values = list(map(float, words))
     except ValueError:
-        refuse(path, line, f"expected numbers{where}, got {' '.join(words)[:60]!r}")
+        words = mended(words)
+        try:
+            values = list(map(float, words))
+        except ValueError:
+            refuse(path, line, f"expected numbers{where}, got {' '.join(words)[:60]!r}")
+    if len(values) != count:
+        refuse(path, line, f"expected {count} numbers{where}, got {len(values)}")
     if not all(map(math.isfinite, values)):
         refuse(path, line, f"expected finite numbers{where}, got {' '.join(words)[:60]!r}")
     return values

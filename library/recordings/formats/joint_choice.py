@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -10,6 +11,10 @@ from kinespace.library.clip import Clip
 
 #: Joints of a recording, at most: two fingered bodies have some 150.
 MAX_JOINTS = 1000
+#: Words for a position behind a joint's name.
+_PLACE = re.compile(
+    r"(?<=[^\W_])([\W_]+(?i:pos|positions?|translations?|translate|coords?|location)|(?<=[a-z])(Pos|Position|Translate))\Z"
+)
 #: Characters of a joint's name, at most.
 MAX_NAME = 400
 
@@ -66,22 +71,36 @@ def restricted(clip: Clip, wanted: Sequence[str]) -> Clip:
     return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])
 
 
-def short_names(labels: Sequence[str]) -> tuple[str, ...]:
+def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
     """Leave out the part of each label before a colon (`ann:LHip`), so that two people's joints have the same names.
+
+    A word for a position behind it (`LHip_pos`) is no part of a name either. Of a name that stands there twice the
+    second gets `_2`, which a remark says.
 
     Raises
     ------
     ValueError
-        Two labels would get the same name: they belong to two people, or one stands there twice.
+        Labels of two people would get the same names.
     """
-    names = tuple(_after_colon(label) for label in few(labels))
+    names = [plain(_after_colon(label)) for label in few(labels)]
     if len(set(names)) == len(names):
-        return names
+        return tuple(names), []
     people = list(dict.fromkeys(label.rpartition(":")[0] for label in labels))
-    if len(people) > 1:
-        raise ValueError(f"the file has several performers ({', '.join(people)}): choose the joints of one")
-    twice = next(name for name in names if names.count(name) > 1)
-    raise ValueError(f"the file has {twice!r} twice")
+    if len(people) > 1 and len(set(labels)) == len(labels):
+        raise ValueError(f"the file has several performers ({', '.join(people)}): choose the joints of one by --joints")
+    twice = list(dict.fromkeys(name for name in names if names.count(name) > 1))
+    taken, found = {*names}, list[str]()
+    for name in names:
+        number = 2
+        while (each := name if name not in found else f"{name}_{number}") in found or (each != name and each in taken):
+            number += 1
+        found.append(each)
+    return tuple(found), [f"twice: {', '.join(twice)}: the second is called {twice[0]}_2"]
+
+
+def plain(label: str) -> str:
+    """Leave out a word for a position behind a joint's name: `LHip_pos`, `LHip Position`."""
+    return _PLACE.sub("", label)
 
 
 def _after_colon(label: str) -> str:

@@ -10,6 +10,7 @@ import csv
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -20,16 +21,12 @@ from kinespace.library.clip import Clip
 _COLUMNS = ("start_s", "end_s", "label")
 #: Columns of a table in frames, which is refused with a hint: a table does not know the take's frame rate.
 _IN_FRAMES = {"start_frame", "end_frame"}
-#: How a file in UTF-16 begins, which spreadsheets and Windows' editor call Unicode.
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 #: Endings of the files of labels that may lie in a take's folder.
 _ENDINGS = (".csv", ".tsv", ".txt")
 #: A line that Audacity exports.
 _EXPORTED = re.compile(r"(\d+(?:[.,]\d+)?)\t(\d+(?:[.,]\d+)?)\t([^\t]*)")
 #: Seconds of the shortest window by which motions are compared.
 _SHORTEST = 0.25
-#: Bytes of a file that are read to see whether it holds labels.
-_LOOKED_AT = 2000
 
 
 class LabelError(ValueError):
@@ -91,7 +88,7 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     try:
         segments = list(_segments(path, list(memory.lines(path, memory.MAX_WITHOUT_MOTION))))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise LabelError(f"{path}: expected a CSV in UTF-8, as a spreadsheet can save it ({error})") from error
+        raise LabelError(f"{path}: expected a CSV, as a spreadsheet can save it ({error})") from error
     if not segments:
         raise LabelError(f"{path}: no segment in it")
     by_performer = sorted(segments, key=lambda segment: (segment.performer, segment.start))
@@ -110,12 +107,9 @@ def labels_beside(take: Path) -> list[Path]:
 
 
 def _holds_labels(path: Path) -> bool:
-    with memory.opened(path) as file:
-        # Reading them then says what is wrong.
-        begin = file.read(_LOOKED_AT)
-    if begin[:2] in _UTF_16:
-        return True
-    first = next((line for line in begin.decode("utf-8-sig", "replace").splitlines() if line.strip()), "")
+    first = ""
+    with suppress(ValueError):
+        first = next((line.rstrip("\r\n") for line in memory.lines(path, errors="replace") if line.strip()), "")
     columns = {name.strip().strip('"') for name in re.split("[,;\t]", first)}
     exported = _EXPORTED.fullmatch(first)
     # A table of numbers holds no labels.

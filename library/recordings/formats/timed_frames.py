@@ -1,7 +1,8 @@
-"""Frames that came at uneven times, or are missing, put on an even grid: a frame's index then gives its time."""
+"""Times in files, their units, and frames put on an even grid: a frame's index then gives its time."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
+from kinespace.library.recordings.formats.units import WORDS
 from kinespace.library.skeleton import Skeleton
 
 #: Seconds a marker may be out of sight. Over a longer time a straight line would be an invented movement.
@@ -20,6 +22,14 @@ _USUAL = np.array([10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 72.0, 7
 _ABOUT = 0.03
 #: Two times are the same when they differ by less than this share of a frame's time, or by less than these seconds.
 _TIE = 1e-6
+#: Frames per second of a file without a clock: the rate of MediaPipe's cameras.
+FRAME_RATE = 30.0
+#: Seconds of the units in which files count time, by the words for them in a column's name.
+_UNITS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
+#: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
+_RATES = ((14.0, 500.0), (4.0, 2000.0))
+#: Times that differ from even ones by less than this share of a frame are even.
+_EVEN = 1e-4
 #: Frames of the grid, at most: a day at 60 frames per second.
 MAX_FRAMES = 24 * 3600 * 60
 
@@ -100,6 +110,99 @@ def evened(
     return Evened(_between(positions, before, after, share), rate, missing, tuple(_gaps(times, begin)))
 
 
+def words_of(name: str) -> list[str]:
+    """Give the words of a column's name in small letters: `timestampUs` has two."""
+    return [word.lower() for word in re.findall(r"[A-ZÀ-Þ]?[a-zµμß-ÿ]+|[A-ZÀ-Þ]+(?![a-z])|\d+", name)]
+
+
+def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = None) -> tuple[NDArray[np.float64], str]:
+    """Read a column of times by the unit in its name, or else by the steps of its numbers.
+
+    Parameters
+    ----------
+    moments
+        The numbers, shape (frames,).
+    name
+        The column's name.
+    rate
+        Frames per second where the numbers are frame numbers, or no times; `FRAME_RATE` when not given.
+
+    Returns
+    -------
+    Seconds from the first frame, and a remark; empty where the times are what they seem to be.
+    """
+    since, assumed = moments - moments[0], rate or FRAME_RATE
+    steps = np.diff(since)[np.diff(since) > 0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    named = next((_UNITS[word] for word in words_of(name) if word in _UNITS), None)
+    if step == 1 and named != 1e-3 and (since % 1 == 0).all():
+        return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
+    for lowest, highest in _RATES if step else ():
+        for unit in (named, 1.0, 1e-3, 1e-6, 1e-9, 1e-7):
+            # A unit that the file names is believed while it is possible at all.
+            if unit and (_RATES[-1][0] if unit == named else lowest) <= 1 / (step * unit) <= highest:
+                return since * unit, ""
+    remark = f"times: {name!r} gives no rate of frames: {assumed:g} frames a second"
+    return np.arange(len(since)) / assumed, remark
+
+
+def timing(
+    moments: NDArray[np.float64] | None, name: str, said: float, given: float | None, notes: list[str]
+) -> tuple[NDArray[np.float64] | None, float | None]:
+    """Give the seconds of a file's frames, and their rate where it is known otherwise.
+
+    Parameters
+    ----------
+    moments, name
+        A column of times and its name; None where there is none.
+    said, given
+        Frames per second as the file's header says (0: it does not), and as a person asks for.
+    notes
+        Gets a remark where there are no times, or others than the header says.
+    """
+    known = given or said
+    if moments is None or len(moments) < 2 or (known and not (np.diff(moments) >= 0).all()):
+        if not known:
+            notes.append(f"times: none in it: {FRAME_RATE:g} frames a second")
+        return None, known or FRAME_RATE
+    seconds, remark = seconds_of(moments, name, known)
+    if remark and not known:
+        notes.append(remark)
+    if remark or not said or not (np.diff(seconds) > 0).any():
+        return seconds, given
+    pace = _pace(seconds)
+    if abs(said / pace - 1) <= _ABOUT:
+        return seconds, given or said
+    notes.append(f"times: the header says {said:g} frames a second, {name.strip()!r} {pace:.4g}: the times count")
+    return seconds, given
+
+
+def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float | None = None) -> Evened:
+    """Take a file's frames as they stand where their times are even but for rounding; else put them on a grid.
+
+    Parameters and errors are those of `evened`.
+    """
+    steps = np.diff(times)
+    if not len(steps) or not (steps > 0).all():
+        return evened(times, positions, rate=rate)
+    since = times - times[0]
+    mean, rounded = len(steps) / float(since[-1]), next((10.0**-n for n in range(8) if _is_rounded(since, n)), 0.0)
+    own = rate or _whole(mean, 1e-6 + rounded / float(since[-1]))
+    if np.ptp(since - np.arange(len(since)) / own) <= 1.01 * rounded + _EVEN / mean:
+        return Evened(positions, own, 0, ())
+    return evened(times, positions, rate=rate)
+
+
+def _is_rounded(times: NDArray[np.float64], place: int) -> bool:
+    scaled = times * 10.0**place
+    return bool(np.abs(scaled - np.round(scaled)).max() < 1e-3)
+
+
+def _whole(rate: float, slack: float) -> float:
+    """Give the whole number from which a rate was rounded, if there is one; slack is a share of it."""
+    return float(round(rate)) if round(rate) and abs(round(rate) / rate - 1) <= slack else rate
+
+
 def _gaps(times: NDArray[np.float64], begin: float) -> Iterator[tuple[float, float]]:
     if times[0] - begin > MAX_GAP:
         yield 0.0, float(times[0]) - begin
@@ -121,14 +224,18 @@ def _between(
     return weighed
 
 
+def _pace(times: NDArray[np.float64]) -> float:
+    """Give the mean rate of the frames that follow closely: more exact than the median, which rounding spoils."""
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return 1 / float(steps[steps < 2 * np.median(steps)].mean())
+
+
 def _usual_rate(times: NDArray[np.float64]) -> float:
-    """Give how often frames came: the median, or the usual rate that lies near the median."""
-    rate = 1 / float(np.median(np.diff(times)))
-    nearest = float(_USUAL[np.abs(_USUAL / rate - 1).argmin()])
-    # The mean of the frames that follow closely is more exact than the median, which rounded arrival times spoil.
-    close = np.diff(times)[np.diff(times) < 2 / rate]
-    mean = 1 / float(close.mean())
-    return nearest if abs(nearest / mean - 1) <= _ABOUT else round(mean, 3)
+    """Give how often frames came: the mean of close frames, or the usual rate that lies near."""
+    mean = _pace(times)
+    nearest = float(_USUAL[np.abs(_USUAL / mean - 1).argmin()])
+    return nearest if abs(nearest / mean - 1) <= _ABOUT else round(mean, 3) or mean
 
 
 def with_missing_frames(frame_numbers: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:

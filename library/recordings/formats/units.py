@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from importlib import resources
 
 import numpy as np
 from numpy.typing import NDArray
 
+#: Words in recordings, by kind.
+WORDS = tomllib.loads((resources.files("kinespace.library.recordings.formats") / "words.toml").read_text("utf-8"))
 #: Metres of each unit, under the names and abbreviations that files use, in lower case.
-METRES = {
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
-    **dict.fromkeys(("dm", "decimeter", "decimeters"), 0.1),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
-    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
-    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
-}
+METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for word in words}
 #: The size of a person, in the file's numbers, up to which the unit is a metre. A crouching child and a very tall
 #: person are far from this limit and the next.
 _MAX_IN_METRES = 16.0
@@ -24,10 +21,14 @@ _MAX_IN_CENTIMETRES = 500.0
 
 
 def metres_of(unit: str) -> float | None:
-    """Give the metres of a unit's name, or of a number that says them itself; None for any other text."""
-    name = unit.strip().lower()
-    if name in METRES:
-        return METRES[name]
+    """Give the metres of a unit's name, or of a number that says them itself; None for any other text.
+
+    A name may be cut short, as C3D's fields of four letters do it: `mete`.
+    """
+    name = unit.strip().strip("()[].").lower()
+    meant = {METRES[name]} if name in METRES else {each for word, each in METRES.items() if word.startswith(name)}
+    if len(meant) == 1 and (name in METRES or len(name) > 2):
+        return meant.pop()
     try:
         metres = float(name)
     except ValueError:

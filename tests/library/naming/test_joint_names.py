@@ -234,6 +234,40 @@ KNOWN = {
     "openni": (skeletons.OPENNI, "openni", 15, {"left_hand": "lradius", "left_foot": "ltibia"}),
     "optitrack": (skeletons.OPTITRACK, "optitrack", 19, {"Skeleton 001_LFArm": "lhumerus"}),
     "arkit": (skeletons.ARKIT, "arkit", 28, {"left_forearm_joint": "lhumerus", "root": "ARKit root"}),
+    "unreal": (skeletons.UNREAL, "unreal", 22, {"spine_03": "upperback", "calf_l": "lfemur", "root": "Unreal root"}),
+    "unreal 4": (
+        skeletons.UNREAL_4,
+        "unreal4",
+        22,
+        {"spine_03": "thorax", "upperarm_r": "rclavicle", "ball_l": "lfoot"},
+    ),
+    "biped": (skeletons.BIPED, "biped", 25, {"Bip01 L UpperArm": "lclavicle", "Bip01 R Toe0Nub": "rtoes"}),
+    "valve": (skeletons.VALVE, "biped", 20, {"ValveBiped.Bip01_L_Calf": "lfemur"}),
+    "character creator": (skeletons.CHARACTER_CREATOR, "charactercreator", 22, {"CC_Base_L_Thigh": "lhipjoint"}),
+    "rigify": (skeletons.RIGIFY, "rigify", 22, {"shin.L": "lfemur", "spine": "root", "spine.006": "upperneck"}),
+    "rigify's deform bones": (tuple(f"DEF-{name}" for name in skeletons.RIGIFY), "rigify", 22, {"DEF-toe.R": "rfoot"}),
+    "poser": (skeletons.POSER, "daz", 17, {"lShldr": "lclavicle", "lForeArm": "lhumerus", "rThigh": "rhipjoint"}),
+    "genesis 8": (skeletons.GENESIS_8, "daz", 22, {"lShldrBend": "lclavicle", "chestUpper": "thorax"}),
+    "genesis 9": (skeletons.GENESIS_9, "daz", 22, {"l_shin": "lfemur", "spine4": "thorax", "r_shoulder": "r_shoulder"}),
+    "mmd": (skeletons.MMD, "mmd", 21, {"左ひじ": "lhumerus", "右足": "rhipjoint", "腰": "root"}),
+    "mmd_tools": (skeletons.MMD_TOOLS, "mmd", 21, {"ひざ.R": "rfemur", "手首.L": "lradius"}),
+    "webxr": (skeletons.WEBXR, "openxr", 26, {"left-arm-upper": "lclavicle", "right-foot-ankle": "rtibia"}),
+    "meta": (skeletons.META, "openxr", 26, {"XR_FULL_BODY_JOINT_LEFT_LOWER_LEG_META": "lfemur"}),
+    "meta in unity": (tuple(f"FullBody_{name.title().replace('-', '')}" for name in skeletons.WEBXR), "openxr", 26, {}),
+    "pico": (skeletons.PICO, "smpl", 22, {"XR_BODY_JOINT_LEFT_KNEE_BD": "lfemur"}),
+    "mhr-70": (
+        skeletons.MHR_70,
+        "mhr70",
+        22,
+        {"left-knee": "lfemur", "right-middle-tip": "rfingers", "neck": "lowerneck"},
+    ),
+    "mocopi": (skeletons.MOCOPI, "mocopi", 20, {"l_low_arm": "lhumerus", "l_foot": "ltibia", "torso_7": "thorax"}),
+    "plug-in gait, markers and centres": (
+        (*skeletons.PLUG_IN_GAIT, "PELO", "LHJC", "RHJC", "LKJC", "RKJC", "LSJC", "RSJC"),
+        "plugingait",
+        21,
+        {"LASI": "LASI", "LHJC": "lhipjoint"},
+    ),
     "hdm05": (OURS, "hdm05", 31, {"lfemur": "lfemur"}),
 }
 
@@ -247,6 +281,25 @@ def test_names_are_found(skeleton: str) -> None:
     assert sum(joint in OURS for joint in named.joints) == ours
     assert len(set(named.joints)) == len(labels)
     assert {label: named.joints[labels.index(label)] for label in some} == some
+
+
+@pytest.mark.parametrize("skeleton", KNOWN)
+def test_names_that_were_read_are_not_read_again(skeleton: str) -> None:
+    """A file that was renamed keeps its names, whichever of its joints are there."""
+    labels, generator = KNOWN[skeleton][0], np.random.default_rng(3)
+    for share in (1.0, 0.9, 0.7, 0.5, 0.3):
+        some = [label for label in labels if generator.random() < share]
+        named = Naming().read(some)
+        assert Naming().read(named.joints).joints == named.joints
+
+
+def test_a_limb_without_names_names_the_labels() -> None:
+    """Where no joint of an arm is known the line lists what was not understood."""
+    bare = [name.removeprefix("mixamorig:") for name in skeletons.MIXAMO]
+    labels = [name for name in bare if "Arm" not in name and "Hand" not in name] + ["WingLeft", "WingRight"]
+    named = Naming().read(labels)
+    line = summary(named.title, named.joints)
+    assert line.endswith("an arm or a leg is missing, not understood: LeftShoulder, RightShoulder, WingLeft, WingRight")
 
 
 @pytest.mark.parametrize("skeleton", KNOWN)

@@ -73,7 +73,7 @@ def test_numbers_are_names_too(performer: object) -> None:
         ["pos", "hand", "", 1.0, 2.0, 3.0],
         ["pos", "hand", "p" * (MAX_PERFORMER_LENGTH + 1), 1.0, 2.0, 3.0],
         ["pos", None, "p", 1.0, 2.0, 3.0],
-        ["pos", "hand", "p", "1.0", 2.0, 3.0],
+        ["pos", "hand", "p", "one", 2.0, 3.0],
         ["pos", "hand", "p", 1.0, True, 3.0],
         ["pos", "hand", "p", 1.0, 2.0, [3.0]],
         ["pos", b"hand", "p", 1.0, 2.0, 3.0],

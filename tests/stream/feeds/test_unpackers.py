@@ -27,10 +27,10 @@ def _joint(x: float) -> dict[str, dict[str, float]]:
 
 
 def test_rokoko_names_actors_and_joints() -> None:
-    """All actors of a frame come together; characters that OSC reserves become underscores in names."""
+    """All actors of a frame come together; characters that OSC reserves are written as in a URL."""
     actors = [{"name": "Ann/1", "body": {"hip": _joint(1.0)}}, {"name": "Bo", "body": {"head": _joint(4.0)}}]
     assert unpack_rokoko(_rokoko(actors)) == [
-        Message("/rokoko/Ann_1/hip", [1.0, 2.0, 3.0]),
+        Message("/rokoko/Ann%2F1/hip", [1.0, 2.0, 3.0]),
         Message("/rokoko/Bo/head", [4.0, 2.0, 3.0]),
     ]
     assert unpack_rokoko(_rokoko([{"name": "Face", "face": {"jawOpen": 3}}])) == []
@@ -92,7 +92,13 @@ def test_zigsim_comes_as_json_and_as_osc() -> None:
         unpack_zigsim(b'{"sensordata": {"bodyTracking": {"hips_joint": [1.0, 2.0]}}}')
 
 
-@pytest.mark.parametrize("channel", ["/p1/wrist_l:t{}", "/p1/wrist_l/t{}", "/p1/wrist_l_{}", "/p1/wrist_l.T{}"])
+@pytest.mark.parametrize(
+    "channel",
+    [
+        *("/p1/wrist_l:t{}", "/p1/wrist_l/t{}", "/p1/wrist_l_{}", "/p1/wrist_l.T{}", "/p1/wrist_l/{}/"),
+        *("/p1/wrist_l/position/{}", "/p1/wrist_l_pos_{}", "p1/wrist_l/{}"),
+    ],
+)
 def test_channels_become_joints(channel: str) -> None:
     """Three numbers of one joint are a message, in one packet or in three; other messages stay the same."""
     unpack, numbers = ChannelUnpacker(), (("x", 1.0), ("y", 2.0), ("z", 3.0))
@@ -100,6 +106,32 @@ def test_channels_become_joints(channel: str) -> None:
     joint = Message("/p1/wrist_l", [1.0, 2.0, 3.0])
     assert [unpack(packet) for packet in packets] == [[], [], [joint]]
     assert unpack(bundle(*packets, message("/p1/id", "f", 7.0))) == [joint, Message("/p1/id", [7.0])]
+
+
+def test_numbers_that_did_not_change_are_kept() -> None:
+    """In a bundle a joint keeps numbers that lack, and one that lacks keeps all while its performer's others go on."""
+    unpack = ChannelUnpacker()
+    whole = [message(f"/p1/{joint}:t{axis}", "f", 1.0) for joint in ("a", "b") for axis in "xyz"]
+    assert len(unpack(bundle(*whole, message("/p2/c:tx", "f", 1.0)))) == 2
+    assert unpack(bundle(message("/p1/a:ty", "f", 5.0))) == [Message("/p1/a", [1.0, 5.0, 1.0])]
+    for _ in range(5):
+        given = unpack(bundle(message("/p1/a:ty", "f", 6.0)))
+    assert given == [Message("/p1/a", [1.0, 6.0, 1.0]), Message("/p1/b", [1.0, 1.0, 1.0])]
+    # One by one a number that comes again says that the others did not change.
+    assert [unpack(message("/p1/a:tx", "f", number)) for number in (7.0, 8.0)] == [
+        [],
+        [Message("/p1/a", [7.0, 6.0, 1.0])],
+    ]
+
+
+@pytest.mark.parametrize("place", ["[1,2,3]", '{"x":1,"y":2,"z":3}', "null"])
+def test_places_in_json_have_several_forms(place: str) -> None:
+    """ZIG SIM's and Rokoko's places are read as lists, as objects, and as joints that are lost."""
+    expected = [None] * 3 if place == "null" else [1.0, 2.0, 3.0]
+    packet = '{"sensordata":{"bodyTracking":{"head":PLACE}},"device":{"name":"太郎のiPhone"}}'.replace("PLACE", place)
+    assert unpack_zigsim(packet.encode()) == [Message("/zigsim/太郎のiPhone/head", expected)]
+    packet = '{"scene":{"actors":[{"name":"Ann/1","body":{"hip":{"position":PLACE}}}]}}'.replace("PLACE", place)
+    assert unpack_rokoko(packet.encode()) == [Message("/rokoko/Ann%2F1/hip", expected)]
 
 
 def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:

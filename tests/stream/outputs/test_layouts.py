@@ -99,14 +99,14 @@ def test_touchdesigner_gets_numbers_only() -> None:
     """No text anywhere; class, score, margin and a flag that is 1 in the one message that names another class."""
     layout = LAYOUTS["touchdesigner"]()
     first, again = read(layout.recognition(recognition())), read(layout.recognition(recognition()))
-    assert first == {"/motion/Ada_L/class": [1, 0.75, 0.5, 1], "/motion/Ada_L/scores": [0.25, 0.75, 0.25]}
-    assert again["/motion/Ada_L/class"][-1] == 0
+    assert first == {"/motion/Ada%20L/class": [1, 0.75, 0.5, 1], "/motion/Ada%20L/scores": [0.25, 0.75, 0.25]}
+    assert again["/motion/Ada%20L/class"][-1] == 0
     unknown, left = read(layout.recognition(recognition(Outcome.UNKNOWN))), read(layout.gone("Ada L"))
-    assert unknown["/motion/Ada_L/class"] == [-1, 0.75, 0.5, 1]
-    assert left == {"/motion/Ada_L/class": [-1, 0.0, 0.0, 0], "/motion/Ada_L/going": [-1]}
-    assert read(layout.event(START)) == {"/motion/Ada_L/going": [1]}
-    assert read(layout.event(dataclasses.replace(START, kind=EventKind.END))) == {"/motion/Ada_L/going": [-1]}
-    assert read(layout.done(DONE)) == {"/motion/Ada_L/done": [1, 3, 1.5, 0.875, 1.25, 0.75]}
+    assert unknown["/motion/Ada%20L/class"] == [-1, 0.75, 0.5, 1]
+    assert left == {"/motion/Ada%20L/class": [-1, 0.0, 0.0, 0], "/motion/Ada%20L/going": [-1]}
+    assert read(layout.event(START)) == {"/motion/Ada%20L/going": [1]}
+    assert read(layout.event(dataclasses.replace(START, kind=EventKind.END))) == {"/motion/Ada%20L/going": [-1]}
+    assert read(layout.done(DONE)) == {"/motion/Ada%20L/done": [1, 3, 1.5, 0.875, 1.25, 0.75]}
     assert layout.classes(CLASSES) is None
     assert layout.notice(State("Ada L", Step.WAITING)) is None
     for told in (first, again, unknown, read(layout.status(STATUS))):
@@ -118,12 +118,12 @@ def test_event_times_are_floats_since_the_first_answer() -> None:
     layout = NativeLayout()
     layout.recognition(dataclasses.replace(recognition(), time=START.time - 2.5))
     packet = layout.event(START)
-    assert read(packet) == {"/motion/Ada_L/event": ["start", "jump", 1, 0.75, 2.5]}
+    assert read(packet) == {"/motion/Ada%20L/event": ["start", "jump", 1, 0.75, 2.5]}
     assert b",ssiff\0" in (packet or b"")
     layout.gone("Ada L")
     layout.recognition(dataclasses.replace(recognition(), time=START.time + 100.0))
     layout.recognition(dataclasses.replace(recognition(), time=START.time))
-    assert read(layout.event(START))["/motion/Ada_L/event"][-1] == 0.0
+    assert read(layout.event(START))["/motion/Ada%20L/event"][-1] == 0.0
 
 
 def test_at_most_256_performers_are_remembered() -> None:

@@ -62,10 +62,10 @@ def test_each_moment_has_its_messages(films: WrittenLayout) -> None:
     assert (films.name, films.port) == ("a mixer of films", 7000)
     assert _read(films.event(Event("Ada L", EventKind.START, "jump", 1, 0.75, 4.0))) == [
         ("/composition/columns/2/connect", [1]),
-        ("/Ada_L/jump", ["begins jump", 1, 0.75]),
+        ("/Ada%20L/jump", ["begins jump", 1, 0.75]),
     ]
     assert _read(films.event(Event("Ada L", EventKind.START, "bow", 0, 0.75, 4.0))) == [
-        ("/Ada_L/bow", ["begins bow", 0, 0.75])
+        ("/Ada%20L/bow", ["begins bow", 0, 0.75])
     ]
     assert films.event(Event("Ada L", EventKind.END, "jump", 1, 0.75, 4.0)) is None
     progress = Progress("jump", 0.5, 0.5, 1.25, 0.75, sure=1.0, cycles=0)

@@ -190,7 +190,7 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
     classes[0] = "dip"
     perform("Ada 1", 2.5)
     classes[0] = "bow"
-    reset("/motion/Ada_1/count/reset")
+    reset("/motion/Ada%201/count/reset")
     perform("Ada 1", 3.0)
     perform("bob", 2.0)
     reset("/motion/*/count/reset")

@@ -86,6 +86,7 @@ def _info(path: Path) -> list[str]:
 #: By kind: a good file, and the arguments of a program that reads it beside the other good files.
 KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str]]]] = {
     **{f".{ending}": (_made(ending), _info) for ending in ("bvh", "c3d", "trc", "csv", "amc")},
+    **{f".{ending}": (_made("csv", f"take.{ending}"), _info) for ending in ("tsv", "txt")},
     ".npz": (_converted, _info),
     ".kinerec": (_raw, _info),
     "library": (_library, _info),

@@ -12,7 +12,7 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.signature.landmark_body import LandmarkBody
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
-from kinespace.stream.feeds.unpackers import UNPACKERS
+from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
 
 #: Seconds by which a frame's time may be wrong where a sender rounds it: Xsens to whole milliseconds.
 _TIME = {"xsens": 6e-4}
@@ -42,7 +42,7 @@ def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tupl
     events: list[Frame | Announcement] = []
     arrival = 0.0
     for packet, arrival in sent(layout, positions, rate):
-        events += assembler.push(unpack(packet), arrival, bundle=preset.packing != "osc" or packet.startswith(b"#"))
+        events += assembler.push(unpack(packet), arrival, bundle=preset.packing not in LOOSE or packet.startswith(b"#"))
     events += assembler.expire(arrival + 1.0)
     announced = [event for event in events if isinstance(event, Announcement)]
     assert announced == [Announcement(announced[0].performer, assembler.preset.joints)]

@@ -77,13 +77,13 @@ def test_what_is_taken_has_its_node() -> None:
 
 @pytest.mark.parametrize(
     ("target", "status"),
-    [("/", 200), ("/motion", 200), ("/motion/", 200), ("/motion/Ada_L/label?TYPE", 200), ("/motion?TYPE", 204),
+    [("/", 200), ("/motion", 200), ("/motion/", 200), ("/motion/Ada%20L/label?TYPE", 200), ("/motion?TYPE", 204),
      ("/motion/nobody", 404), ("/motion/frame?WHAT", 400), ("/%2e%2e/etc", 404), ("/motion/frame/further", 404)],
 )  # fmt: skip
 def test_requests(target: str, status: int) -> None:
     """A node, one of its attributes, none, or nonsense."""
     assert reply(described(KNOWN), {}, target)[0] == status
-    assert reply(described(KNOWN), {}, "/motion/Ada_L/label?TYPE")[1] == {"TYPE": "s"}
+    assert reply(described(KNOWN), {}, "/motion/Ada%20L/label?TYPE")[1] == {"TYPE": "s"}
 
 
 def test_host_info_says_where_osc_goes() -> None:

@@ -261,7 +261,7 @@ def test_unknown_names_are_reported() -> None:
     assert guess.frames == 0
     lines = " ".join(advice(survey, guess, None))
     assert "0 of the 5 announced joints have known names" in lines
-    assert "the nearest table (kinect2) knows 1 of 5" in lines
+    assert "the nearest table (charactercreator) knows 1 of 5" in lines
 
 
 SQUAT = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")

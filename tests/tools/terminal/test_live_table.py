@@ -219,6 +219,22 @@ def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> 
         assert printed.count(told) == 1
 
 
+def test_addresses_of_names_of_any_script_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    """A name that OSC writes otherwise, or that is not in ASCII, has its address beside it; others need none."""
+    named = replace(status(), performers={"me": 30.0, "佐藤": 30.0, "Actor 1": 30.0})
+    table, lines = LiveTable(CLASSES), PlainLines()
+    for sink in (table, lines):
+        sink.publish_status(named)
+    printed = capsys.readouterr().out
+    for told in (
+        "performer 佐藤: OSC answers at /motion/佐藤/",
+        "performer Actor 1: OSC answers at /motion/Actor%201/",
+    ):
+        assert told in shown(table)
+        assert told in printed
+    assert "performer me: OSC" not in printed
+
+
 def test_a_performer_whose_frames_stop_is_not_shown_as_living(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

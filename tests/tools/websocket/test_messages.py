@@ -15,7 +15,7 @@ from kinespace.tools.websocket.messages import as_text, packed
 
 def _decoded(message: str | bytes) -> tuple[ZmqDecoder, list[object]]:
     decoder = ZmqDecoder()
-    return decoder, [*decoder.decode([packed(message)], 7.0, None)]
+    return decoder, [*decoder.decode([packed(message)[0]], 7.0, None)]
 
 
 def test_a_frame_in_json_is_read_as_a_frame() -> None:
@@ -31,6 +31,21 @@ def test_a_frame_in_json_is_read_as_a_frame() -> None:
     _, (timed,) = _decoded(json.dumps({"performer": "ann", "positions": positions, "t": 1.5}))
     assert isinstance(timed, Frame)
     assert timed.time == 1.5
+
+
+def test_places_may_be_objects_or_null() -> None:
+    """A joint is {x, y, z}, or null where it is lost; so is a time of null."""
+    text = '{"performer":"ann","positions":[{"x":1,"y":2,"z":3},null,{"x":null,"y":0,"z":1}],"t":null}'
+    _, (frame,) = _decoded(text)
+    assert isinstance(frame, Frame)
+    np.testing.assert_array_equal(frame.positions, [[1, 2, 3], [np.nan] * 3, [np.nan, 0, 1]])
+
+
+def test_the_client_is_told_why() -> None:
+    """A frame that is refused is answered with the field and the expectation."""
+    _, why = packed('{"performer":"a","positions":[[0,0,0],[1,"2",3]]}')
+    assert json.loads(why)["type"] == "error"
+    assert "Expected `float | null`, got `str` - at `$.positions[1][1]`" in json.loads(why)["text"]
 
 
 @pytest.mark.parametrize(
@@ -49,7 +64,7 @@ def test_what_is_no_frame_is_counted_by_the_recogniser(message: str | bytes) -> 
 @given(st.text(max_size=50) | st.binary(max_size=50))
 def test_no_message_raises(message: str | bytes) -> None:
     """Whatever a browser sends, the bytes for the recogniser come back."""
-    assert isinstance(packed(message), bytes)
+    assert isinstance(packed(message)[0], bytes)
 
 
 def test_answers_are_one_object_with_their_type() -> None:

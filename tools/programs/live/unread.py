@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 
+from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.packet import Packet, Sender
@@ -57,6 +59,12 @@ class Unread:
         listed = ", ".join(addresses[:_MAX_NAMED]) + (" ..." if len(addresses) > _MAX_NAMED else "")
         if guess is None and not {*addresses}.isdisjoint(OURS):
             self._note = ""  # Our own messages: the decoder says what is wrong with them.
+        elif lacking := _lacking(addresses):
+            more = " ..." if len(lacking) > _MAX_NAMED else ""
+            self._note = (
+                f"no frames: {', '.join(lacking[:_MAX_NAMED])}{more}: the sender sends only what changes; "
+                "let it send all once, or always"
+            )
         elif guess is None:
             self._note = (
                 f"no frames, but {listed or 'packets that are no OSC'}: no feed that is known. kinespace listen "
@@ -67,3 +75,13 @@ class Unread:
             self._note = f"no frames, but {listed}: this looks like {product}: end this and run: {run}"
         else:
             self._note = "; ".join(advice(survey, guess, None))
+
+
+def _lacking(addresses: Sequence[str]) -> list[str]:
+    """Name the joints of which one or two coordinates came in messages of their own, and those that never did."""
+    came = dict[str, set[str]]()
+    for joint, axis in filter(None, map(coordinate_of, addresses)):
+        came.setdefault(joint, set()).add(axis)
+    return [
+        f"{joint} waits for {' and '.join(sorted({*'xyz'} - axes))}" for joint, axes in came.items() if len(axes) < 3
+    ]

@@ -20,6 +20,7 @@ from kinespace.library.recordings import (
     RecordingReader,
     instead_of_recording,
     is_recording,
+    is_systems,
     labelled,
     performed,
     segments_beside,
@@ -224,12 +225,14 @@ def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
 
 def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str]:
     """List the files in folders that are neither recordings, nor skeletons, nor labels of a recording."""
-    files = [path for place in places if place.is_dir() for path in sorted(place.rglob("*")) if path.is_file()]
-    notes = [
-        f"{path.name} ({instead_of_recording(path)})"
-        for path in files
-        if path not in used and not path.name.startswith(".") and path.suffix.lower() != ".asf"
+    files = [
+        (path, is_systems(path.relative_to(place)))
+        for place in places
+        if place.is_dir()
+        for path in sorted(place.rglob("*"))
+        if path.is_file() and path not in used and path.suffix.lower() != ".asf"
     ]
+    notes = [f"{path.name} ({'a system wrote it' if hidden else instead_of_recording(path)})" for path, hidden in files]
     if notes:
         yield f"{counted(len(notes), 'file')} passed over: {_listed(notes)}"
 

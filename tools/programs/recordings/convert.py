@@ -11,7 +11,7 @@ import csv
 import tempfile
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -94,7 +94,7 @@ def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
     elif feed:
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {source}")
     else:
-        motion = _of_file(source, reading_of(options))
+        motion = _of_file(source, reading_of(options), options.performer)
     motion.postures = progress(motion.postures, "Writing", motion.frames)
     frames, joints = write(output, motion), len(motion.skeleton.joints)
     refused = motion.frames - frames
@@ -105,20 +105,26 @@ def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
         say(damage)
 
 
-def _of_file(source: Path, reading: Reading) -> _Motion:
-    clip = NameNotes()(RecordingReader(reading).clip(find_recordings([source])[0]))
+def _of_file(source: Path, reading: Reading, performer: str | None) -> _Motion:
+    clips = {clip.actor: clip for clip in RecordingReader(reading).clips(find_recordings([source])[0])}
+    clip = NameNotes()(clips[_chosen(source, [*clips], performer if len(clips) > 1 else None)])
     return _Motion(clip.skeleton, clip.actor, clip.frames, zip(clip.times.tolist(), clip.positions, strict=True))
+
+
+def _chosen(path: Path, performing: Sequence[str], performer: str | None) -> str:
+    """Give the performer that is asked for, or the only one."""
+    if performer is None and len(performing) > 1:
+        raise ValueError(f"{path}: expected --performer, one of {', '.join(map(printable, performing))}")
+    chosen = performer if performer is not None else next(iter(performing), "")
+    if chosen not in performing:
+        raise ValueError(f"{path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
+    return chosen
 
 
 def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> _Motion:
     """Look through a recording once for its performers, then give one performer's frames."""
     seen = seen_in(progress(events_of(recording, preset), "Looking", None))
-    performing = [name for name, each in seen.items() if each.frames]
-    if performer is None and len(performing) > 1:
-        raise ValueError(f"{recording.path}: expected --performer, one of {', '.join(map(printable, performing))}")
-    chosen = performer if performer is not None else next(iter(performing), "")
-    if chosen not in performing:
-        raise ValueError(f"{recording.path}: no frame{f' of {chosen!r}' if chosen else ''} in it")
+    chosen = _chosen(recording.path, [name for name, each in seen.items() if each.frames], performer)
     skeleton, frames = seen[chosen].skeleton(), ordered_frames(recording, preset, {chosen: seen[chosen]})
     postures = ((seconds, positions) for _, _, seconds, positions in frames)
     first = next(postures, None)

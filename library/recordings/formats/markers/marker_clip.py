@@ -1,4 +1,4 @@
-"""Markers or joint centres over time, as in C3D and TRC, made into a clip."""
+"""Markers or joint centres over time, as in C3D, TRC and tables, made into a clip of those that were seen."""
 
 from __future__ import annotations
 
@@ -8,20 +8,39 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.joint_choice import chosen, short_names
-from kinespace.library.recordings.formats.timed_frames import MAX_GAP
+from kinespace.library.recordings.formats.timed_frames import MAX_GAP, Evened, laid
+from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
+#: A place that is held in several frames, and is so many times farther from a body's middle than half of its joints, is
+#: no place: programs write 9999 for markers that they do not see.
+_FAR = 8.0
+#: Share of the markers whose absence makes a frame one without a body, the first that leaves half of the markers.
+_ABSENT = (0.5, 0.25, 0.0)
+#: Markers that a remark lists, at most.
+_MAX_LISTED = 8
 
-def clip_of_markers(
-    path: Path, labels: Sequence[str], positions: NDArray[np.float64], frame_rate: float, joints: Sequence[str]
+
+def clip_of_markers(  # noqa: PLR0913 - what files say of their markers
+    path: Path,
+    labels: Sequence[str],
+    positions: NDArray[np.float64],
+    frame_rate: float | None,
+    joints: Sequence[str],
+    *,
+    times: NDArray[np.float64] | None = None,
+    metres: float | None = 1.0,
+    notes: Sequence[str] = (),
 ) -> Clip:
-    """Make a clip of the markers that are wanted.
+    """Make a clip of the markers that are wanted and were seen.
 
-    A marker that is at exactly 0, 0, 0 in some frames and elsewhere in others is missing in the frames with zeros: some
-    programs write missing markers so. Missing markers are put on straight lines.
+    A marker that is missing for a short time is put on a straight line; before its first and after its last sight it
+    rests. One that is missing for longer than `MAX_GAP` is left out; where most markers are missing the body rests, and
+    the clip lists the gap.
 
     Parameters
     ----------
@@ -30,74 +49,128 @@ def clip_of_markers(
     labels
         The markers' names; how markers are connected is not known.
     positions
-        Shape (frames, markers, 3), metres, NaN where a marker is missing.
+        Shape (frames, markers, 3), NaN, or a number that stands for nothing, where a marker is missing.
     frame_rate
-        Frames per second.
+        Frames per second; None: as often as the times say.
     joints
         Which markers, by name (`library.formats.joint_choice.chosen`); all when none are given.
+    times
+        Seconds of the frames; None: they follow each other evenly.
+    metres
+        Metres of the unit; None to guess them by the body's size.
+    notes
+        What the reader has to say of the file.
 
     Raises
     ------
     ValueError
-        A wanted marker is missing, two have the same name, one is missing for too long, or fewer than two are left.
+        A wanted marker is missing, or fewer than two are left.
     """
     kept = chosen(labels, joints)
-    skeleton = Skeleton(short_names([labels[index] for index in kept]))
-    positions = positions[:, kept]
-    nowhere = (positions == 0).all(axis=2)
-    missing = ~np.isfinite(positions).all(axis=2) | (nowhere & ~nowhere.all(axis=0))
+    memory.require_numbers(len(positions) * len(kept) * 3)
+    names, twice = short_names([labels[index] for index in kept])
+    found = _seen(positions[:, kept])
+    found *= guessed_metres(found) if metres is None else metres
+    even = Evened(found, frame_rate or 0.0, 0, ()) if times is None else laid(times, found, frame_rate)
+    missing: NDArray[np.bool_] = np.isnan(even.positions).max(axis=2)
+    absent, lost = _absences(missing, MAX_GAP * even.rate)
+    if (~lost).sum() < 2:
+        raise ValueError(f"expected 2 markers or more that are seen, got {(~lost).sum()} of {len(names)}")
+    skeleton = Skeleton(tuple(name for name, gone in zip(names, lost, strict=True) if not gone))
+    rests = [
+        f"not seen: most markers from {a / even.rate:.2f} to {b / even.rate:.2f} s; the body rests" for a, b in absent
+    ]
     clip = Clip(
         skeleton=skeleton,
-        positions=with_missing_joints(positions, missing, skeleton.joints, frame_rate),
-        frame_rate=frame_rate,
+        positions=_filled(even.positions[:, ~lost], missing[:, ~lost], absent),
+        frame_rate=even.rate,
         name=path.stem,
-        filled=int(missing.sum()),
+        filled=int(missing[:, ~lost].sum()) + even.missing * len(skeleton.joints),
+        gaps=tuple(sorted((*even.gaps, *((a / even.rate, b / even.rate) for a, b in absent)))),
+        notes=(*notes, *twice, *_left_out(names, missing, lost), *rests),
     )
     return hdm05.titled(clip, path)
 
 
-def with_missing_joints(
-    positions: NDArray[np.float64], missing: NDArray[np.bool_], joints: Sequence[str], frame_rate: float
-) -> NDArray[np.float64]:
-    """Put straight lines where single joints are missing; before its first and after its last position a joint rests.
+def _seen(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put NaN where a position stands for a marker that was not seen; gives a copy.
 
-    Parameters
-    ----------
-    positions
-        Shape (frames, joints, 3); numbers at missing joints are ignored.
-    missing
-        Where joints are missing, shape (frames, joints).
-    joints
-        Their names.
-    frame_rate
-        Frames per second.
-
-    Raises
-    ------
-    ValueError
-        A joint is missing for longer than `MAX_GAP`; the message says which, when and how long.
+    Such are positions of one whole number thrice (0 0 0, -1 -1 -1), and a place far away that is taken again and again.
     """
-    for joint, name in enumerate(joints):
-        first, length = _longest_run(missing[:, joint])
-        if length > MAX_GAP * frame_rate or length == len(missing):
-            raise ValueError(
-                f"{name!r} is missing for {length / frame_rate:.2f} s from frame {first + 1} of {len(missing)} on, "
-                f"longer than {MAX_GAP} s: cut the recording, or choose other joints"
-            )
-    filled = positions.copy()
-    frames = np.arange(len(positions))
+    found = positions.astype(np.float64)
+    x = found[:, :, 0]
+    nowhere = (found == x[:, :, None]).all(axis=2) & (x % 1 == 0)
+    # A pose around its root has the root at 0 0 0 throughout, in the middle of the other joints.
+    rooted = nowhere.all(axis=0) & (x == 0).all(axis=0)
+    if rooted.sum() == 1 and _is_around_origin(found[:, ~rooted]):
+        nowhere[:, rooted] = False
+    found[nowhere | ~np.isfinite(found).all(axis=2)] = np.nan
+    away, radius = _from_middle(found)
+    far = away > _FAR * radius
+    if far.any():
+        places, counts = np.unique(found[far], axis=0, return_counts=True)
+        for place in places[counts > 1]:
+            found[far & (found == place).all(axis=2)] = np.nan
+    return found
+
+
+def _from_middle(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Give how far each joint is from its frame's middle joint, (frames, joints), and how far half of them are."""
+    seen = np.isfinite(positions[:, :, 0])
+    middle = np.full((len(positions), 3), np.nan)
+    middle[seen.any(axis=1)] = np.nanmedian(positions[seen.any(axis=1)], axis=1)
+    away = np.linalg.norm(positions - middle[:, None], axis=2)
+    return away, float(np.median(away[seen])) if seen.any() else 0.0
+
+
+def _is_around_origin(positions: NDArray[np.float64]) -> bool:
+    """Say whether the middle of the joints is near the origin in every frame."""
+    _, radius = _from_middle(positions)
+    middle = np.linalg.norm(np.nanmedian(positions, axis=1), axis=1)
+    return positions.shape[1] < 2 or bool((middle <= radius).all())
+
+
+def _absences(missing: NDArray[np.bool_], longest: float) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
+    """Find when there is no body, frames from and to, and the markers that are missing for too long at other times."""
+    ever: NDArray[np.bool_] = ~missing.min(axis=0)
+    absent, lost = list[tuple[int, int]](), ~ever
+    for share in _ABSENT:
+        away = np.asarray(missing[:, ever].mean(axis=1) > share) if ever.any() else ever[:0]
+        absent = [(a, b) for a, b in _runs(away) if b - a > longest]
+        gone = missing.copy()
+        for a, b in absent:
+            gone[a:b] = False
+        lost = np.array([any(b - a > longest for a, b in _runs(each)) for each in gone.T]) | ~ever
+        if (~lost).sum() * 2 >= ever.sum():
+            break
+    return absent, lost
+
+
+def _filled(
+    positions: NDArray[np.float64], missing: NDArray[np.bool_], absent: Sequence[tuple[int, int]]
+) -> NDArray[np.float64]:
+    """Put straight lines where single markers are missing, and let the body rest where it is absent."""
+    filled, frames = positions.copy(), np.arange(len(positions))
     for joint in np.flatnonzero(missing.any(axis=0)).tolist():
         gone = missing[:, joint]
         for axis in range(3):
             filled[gone, joint, axis] = np.interp(frames[gone], frames[~gone], positions[~gone, joint, axis])
+    for a, b in absent:
+        filled[a:b] = filled[a - 1] if a else filled[min(b, len(filled) - 1)]
     return filled
 
 
-def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
-    """Find the longest run of true flags: its beginning and its length."""
-    edges = np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8))
-    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    if not begins.size:
-        return 0, 0
-    longest = int(np.argmax(ends - begins))
-    return int(begins[longest]), int(ends[longest] - begins[longest])
+def _left_out(names: Sequence[str], missing: NDArray[np.bool_], lost: NDArray[np.bool_]) -> list[str]:
+    """Say in one line which markers are left out, and in which share of the frames each is not seen."""
+    if not lost.any():
+        return []
+    shares = [(name, share) for name, share, gone in zip(names, missing.mean(axis=0), lost, strict=True) if gone]
+    each = [f"{name} (never seen)" if share == 1 else f"{name} (not seen in {share:.0%})" for name, share in shares]
+    more = f" and {len(each) - _MAX_LISTED} more" if len(each) > _MAX_LISTED else ""
+    return [f"left out: {len(each)} of {len(names)} markers: {', '.join(each[:_MAX_LISTED])}{more}"]
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Give where runs of true flags begin and end."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,58 +1,48 @@
 """TRC recordings read into clips: the format of Motion Analysis, OpenSim and many markerless systems.
 
-The header has five lines: the second names and the third gives rates, counts and the unit, the fourth labels the
-markers. Then each line is a frame: number, time, and three numbers for each marker, separated by tabs. Fields that are
-empty or NaN stand for a marker out of sight.
+The second line names and the third gives rates, counts and the unit, the fourth labels the markers, the fifth their
+axes. Then each line is a frame: number, time, and three numbers for each marker, separated by tabs. Fields that are
+empty or NaN stand for a marker out of sight; empty ones at a line's end are often cut off. Where the header and the
+frames differ the frames count: their number, their times.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.recordings.formats.errors import count_in, positive_in, refuse
+from kinespace.library.recordings.formats.errors import mended, number_of, refuse
 from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.timed_frames import timing
 from kinespace.library.recordings.formats.units import metres_of
 
 
-def _header(path: Path, lines: Iterator[str]) -> tuple[tuple[str, ...], int, float, float]:
-    """Read the five lines of the header: the markers' names, frames, frames per second, and metres of the unit."""
-    kind, names, values, labels, axes = (next(lines, "").rstrip("\r\n") for _ in range(5))
-    if not kind.startswith("PathFileType"):
-        refuse(path, 1, f"expected PathFileType, got {kind[:40]!r}")
-    said = dict(zip(names.split(), values.split(), strict=False))
-    missing = [name for name in ("DataRate", "NumFrames", "NumMarkers", "Units") if name not in said]
-    if missing:
-        refuse(path, 3, f"expected a header with DataRate, NumFrames, NumMarkers and Units, no {', '.join(missing)}")
-    metres = metres_of(said["Units"])
-    if metres is None:
-        refuse(path, 3, f"expected Units like mm or m, got {said['Units']!r}")
-    found = tuple(label.strip() for label in labels.split("\t")[2:] if label.strip())
-    if not axes.split() or axes.split()[0].lower() != "x1":
-        refuse(path, 5, f"expected X1 Y1 Z1 ..., got {axes[:40]!r}")
-    if len(found) != count_in(said["NumMarkers"], path, 3, "NumMarkers"):
-        refuse(path, 4, f"expected {said['NumMarkers']} names of markers, got {len(found)}")
-    rate = positive_in([said["DataRate"]], path, 3, "DataRate")
-    return found, count_in(said["NumFrames"], path, 3, "NumFrames"), rate, metres
+def _labels(path: Path, line: str, announced: int) -> list[str]:
+    """Read the names of the markers, which stand three tabs apart, or else between any blanks."""
+    tabbed = [label.strip() for label in line.split("\t")[2:] if label.strip()]
+    spaced = line.split()[2:]
+    found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed
+    if len(found) < 2:
+        refuse(path, 4, f"expected names of markers behind Frame# and Time, got {line[:40]!r}")
+    return [*found, *(f"marker {number}" for number in range(len(found) + 1, announced + 1))]
 
 
-def _numbers(path: Path, number: int, line: str, columns: int) -> list[float]:
-    """Read the fields between tabs, which may be empty; of a line without tabs the words."""
+def _fields(line: str, columns: int) -> list[float | None]:
+    """Read a frame's fields between tabs, which may be empty, or its words."""
     fields = line.rstrip("\r\n").split("\t") if "\t" in line else line.split()
-    while len(fields) > columns and not fields[-1].strip():
-        fields.pop()
-    if len(fields) != columns:
-        refuse(path, number, f"expected {columns} fields, got {len(fields)}")
-    try:
-        return [float(field) if field and not field.isspace() else math.nan for field in fields]
-    except ValueError as error:
-        refuse(path, number, f"expected numbers ({str(error)[:80]})")
+    found = [number_of(field) for field in fields]
+    if None in found or ("\t" not in line and len(found) != columns):
+        found = [number_of(field) for field in mended(fields)]
+    while len(found) > columns and found[-1] is not None and math.isnan(found[-1]):
+        found.pop()
+    return found
 
 
 def read_clip(
@@ -65,7 +55,7 @@ def read_clip(
     path
         The file.
     metres_per_unit, frame_rate
-        Metres of the file's unit, and frames per second; as the header says when not given.
+        Metres of the file's unit, and frames per second; as the header and the times say when not given.
     joints
         Which markers, by name (`library.formats.joint_choice.chosen`); all when none are given.
 
@@ -76,21 +66,43 @@ def read_clip(
     Raises
     ------
     RecordingError
-        The file is no TRC, is malformed or cut off.
+        The file is no TRC, or malformed.
     ValueError
-        It lacks a marker that is asked for, or has a marker out of sight for too long.
+        It lacks a marker that is asked for, or has fewer than two that are seen.
     OSError
         The file cannot be opened.
     """
-    lines = memory.lines(path, errors="replace")
-    (labels, frames, rate, metres), values, number = _header(path, lines), array("d"), 5
-    columns = 2 + 3 * len(labels)
-    for number, line in enumerate(lines, start=6):
-        if line.strip():
-            values.extend(_numbers(path, number, line, columns))
+    lines, notes = memory.lines(path, errors="replace"), list[str]()
+    kind, names, given, heads = (next(lines, "").rstrip("\r\n") for _ in range(4))
+    if not kind.startswith("PathFileType"):
+        refuse(path, 1, f"expected PathFileType, got {kind[:40]!r}")
+    said = dict(zip(names.split(), given.split(), strict=False))
+    announced = said.get("NumMarkers", "")
+    labels = _labels(path, heads, int(announced) if re.fullmatch(r"\d{1,3}", announced) else 0)
+    columns, values, frames, number = 2 + 3 * len(labels), array("d"), 0, 4
+    for number, line in enumerate(lines, start=5):
+        if not line.strip() or (not frames and "x" in line.lower()):
+            continue
+        fields = _fields(line, columns)
+        row = [each for each in fields if each is not None]
+        if frames and len(row) < columns and not line.endswith(("\n", "\r")):
+            notes.append(f"frames: the last line, {number}, is cut off and left out")
+            break
+        if len(row) < len(fields) or not 5 <= len(row) <= columns:
+            refuse(path, number, f"expected {columns} numbers, got {len(row)} in {line.strip()[:40]!r}")
+        values.extend(row + [math.nan] * (columns - len(row)))
+        frames += 1
     memory.require_numbers(len(values))
-    positions = np.frombuffer(values, dtype=np.float64).reshape(-1, columns)[:, 2:]
-    if len(positions) != frames:
-        refuse(path, number, f"the file ends after {len(positions)} of {frames} frames")
-    positions = positions.reshape(frames, -1, 3) * (metres_per_unit or metres)
-    return clip_of_markers(path, labels, positions, frame_rate or rate, joints)
+    if not frames:
+        refuse(path, number, "the file ends before its first frame")
+    if said.get("NumFrames") != str(frames):
+        notes.append(f"frames: the header says {said.get('NumFrames', 'nothing')}, there are {frames}: these are taken")
+    rows = np.frombuffer(values, dtype=np.float64).reshape(frames, columns)
+    header = number_of(said.get("DataRate", "")) or 0.0
+    moments = rows[:, 1] if frame_rate is None and np.isfinite(rows[:, 1]).all() else None
+    times, rate = timing(moments, "Time", header if 0 < header < math.inf else 0.0, frame_rate, notes)
+    metres = metres_per_unit or metres_of(said.get("Units", ""))
+    if metres is None:
+        notes.append(f"units: {said.get('Units', 'none')!r} is no unit: the body's size tells it; --unit names it")
+    places = rows[:, 2:].reshape(frames, -1, 3)
+    return clip_of_markers(path, labels, places, rate, joints, times=times, metres=metres, notes=notes)

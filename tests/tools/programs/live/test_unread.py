@@ -16,7 +16,7 @@ from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.inputs import OscDecoder
 from kinespace.stream.inputs.source import Source
 from kinespace.stream.osc.frames import encode_frame
-from kinespace.tools.programs.live.unread import Unread
+from kinespace.tools.programs.live.unread import Unread, _lacking
 
 PLACE = "127.0.0.1", 9310
 
@@ -126,3 +126,9 @@ def test_a_frame_that_time_completes_is_a_frame() -> None:
         source.tend(10 + number / 20 + 0.04)
     # Until the first frame nothing is known.
     assert asked.kept <= 1
+
+
+def test_joints_that_wait_for_a_coordinate_are_named() -> None:
+    """A sender that sends only what changes may never send a coordinate that stands still."""
+    came = ["/p#/knee_l:ty", "/p#/knee_l:tz", *(f"/p#/head:t{axis}" for axis in "xyz"), "/p#/hand_l/x", "/p#/id"]
+    assert _lacking(came) == ["/p#/knee_l waits for x", "/p#/hand_l waits for y and z"]

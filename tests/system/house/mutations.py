@@ -1,6 +1,6 @@
 """Change one line of the product at random, run the tests that reach it, and see whether one fails.
 
-`python tests/mutations.py --room library/windows --count 40` works in copies of the tree, not in the tree itself.
+`python tests/system/house/mutations.py --room library/windows --count 40` works in copies of the tree, not in it.
 First it runs the tests once, and notes which lines each test reaches and how long it takes (`pip install coverage`);
 `--reached FILE` keeps these notes for the next run. For a change it runs the tests that reach its line: those of the
 file's own folder first, then the others, the fastest first. A change that makes tests hang, or takes all memory, is
@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[3]
 _PAIRS = (ast.Lt, ast.LtE), (ast.Gt, ast.GtE), (ast.Eq, ast.NotEq), (ast.Is, ast.IsNot), (ast.In, ast.NotIn)
 _PAIRS_TOO = (ast.And, ast.Or), (ast.Add, ast.Sub), (ast.Mult, ast.Div), (ast.USub, ast.UAdd)
 _SWAPS = {each: other for pair in (*_PAIRS, *_PAIRS_TOO) for each, other in (pair, pair[::-1])}
@@ -171,7 +171,7 @@ def _reached(tree: Path, kept: Path, quick: list[str]) -> Reached:
     if not kept.exists():
         included = f"--include={','.join(f'{tree}/packages/kinespace/{room}/*' for room in _ROOMS)}"
         run = [sys.executable, "-m", "coverage", "run", "--rcfile=/dev/null", f"--data-file={tree}/.coverage", included]
-        command = [*run, "-m", "pytest", "-q", "-p", "mutations", *_PLUGINS, *_TESTS, *quick]
+        command = [*run, "-m", "pytest", "-q", "-p", "system.house.mutations", *_PLUGINS, *_TESTS, *quick]
         subprocess.run(command, cwd=tree, env=_environment(tree) | {"REACHED": str(kept.resolve())}, check=False)
     return Reached(*json.loads(kept.read_text()))
 

@@ -1,0 +1,456 @@
+"""Small files as people's programs write them, one a kind, all of the same few frames of one body; README.md lists them."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from written import MOVES, TURNS, Node, bvh_text
+
+RATE = 60.0
+NAMES = (
+    *("Hips", "Spine1", "Neck", "Head", "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand"),
+    *("LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot"),
+)
+_HEIGHTS = (0.94, 1.16, 1.44, 1.54, 1.39, 1.12, 0.88, 1.39, 1.12, 0.88, 0.89, 0.48, 0.07, 0.89, 0.48, 0.07)
+_SIDES = (0, 0, 0, 0, 0.17, 0.24, 0.31, -0.17, -0.24, -0.31, 0.09, 0.09, 0.1, -0.09, -0.09, -0.1)
+
+
+def body(frames: int = 48, shift: float = 0.0) -> NDArray[np.float64]:
+    """Give a body that bends its knees and lifts its left hand, (frames, joints, 3), metres, to a tenth of a millimetre."""
+    at = np.linspace(0, np.pi, frames)[:, None]
+    heights, sides = np.array(_HEIGHTS), np.array(_SIDES)
+    x = sides + shift + 0.05 * np.sin(at) * sides
+    y = heights - 0.3 * np.sin(at) * np.clip(heights - 0.1, 0, 0.8)
+    z = 0.02 + 0.1 * np.sin(at) * (heights < 0.6) + 0.3 * np.sin(at) * (np.array(NAMES) == "LeftHand")
+    return np.round(np.stack([x, y, z], axis=2), 4)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A file, the right values in it where they are not the body's, and what is said of it.
+
+    `lacking` are names that are left out, `frames` those that are there, `people` the performers' names, `tells` a part
+    of a remark or of the refusal; `options` are a person's. `reads` is False where only a clear refusal is right.
+    """
+
+    ending: str
+    content: bytes
+    tells: str = ""
+    lacking: tuple[str, ...] = ()
+    rate: float = RATE
+    frames: slice = field(default_factory=lambda: slice(None))
+    people: tuple[str, ...] = ("",)
+    options: tuple[tuple[str, object], ...] = ()
+    names: Sequence[str] = NAMES
+    near: float = 2e-4
+    reads: bool = True
+
+
+BODY = body()
+TIMES = np.arange(len(BODY)) / RATE
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+def table(  # noqa: PLR0913 - a table may differ in many ways
+    *,
+    head: Callable[[str, str], str] = "{}_{}".format,
+    clock: str | None = "time",
+    times: Iterable[object] = (f"{time:.4f}" for time in ()),
+    mark: str = ",",
+    positions: NDArray[np.float64] = BODY,
+    first: str = "",
+    more: Sequence[tuple[str, object]] = (),
+) -> str:
+    """Give a table with a column for each coordinate, and further columns in front."""
+    moments = list(times) or [f"{time:.4f}" for time in TIMES]
+    rows = [[*([clock] if clock else []), *(name for name, _ in more), *(head(n, a) for n in NAMES for a in "xyz")]]
+    for moment, frame in zip(moments, positions, strict=False):
+        numbers = ["" if value != value else f"{value:.4f}" for value in frame.ravel().tolist()]  # noqa: PLR0124 - NaN
+        rows.append([*([str(moment)] if clock else []), *(str(value) for _, value in more), *numbers])
+    return first + "".join(mark.join(row) + "\n" for row in rows)
+
+
+def _without(joint: str, value: float | NDArray[np.float64], frames: slice = slice(None)) -> NDArray[np.float64]:
+    changed = BODY.copy()
+    changed[frames, NAMES.index(joint)] = value
+    return changed
+
+
+def _several_rows(names: Sequence[str], axes: Sequence[str], lead: Sequence[Sequence[str]], kinds: str) -> str:
+    """Give the rows of a header that names joints over the first, or every, of their columns."""
+    over = (
+        [name for name in names for _ in axes]
+        if kinds == "every"
+        else [cell for name in names for cell in (name, *[""] * (len(axes) - 1))]
+    )
+    return ",".join([*lead[0], *over]) + "\n" + ",".join([*lead[1], *axes * len(names)]) + "\n"
+
+
+def _frames(
+    numbers: Callable[[NDArray[np.float64]], Iterable[float]], lead: Callable[[int], str], mark: str = ","
+) -> str:
+    return "".join(
+        mark.join([lead(index), *(f"{value:.4f}" for value in numbers(frame))]) + "\n"
+        for index, frame in enumerate(BODY)
+    )
+
+
+def _motive() -> str:
+    """Motive 2 and 3: seven rows, a rotation before each position, and a marker of the skeleton behind the bones."""
+    columns = [
+        (f"Ann:{name}", kind, axis)
+        for name in NAMES
+        for kind, axes in (("Rotation", "XYZW"), ("Position", "XYZ"))
+        for axis in axes
+    ]
+    columns += [("Ann:WaistLFront", "Position", axis) for axis in "XYZ"] + [("Ann:WaistLFront", "Marker Quality", "")]
+    types = ["Bone"] * 7 * len(NAMES) + ["Bone Marker"] * 4
+    head = "Format Version,1.23,Take Name,Take 1,Capture Frame Rate,60.000000,Export Frame Rate,60.000000,Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global\n\n"
+    head += "".join(
+        ",".join(["", title, *cells]) + "\n"
+        for title, cells in (
+            ("Type", types),
+            ("Name", [name for name, _, _ in columns]),
+            (
+                "ID",
+                [
+                    f"{index:032X}"
+                    for index, name in enumerate(dict.fromkeys(name for name, _, _ in columns))
+                    for _ in range(7 if index < len(NAMES) else 4)
+                ],
+            ),
+            ("", [kind for _, kind, _ in columns]),
+        )
+    )
+    head += ",".join(["Frame", "Time (Seconds)", *(axis for _, _, axis in columns)]) + "\n"
+
+    def numbers(frame: NDArray[np.float64]) -> Iterable[float]:
+        for place in frame.tolist():
+            yield from (0.1, 0.2, 0.3, 0.9, *place)
+        yield from (5.0, 5.0, 6.0, 1.0)
+
+    return head + _frames(numbers, lambda index: f"{index},{index / RATE:.6f}")
+
+
+def _vicon() -> str:
+    """Vicon Nexus: forces first, then Trajectories in millimetres, with the rate in a line of its own."""
+    forces = (
+        "Devices\n600\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n1,0,0.1,0.2,700.5\n1,1,0.1,0.2,700.6\n\n"
+    )
+    head = _several_rows(
+        [f"Ann:{name}" for name in NAMES], ["X", "Y", "Z"], (["", ""], ["Frame", "Sub Frame"]), "first"
+    )
+    units = ",," + ",".join(["mm"] * 3 * len(NAMES)) + "\n"
+    return (
+        forces
+        + f"Trajectories\n{RATE:.0f}\n"
+        + head
+        + units
+        + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1},0")
+    )
+
+
+def _qualisys() -> str:
+    names = "\t".join(NAMES)
+    head = f"NO_OF_FRAMES\t{len(BODY)}\nNO_OF_MARKERS\t16\nFREQUENCY\t60\nDATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
+    columns = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
+    return (
+        head
+        + f"Frame\tTime\t{columns}\n"
+        + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1}\t{index / RATE:.5f}", "\t")
+    )
+
+
+def _tidy() -> str:
+    return "frame,timestamp,keypoint,x,y,z,score\n" + "".join(
+        f"{index},{index / RATE:.4f},{name},{x:.4f},{y:.4f},{z:.4f},0.99\n"
+        for index, frame in enumerate(BODY)
+        for name, (x, y, z) in zip(NAMES, frame.tolist(), strict=True)
+    )
+
+
+def _two(column: str, clock: str, ids: tuple[str, str]) -> str:
+    one, other = (
+        table(clock=clock, times=TIMES if clock == "time" else range(len(BODY)), more=[(column, name)], positions=each)
+        for name, each in zip(ids, (BODY, BODY + np.array([1.5, 0, 0])), strict=True)
+    )
+    head, *first = one.splitlines(keepends=True)
+    return head + "".join(
+        line for pair in zip(first, other.splitlines(keepends=True)[1:], strict=True) for line in pair
+    )
+
+
+def _times(scale: float, start: int = 0) -> list[int]:
+    return [start + round(time * scale) for time in TIMES.tolist()]
+
+
+def _tables() -> dict[str, Kind]:
+    late = _without("LeftHand", np.nan, slice(0, 40))
+    texts = {
+        "times after a #": (table(clock="# times"), {}),
+        "times in ms by name": (table(clock="time_ms", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
+        "times with a unit in brackets": (table(clock="Time (Seconds)"), {}),
+        "elapsed ms": (table(clock="elapsedMs", times=_times(1e3)), {"near": 2e-3}),
+        "microseconds": (table(clock="timestamp", times=_times(1e6, 5_000_000)), {}),
+        "nanoseconds": (table(clock="timestamp", times=_times(1e9, 1_700_000_000_000_000_000)), {}),
+        "ticks of 100 ns": (table(clock="timestamp", times=_times(1e7, 638_000_000_000_000_000)), {}),
+        "dates": (table(clock="Timestamp", times=[f"2024-05-01T10:00:{time:09.6f}" for time in TIMES]), {}),
+        "time of day": (table(clock="time", times=[f"10:00:{time:07.4f}" for time in TIMES]), {}),
+        "frame numbers as time": (table(times=range(len(BODY))), {"rate": 30.0, "tells": "frame numbers"}),
+        "no times": (table(clock=None), {"rate": 30.0, "tells": "times: none"}),
+        "no times, a rate": (table(clock=None), {"options": (("frame_rate", RATE),)}),
+        "times that stand": (table(times=[0.0] * len(BODY)), {"rate": 30.0, "tells": "times"}),
+        "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
+        "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
+        "two people by name": (_two("Performer", "time", ("ann", "佐藤")), {"people": ("ann", "佐藤")}),
+        "rotations": (table(more=[(f"Hips_rot_{axis}", 0.5) for axis in "xyz"] + [(f"Hips_q{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips_rot"}),
+        "qualities": (table(more=[("Hips_visibility", 0.9), ("Hips_confidence", 0.5), ("Hips_presence", 1)]), {}),
+        "_pos": (table(head="{}_pos_{}".format), {}),
+        "_position.x": (table(head="{}_position.{}".format), {}),
+        ".x": (table(head="{}.{}".format), {}),
+        "/x": (table(head="{}/{}".format), {}),
+        ":tx": (table(head="{}:t{}".format), {}),
+        "X in capitals": (table(head=lambda name, axis: name + axis.upper()), {}),
+        "Position X (mm)": (table(head=lambda name, axis: f"{name} Position {axis.upper()} (mm)", positions=BODY * 1000), {}),
+        "x in front": (table(head=lambda name, axis: f"{axis}_{name}"), {}),
+        "comments": (table(first="# made by a tracker\n# fps: 60\n"), {}),
+        "sep=": (table(mark=";", first="sep=;\n"), {}),
+        "decimal commas": (table(mark=";").replace(".", ","), {}),
+        "tabs": (table(mark="\t"), {}),
+        "nothing in words": (table(positions=late).replace(",,", ",NA,").replace(",,", ",NA,"), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
+        "0 0 0 throughout": (table(positions=_without("LeftHand", 0.0)), {"tells": "LeftHand (never seen)", "lacking": ("LeftHand",)}),
+        "-1 -1 -1 for some frames": (table(positions=_without("LeftHand", -1.0, slice(20, 24))), {"near": 6e-3}),
+        "9999 9999 0 for some frames": (table(positions=_without("LeftHand", np.array([9999, 9999, 0.0]), slice(20, 24))), {"near": 6e-3}),
+        "the last line is cut": (table()[:-60], {"frames": slice(-1), "tells": "cut off"}),
+        "Motive": (_motive(), {}),
+        "Vicon Nexus": (_vicon(), {}),
+        "Qualisys": (_qualisys(), {"ending": "tsv"}),
+        "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "times: none"}),
+        "a row a joint": (_tidy(), {}),
+    }  # fmt: skip
+    made = {name: Kind(**{"ending": "csv", "content": text.encode(), **said}) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
+    return made | {
+        "UTF-16": Kind("csv", table(mark="\t").encode("utf-16")),
+        "BOM, CRLF": Kind("csv", table().replace("\n", "\r\n").encode("utf-8-sig")),
+        "tabs in a .txt": Kind("txt", table(mark="\t").encode()),
+        "two dimensions": Kind("csv", table().replace("_z", "_w").encode(), "no z", reads=False),
+        "angles": Kind("csv", table(head="{}_rot_{}".format).encode(), "positions", reads=False),
+    }
+
+
+# --- TRC -------------------------------------------------------------------------------------------------------------
+
+
+def trc(
+    *,
+    rate: str = "60.00",
+    frames: int | None = None,
+    unit: str = "mm",
+    first: int = 1,
+    positions: NDArray[np.float64] = BODY * 1000,
+) -> str:
+    """Give a TRC as OpenSim writes it, empty fields where a position is NaN."""
+    lines = [
+        "PathFileType\t4\t(X/Y/Z)\tme.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+    ]
+    lines += [
+        f"{rate}\t{rate}\t{frames or len(positions)}\t16\t{unit}\t{rate}\t1\t{len(positions)}",
+        "Frame#\tTime\t" + "\t\t\t".join(NAMES) + "\t\t",
+    ]
+    lines += ["\t\t" + "\t".join(f"{axis}{first + index}" for index in range(16) for axis in "XYZ"), ""]
+    for index, frame in enumerate(positions):
+        numbers = ["" if value != value else f"{value:.2f}" for value in frame.ravel().tolist()]  # noqa: PLR0124 - NaN
+        lines.append("\t".join([str(index + 1), f"{index / RATE:.4f}", *numbers]))
+    return "\n".join(lines) + "\n"
+
+
+def _trcs() -> dict[str, Kind]:
+    gone, late = _without("RightFoot", np.nan) * 1000, _without("LeftHand", np.nan, slice(0, 40)) * 1000
+    short = _without("RightFoot", np.nan, slice(30, 34)) * 1000
+    heads = "\t\t\t".join(NAMES)
+    texts = {
+        "header and times differ": (trc(rate="600.00"), {"tells": "600 frames a second"}),
+        "rate 0": (trc(rate="0"), {}),
+        "a frame more": (trc(frames=len(BODY) - 1), {"tells": "the header says 47, there are 48"}),
+        "X5": (trc(first=5), {}),
+        "X0": (trc(first=0), {}),
+        "labels by spaces": (trc().replace(heads, "   ".join(NAMES)), {}),
+        "one tab between labels": (trc().replace(heads, "\t".join(NAMES)), {}),
+        "tabs trimmed": ("\n".join(line.rstrip("\t") for line in trc(positions=short).split("\n")), {"near": 3e-3}),
+        "never seen": (trc(positions=gone), {"tells": "RightFoot (never seen)", "lacking": ("RightFoot",)}),
+        "seen late": (trc(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
+        "decimal commas": (trc().replace(".", ","), {}),
+        "no unit": (trc(unit="?"), {"tells": "units"}),
+        "metres, cut to four letters": (trc(unit="mete", positions=BODY), {"near": 6e-3}),
+        "Windows' NaN": (trc(positions=gone).replace("\t\t\n", "\t-nan(ind)\t-1.#IND\tNaN\n"), {"tells": "never seen", "lacking": ("RightFoot",)}),
+        "spaces between all": (trc().replace("\t\t\t", " ").replace("\t", " "), {}),
+        "a label twice": (trc().replace("RightLeg", "LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
+        "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),
+    }  # fmt: skip
+    return {f"TRC, {name}": Kind("trc", text.encode("latin-1"), **said) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
+
+
+# --- BVH -------------------------------------------------------------------------------------------------------------
+
+
+def _bvh_body(names: Sequence[str] = NAMES, *, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
+    """Give a hierarchy of the body's joints, and frames of small turns; every joint may have position channels."""
+    above = dict(zip(NAMES[1:], (0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13, 14), strict=True))
+    nodes = [
+        Node(
+            names[index],
+            tuple(BODY[0, index] - (BODY[0, above[NAMES[index]]] if index else 0)),
+            (*MOVES, *TURNS) if moves or not index else TURNS,
+        )
+        for index in range(16)
+    ]
+    for index in range(1, 16):
+        nodes[above[NAMES[index]]].children.append(nodes[index])
+    for node in nodes:
+        if not node.children:
+            node.children.append(Node(f"{node.name}_end", (0.0, 0.1, 0.0)))
+    sizes = [len(node.channels) for node in nodes[0].all() if node.channels]
+    frames = np.random.default_rng(4).uniform(-20, 20, (len(BODY), sum(sizes)))
+    starts = np.cumsum([0, *sizes[:-1]])
+    for start, size in zip(starts, sizes, strict=True):
+        if size == 6:
+            frames[:, start : start + 3] = [0.1, 1.0, 0.2] if start == 0 else 0.0
+    return nodes[0], np.round(frames, 4)
+
+
+def _bvhs() -> dict[str, Kind]:
+    root, frames = _bvh_body()
+    plain = bvh_text(root, frames.tolist(), period="0.0166667")
+    moving, moved = _bvh_body(moves=True)
+    still = bvh_text(moving, moved.tolist(), period="0.0166667")
+    glitch, noise = moved.copy(), moved.copy()
+    glitch[20, 7] = 0.01
+    noise[:, 6:9] = 1e-7
+    head, motion = plain.split("Frame Time")
+    texts = {
+        "plain": (plain, {}),
+        "a frame more": (plain.replace("Frames: 48", "Frames: 47"), {"tells": "the header says 47, there are 48"}),
+        "a frame less": (plain.replace("Frames: 48", "Frames: 100"), {"tells": "the header says 100, there are 48"}),
+        "the last line is cut": (plain[:-40], {"tells": "cut off", "frames": slice(-1)}),
+        "Frame Time 0": (plain.replace("Time: 0.0166667", "Time: 0"), {"options": (("frame_rate", RATE),)}),
+        "Frame Time 0, no rate": (plain.replace("Time: 0.0166667", "Time: 0"), {"reads": False, "tells": "--frame-rate"}),
+        "decimal commas": (plain.replace(".", ","), {}),
+        "commas between": (head + "Frame Time" + motion.replace(" ", ", ").replace(":, ", ": "), {}),
+        "glued": (head + "Frame Time" + motion.replace(" -", "-"), {}),
+        "positions of nothing": (still, {}),
+        "one small position": (bvh_text(moving, glitch.tolist(), period="0.0166667"), {}),
+        "noise for positions": (bvh_text(moving, noise.tolist(), period="0.0166667"), {}),
+        "a name twice": (plain.replace("JOINT RightLeg", "JOINT LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
+        "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
+    }  # fmt: skip
+    # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.
+    made = {f"BVH, {name}": Kind("bvh", text.encode("latin-1"), **said) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
+    return made | {
+        "BVH, Shift-JIS": Kind("bvh", plain.replace("JOINT Head", "JOINT 頭").encode("cp932"), lacking=("Head",))
+    }
+
+
+# --- C3D -------------------------------------------------------------------------------------------------------------
+
+
+def _vax(values: NDArray[np.float32]) -> bytes:
+    """Write numbers as DEC's machines did: four times as large, their two words exchanged."""
+    return (values.astype("<f4") * 4).astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1].astype("<u2").tobytes()
+
+
+def c3d(  # noqa: PLR0913 - a file may differ in many ways
+    *,
+    processor: int = 84,
+    whole: bool = False,
+    labels: Sequence[str] = NAMES,
+    positions: NDArray[np.float64] = BODY,
+    unit: str = "mm",
+    rates: tuple[float, float] = (RATE, RATE),
+    said: int | None = None,
+    analog: int = 0,
+) -> bytes:
+    """Give a C3D: whole numbers or reals of Intel's (84), DEC's (85) or MIPS' (86) processors; NaN as residual -1.
+
+    `rates` are the header's and POINT:RATE (0: none); `said` frames instead of those that are there.
+    """
+    order = ">" if processor == 86 else "<"
+
+    def real(*numbers: float) -> bytes:
+        values = np.array(numbers, np.float32)
+        return _vax(values) if processor == 85 else values.astype(f"{order}f4").tobytes()
+
+    def entry(name: str, group: int, *fields: bytes) -> bytes:
+        rest = b"".join(fields)
+        return struct.pack("bb", len(name), group) + name.encode() + struct.pack(f"{order}h", len(rest) + 2) + rest
+
+    def parameter(name: str, kind: int, sizes: Sequence[int], content: bytes) -> bytes:
+        return entry(name, 1, struct.pack("bB", kind, len(sizes)), bytes(sizes), content, b"\0")
+
+    frames, scale = len(positions), 0.1 if whole else -1.0
+    width = max(map(len, labels))
+    said_frames = struct.pack(f"{order}H", (said or frames) & 0xFFFF)
+    texts = [
+        parameter("UNITS", -1, [len(unit)], unit.encode()),
+        parameter("USED", 2, [], struct.pack(f"{order}H", len(labels))),
+    ]
+    texts += [parameter("SCALE", 4, [], real(scale)), parameter("FRAMES", 2, [], said_frames)]
+    texts += [parameter("RATE", 4, [], real(rates[1]))] if rates[1] else []
+    texts += [parameter("LABELS", -1, [width, len(labels)], "".join(label.ljust(width) for label in labels).encode())]
+    parameters = entry("POINT", -1, b"\0") + b"".join(texts) + b"\0\0"
+    blocks = -(-(len(parameters) + 4) // 512)
+    header = struct.pack(f"{order}BBHHHHH", 2, 0x50, len(labels), analog, 1, (said or frames) & 0xFFFF, 10)
+    header += real(scale) + struct.pack(f"{order}HH", 2 + blocks, int(analog > 0)) + real(rates[0])
+    gone = np.isnan(positions).any(axis=2)
+    numbers = np.zeros((frames, len(labels), 4))
+    numbers[:, :, :3] = np.where(gone[:, :, None], 0, positions * {"mm": 1000, "mete": 1, "cm": 100}.get(unit, 1000))
+    numbers[:, :, 3] = np.where(gone, -1, 0)
+    rows = np.concatenate([numbers.reshape(frames, -1), np.full((frames, analog), 3.0)], axis=1)
+    if whole:
+        rows[:, : 4 * len(labels)] = np.round((numbers * [10, 10, 10, 1]).reshape(frames, -1))
+        content = rows.astype(f"{order}i2").tobytes()
+    else:
+        content = real(*rows.ravel())
+    content += b"\0" * (-len(content) % 512)
+    return (
+        header.ljust(512, b"\0")
+        + (bytes([1, 0x50, blocks, processor]) + parameters).ljust(512 * blocks, b"\0")
+        + content
+    )
+
+
+def _c3ds() -> dict[str, Kind]:
+    many = np.repeat(BODY[:, :2], 1500, axis=0)
+    late, both = _without("LeftHand", np.nan, slice(0, 40)), _without("LeftHand", 0.0)
+    nobody = BODY.copy()
+    nobody[:34] = np.nan
+    kinds = {
+        f"{maker}, {'whole numbers' if whole else 'reals'}": (c3d(processor=processor, whole=whole, analog=4), {})
+        for processor, maker in ((84, "Intel"), (85, "DEC"), (86, "MIPS"))
+        for whole in (False, True)
+    } | {
+        "the rate in the header alone": (c3d(rates=(RATE, 0)), {}),
+        "the rate in POINT alone": (c3d(rates=(0, RATE)), {}),
+        "no rate": (c3d(rates=(0, 0)), {"reads": False, "tells": "--frame-rate"}),
+        "unit of four letters": (c3d(unit="mete"), {}),
+        "unknown unit": (c3d(unit="xx"), {"tells": "units"}),
+        "a label twice": (c3d(labels=[name.replace("RightLeg", "LeftLeg") for name in NAMES]), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
+        "never seen": (c3d(positions=both), {"tells": "LeftHand (never seen)", "lacking": ("LeftHand",)}),
+        "seen late": (c3d(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
+        "nobody at first": (c3d(positions=nobody), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
+        "9999": (c3d(positions=_without("LeftHand", 9.999, slice(20, 24))), {"near": 6e-3}),
+        "more frames than 16 bits": (c3d(positions=many, labels=NAMES[:2], whole=True, said=65_535), {"tells": "there are 72000", "names": ()}),
+        "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
+        "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
+        "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
+    }  # fmt: skip
+    return {f"C3D, {name}": Kind("c3d", content, **said) for name, (content, said) in kinds.items()}  # type: ignore[arg-type]
+
+
+KINDS = {**_tables(), **_trcs(), **_bvhs(), **_c3ds()}

@@ -20,7 +20,14 @@ from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried, carried_by
 from kinespace.stream.recognizer.joints.kinds import NOTES
 from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, Views, require_order
+from kinespace.stream.recognizer.recognizer import (
+    MAX_PAUSE,
+    Recognizer,
+    RecognizerCounts,
+    Views,
+    refuse_copies,
+    require_order,
+)
 from kinespace.stream.recognizer.settings import Settings
 
 
@@ -331,6 +338,8 @@ class Performers:
         self.settings = replace(self.settings, sensitivity=share)
         for performer in self._performers.values():
             performer.recognizer.set_sensitivity(share)
+
+    __reduce__ = refuse_copies
 
     def _exchange_for(self, performer: _Performer, index: WindowIndex) -> None:
         """Compare a performer with another library over the same joints."""

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from kinespace.stream.recognizer.joints.mending import Joints
 from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.windows.live_windows import Covariance, LiveWindows, Seen
 from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 
 #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
@@ -76,6 +77,12 @@ class RecognizerCounts:
         """Add other counts, or take them off with -1 times."""
         for each in fields(self):
             setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
+
+
+def refuse_copies(live: object) -> NoReturn:
+    """Refuse to copy or pickle: a copy would follow by the original's memory."""
+    kind = type(live).__name__
+    raise TypeError(f"copy, pickle: expected a library or settings, got a {kind}: make another {kind} of these")
 
 
 class Recognizer:
@@ -157,6 +164,8 @@ class Recognizer:
         self._busy = False
         #: The performer who is followed; None before the first frame.
         self._performer: str | None = None
+
+    __reduce__ = refuse_copies
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -271,6 +280,13 @@ class Recognizer:
                 self._windows.threshold = threshold_for(self._windows.index, self.settings)
                 if self._fewer:
                     self._fewer.threshold = threshold_for(self._fewer.index, self.settings, of_fewer=True)
+
+    def covariance(self) -> Covariance | None:
+        """Give the covariance behind the last answer, and its leading eigenvector, by which the paper compares.
+
+        To be asked right after an answer: later frames enter the window. None before the first answer.
+        """
+        return self._windows.covariance()
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""

@@ -33,6 +33,27 @@ class Seen(NamedTuple):
     distances: Distances
 
 
+class Covariance(NamedTuple):
+    """The distances' covariance over the longest window that the last answer rests on.
+
+    Attributes
+    ----------
+    frames
+        The number of frames in the window.
+    directions
+        A distance row times these is a point in the basis, shape (pairs, directions).
+    matrix
+        The covariance of the frames' points, shape (directions, directions), square metres.
+    eigenvector
+        The matrix's leading eigenvector, shape (directions,).
+    """
+
+    frames: int
+    directions: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+    eigenvector: NDArray[np.float64]
+
+
 class LiveWindows:
     """Follows the windows of one performer, and compares them with a library's.
 
@@ -141,6 +162,14 @@ class LiveWindows:
     def _read(self) -> Seen:
         found = signature(self._window, self._parts, self.index.body, self._eigenvectors)
         return Seen(found, self.index.distances(found))
+
+    def covariance(self) -> Covariance | None:
+        """Give the covariance over the longest span, and what was read off it last; None before."""
+        window, longest = self._window, self._window.in_basis[-1]
+        if self.seen is None:
+            return None
+        matrix = window.covariance(longest)
+        return Covariance(window.rows_in(longest), self.index.basis.directions, matrix, self.seen.signature.leading)
 
     def contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the leading eigenvector, shape (pairs,); None before.

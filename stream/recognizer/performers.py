@@ -360,8 +360,9 @@ class Performers:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, with the reason; also performers who have left."""
-        return dict(self._refused)
+        """Performers whose frames are refused for their joints or their times, and why; also performers who have left."""
+        untimely = {name: why for name, each in self._performers.items() if (why := each.recognizer.untimely)}
+        return {**self._refused, **untimely}
 
     @property
     def doubted(self) -> dict[str, str]:

@@ -48,6 +48,8 @@ _MAX_WAITING = 16
 _PATIENCE = 10
 #: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
+#: Gaps after which most frames are expected to come without one.
+_GAPS = 3
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
 #: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
@@ -91,8 +93,7 @@ class Recognizer:
     It follows one performer: `Performers` has a recogniser for each. When the feed pauses, a motion that goes on has no
     end until frames come again; `end` gives the end at once.
 
-    Times are seconds. With milliseconds every frame comes after a gap: nothing is answered, and `counts.restarts` grows
-    with each frame.
+    Times are seconds. With milliseconds every frame comes after a gap and nothing is answered: `doubt` says so.
 
     One thread at a time may use a recogniser; several threads with a recogniser each may share an opened library. After
     a fork the child's recogniser is independent of the parent's.
@@ -248,8 +249,16 @@ class Recognizer:
 
     @property
     def doubt(self) -> str:
-        """A note on joints that could not be believed, in words; empty while all is well."""
-        return self._joints.note
+        """A note on times that are no seconds, or on joints that could not be believed; empty while all is well."""
+        return self.untimely or self._joints.note
+
+    @property
+    def untimely(self) -> str:
+        """A note on frames that nearly all come after gaps, because their times are in milliseconds; else empty."""
+        counts = self.counts
+        if math.isfinite(self._due) or counts.restarts < _GAPS or counts.frames > 2 * counts.restarts:
+            return ""
+        return f"times: expected seconds, got a gap before nearly each of {counts.frames} frames (milliseconds?)"
 
     @property
     def unlike(self) -> bool | None:

@@ -13,7 +13,7 @@ import numpy as np
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import Naming
-from kinespace.library.recordings.formats import acclaim, bvh, joint_table
+from kinespace.library.recordings.formats import acclaim, bvh, joint_table, utkinect
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
@@ -99,7 +99,9 @@ class Reading:
 def is_recording(path: Path) -> bool:
     """Say whether a file can be read, by its ending or a table's columns."""
     ending = path.suffix.lower()
-    return joint_table.is_joint_table(path) if ending in _TABLES else ending in (*ENDINGS, *FILMS)
+    if ending in _TABLES:
+        return joint_table.is_joint_table(path)
+    return ending in (*ENDINGS, *FILMS) or utkinect.is_take(path)
 
 
 def instead_of_recording(path: Path) -> str:
@@ -221,6 +223,8 @@ class RecordingReader:
         if ending == _AMC:
             clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
             return [restricted(clip, reading.joints)]
+        if utkinect.is_take(path):
+            return [restricted(utkinect.read_clip(path), reading.joints)]
         read = _READERS.get(ending, joint_table.read_clip)
         metres = metres_of(reading.unit)
         return [read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)]
@@ -284,13 +288,15 @@ def clips_of(take: Clip, labels: str | Path | Iterable[tuple[float, float, str]]
 
 
 def segments_beside(take: Path) -> tuple[Segment, ...] | None:
-    """Read the labels in a file that has a take's name, in its folder; None if there are none.
+    """Read the labels in a file that has a take's name, in its folder, or UTKinect's; None if there are none.
 
     Raises
     ------
     LabelError
         The labels cannot be used.
     """
+    if utkinect.is_take(take) and take.with_name(utkinect.LABELS).is_file():
+        return utkinect.read_segments(take)
     labels = labels_beside(take)
     return read_labels(labels[0]) if labels else None
 

@@ -360,7 +360,7 @@ class Performers:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints or their times, and why; also performers who have left."""
+        """Performers whose frames are refused for their joints or times, with the reason; also performers who have left."""
         untimely = {name: why for name, each in self._performers.items() if (why := each.recognizer.untimely)}
         return {**self._refused, **untimely}
 

@@ -24,6 +24,7 @@ from kinespace.library.recordings import (
     performed,
     segments_beside,
 )
+from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
@@ -228,7 +229,7 @@ def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str
     notes = [
         f"{path.name} ({instead_of_recording(path)})"
         for path in files
-        if path not in used and not path.name.startswith(".") and path.suffix.lower() != ".asf"
+        if path not in used and not path.name.startswith((".", utkinect.LABELS)) and path.suffix.lower() != ".asf"
     ]
     if notes:
         yield f"{counted(len(notes), 'file')} passed over: {_listed(notes)}"

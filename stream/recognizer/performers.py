@@ -360,7 +360,7 @@ class Performers:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints or times, with the reason; also performers who have left."""
+        """Performers, also some who have left, whose frames are refused for their joints or times; with the reason."""
         untimely = {name: why for name, each in self._performers.items() if (why := each.recognizer.untimely)}
         return {**self._refused, **untimely}
 

@@ -65,8 +65,9 @@ def run(options: argparse.Namespace) -> int:
     by_person = options.resample == "persons"
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
-    if options.confirmed and options.protocol != Protocol.LIBRARY:
-        raise ValueError(f"--confirmed: expected --protocol library, got {options.protocol}")
+    protocol = harness.protocol_of(options)
+    if options.confirmed and protocol is not Protocol.LIBRARY:
+        raise ValueError(f"--confirmed: expected --protocol library, got {protocol}")
     courses = _courses(asked, classes, options)
     score = score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
@@ -80,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     print_score(score, by_person=by_person)
     if persons:
-        print_persons(persons, _over(persons), Protocol(options.protocol))
+        print_persons(persons, _over(persons), protocol)
     return 0
 
 

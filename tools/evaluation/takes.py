@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -144,8 +144,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
     reader, named = RecordingReader(reading), NameNotes()
     takes = [
-        _take(named(reader.clip(entry.path)), entry, reading)
-        for entry in progress(wanted, "Reading", len(wanted))
+        _take(named(reader.clip(entry.path)), entry, reading) for entry in progress(wanted, "Reading", len(wanted))
     ]
     takes = [take for take in takes if sources.wants(take.person)]
     for take in takes:
@@ -238,11 +237,16 @@ def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
     ]
 
 
+def distinct(names: Iterable[str]) -> list[str]:
+    """Give names with a number behind each that came before."""
+    seen, numbered = Counter[str](), list[str]()
+    for name in names:
+        seen[name] += 1
+        numbered.append(f"{name} ({seen[name]})" if seen[name] > 1 else name)
+    return numbered
+
+
 def _with_distinct_names(takes: Sequence[Take]) -> list[Take]:
     """Make names of takes distinct, because counts are kept by name."""
-    seen, numbered = Counter[str](), list[Take]()
-    for take in takes:
-        seen[take.clip.name] += 1
-        again = f" ({seen[take.clip.name]})" if seen[take.clip.name] > 1 else ""
-        numbered.append(replace(take, clip=replace(take.clip, name=take.clip.name + again)) if again else take)
-    return numbered
+    names = distinct(take.clip.name for take in takes)
+    return [replace(take, clip=replace(take.clip, name=name)) for take, name in zip(takes, names, strict=True)]

@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
     if options.answers:
         write_rows(options.answers, rows)
     if plot:
-        _draw(plot.Figure, options.picture, np.unique(labels.classes), matrices)
+        _draw(plot.Figure, options.picture, np.unique(labels.classes).tolist(), matrices)
     if options.json:
         print_json(scores)
     else:

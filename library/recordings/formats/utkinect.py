@@ -72,7 +72,8 @@ def read_clip(path: Path) -> Clip:
 def delivered(path: Path) -> NDArray[np.int64]:
     """Give the frames of a take's clip that the camera delivered; raises as `read_clip`."""
     numbers, _ = _frames(path)
-    return numbers - numbers[0]
+    since: NDArray[np.int64] = numbers - numbers[0]
+    return since
 
 
 def read_segments(path: Path) -> tuple[Segment, ...]:

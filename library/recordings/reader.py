@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -147,26 +148,52 @@ def find_recordings(places: str | Path | Iterable[str | Path]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def read_recordings(paths: str | Path | Iterable[str | Path], reading: Reading | None = None) -> Iterator[Clip]:
+def read_recordings(
+    paths: str | Path | Iterable[str | Path],
+    reading: Reading | None = None,
+    *,
+    actor_in: ActorIn | Literal["name", "folder"] | None = None,
+) -> Iterator[Clip]:
     """Read recordings one after the other; each Acclaim skeleton is read once.
+
+    A file is one clip. A folder gives the motions of all recordings in it (`find_recordings`): cut by the labels beside
+    a take, else each with the class that its name (HDM05) or its folder's name says.
 
     Parameters
     ----------
     paths
-        One file or several, in the order of `find_recordings`.
+        Files and folders.
     reading
         How to read them; by default as each file says.
+    actor_in
+        Where the person stands in a path: "name" is `class/ann_3.bvh`, "folder" `ann/class/3.bvh`; as `reading` says
+        when not given.
 
     Raises
     ------
     ValueError
-        Something else than paths is given.
+        Something else than paths is given, or another part of a path.
     RecordingError
         The file is of no kind that can be read, or cannot be used (the format's own error).
     OSError
         The file cannot be opened.
     """
-    return map(RecordingReader(reading).clip, paths_of(paths))
+    reading = reading or Reading()
+    return _read(paths_of(paths), reading, ActorIn(actor_in) if actor_in else reading.actor_in)
+
+
+def _read(places: Sequence[Path], reading: Reading, actor_in: ActorIn) -> Iterator[Clip]:
+    reader = RecordingReader(reading)
+    for place in places:
+        if not place.is_dir():
+            yield performed(reader.clip(place), place, actor_in)
+            continue
+        for path in find_recordings(place):
+            clip, segments = reader.clip(path), segments_beside(path)
+            if segments is None:
+                yield labelled(clip, path, actor_in)
+            else:
+                yield from cut(performed(clip, path, actor_in), segments)
 
 
 class RecordingReader:

@@ -183,7 +183,7 @@ def compare(  # noqa: PLR0913, PLR0917 - a window, and a library's windows
     return agreed(weighed, starts, persons)
 
 
-def agreed(numbers: Floats, starts: Indices, persons: Indices) -> Numbers:
+def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> Numbers:
     """Take the mean of the two persons' least of each class, from (..., windows) to (..., classes).
 
     Where several persons perform a class, the second nearest must agree: one person's way may resemble another motion.

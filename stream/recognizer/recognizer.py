@@ -290,10 +290,10 @@ class Recognizer:
                 if self._fewer:
                     self._fewer.threshold = threshold_for(self._fewer.index, self.settings, of_fewer=True)
 
-    def covariance(self) -> Covariance | None:
+    def covariance(self) -> Covariance:
         """Give the covariance behind the last answer, and its leading eigenvector, by which the paper compares.
 
-        To be asked right after an answer: later frames enter the window. None before the first answer.
+        To be asked right after an answer: later frames enter the window. ValueError before the first answer.
         """
         return self._windows.covariance()
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from numbers import Real
+from typing import Literal
 
 #: Share of unknown time that may be named where strangers' motions taught the library unknown motion.
 SENSITIVITY_LEARNED = 0.05
@@ -84,7 +85,7 @@ class Settings:
         signature.
     """
 
-    signature: LiveSignature = LiveSignature.WINDOWS
+    signature: LiveSignature | Literal["windows", "paper"] = LiveSignature.WINDOWS
     window: float | None = None
     sensitivity: float | None = None
     lead: float | None = None

@@ -76,7 +76,7 @@ class LiveWindows:
 
     def __init__(self, index: WindowIndex, threshold: float = -math.inf) -> None:
         self.index, self.threshold = index, threshold
-        self._window = _window_of(index)
+        self._window = window_of(index)
         self.clear()
 
     def clear(self) -> None:
@@ -111,7 +111,7 @@ class LiveWindows:
 
     def exchange(self, index: WindowIndex) -> None:
         """Compare the same rows with another library of the same joints from now on."""
-        before, window = self._window, _window_of(index)
+        before, window = self._window, window_of(index)
         same = np.array_equal(index.basis.directions, self.index.basis.directions)
         self.index = index
         self._forget_seen()
@@ -163,11 +163,11 @@ class LiveWindows:
         found = signature(self._window, self._parts, self.index.body, self._eigenvectors)
         return Seen(found, self.index.distances(found))
 
-    def covariance(self) -> Covariance | None:
-        """Give the covariance over the longest span, and what was read off it last; None before."""
+    def covariance(self) -> Covariance:
+        """Give the covariance over the longest span, and what was read off it last; ValueError before."""
         window, longest = self._window, self._window.in_basis[-1]
         if self.seen is None:
-            return None
+            raise ValueError("covariance: expected an answer before, got none yet")
         matrix = window.covariance(longest)
         return Covariance(window.rows_in(longest), self.index.basis.directions, matrix, self.seen.signature.leading)
 
@@ -185,7 +185,8 @@ class LiveWindows:
         return given
 
 
-def _window_of(index: WindowIndex) -> Window:
+def window_of(index: WindowIndex) -> Window:
+    """Make an empty window of the lengths and in the basis of a library's windows."""
     of_distances, in_basis = lengths_of(index.comparison.weighing.parts)
     # The movement is read off distances, also where no part is.
     return Window(of_distances or in_basis[-1:], in_basis, index.basis.directions)

@@ -115,12 +115,12 @@ def test_a_hops_covariance_is_the_batchs_and_its_best_product_the_papers_answer(
 ) -> None:
     """The covariance equals numpy's of the window's rows, and the class is of the window with the largest product."""
     recognizer, frames = Recognizer(sticks, Settings(signature=signature)), _frames("bow")
-    assert recognizer.covariance() is None
+    with pytest.raises(ValueError, match="covariance: expected an answer before, got none yet"):
+        recognizer.covariance()
     index = index_for(sticks, recognizer.settings)
     for place, frame in enumerate(frames, 1):
         if answer := recognizer.push(frame):
             hop = recognizer.covariance()
-            assert hop is not None
             positions = np.array([each.positions for each in frames[place - hop.frames : place]])
             rows = naive.distance_rows(positions, naive.pairs(6)) @ hop.directions
             np.testing.assert_allclose(np.cov(rows.T, bias=True), hop.matrix, rtol=1e-7, atol=1e-12)

@@ -223,6 +223,8 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     for name in (GRAB, ARMS, KICK, SQUAT) * 3 if for_readme() else (KICK, SQUAT):
         sees_motion(page, performer, name, takes(name)[1])
     assert page.evaluate(f"{DRAWN}.toDataURL()") != before
+    until(page, r"/carried by [a-z ]+ \d+ %/.test(document.querySelector('.stage .carried').textContent)")
+    assert " 0" not in page.inner_text("#counters")
     assert "squat" in page.inner_text("#classes").split()
     picture(page, "page-dark.png", folder)
     performer.away = True
@@ -286,7 +288,9 @@ def teaches(page: Page, performer: Performer) -> None:
     page.keyboard.press("t")
     page.keyboard.type("my squat")
     page.keyboard.press("Enter")
-    until(page, f"{LESSON}.textContent.startsWith('move now')")
+    until(page, f"{LESSON}.textContent === 'move now'")
+    # A bar fills with the movement, in place of figures and of commands that a stage does not have.
+    until(page, "getComputedStyle(document.querySelector('.stage .lesson i')).getPropertyValue('--share') >= 0")
     performer.show(takes(SQUAT)[0])
     until(page, "kinespace.control.taught['my squat'] === 1 && document.querySelector('#name').value === ''")
     moves_at_will(page, performer)
@@ -334,14 +338,14 @@ def teaches(page: Page, performer: Performer) -> None:
 def moves_at_will(page: Page, performer: Performer) -> None:
     """Take the lesson of nothing that is offered after the first gesture, until there is an example."""
     page.click("#at-will")
-    until(page, f"{LESSON}.textContent.startsWith('recording · move as you will')")
+    until(page, f"{LESSON}.textContent.startsWith('move as you will')")
     performer.show(takes(KICK)[2])
     assert page.evaluate("document.querySelector('#at-will').hidden") is False
     page.wait_for_timeout(1000)
     page.click("#teach button:has-text('Stop')")
-    until(page, "kinespace.control.taught.nothing === 1 && document.querySelector('#at-will').hidden")
+    until(page, "kinespace.control.taught.nothing === 1 && !document.querySelector('#at-will.main')")
     page.click("#teach button:has-text('Undo')")
-    until(page, "!('nothing' in kinespace.control.taught) && !document.querySelector('#at-will').hidden")
+    until(page, "!('nothing' in kinespace.control.taught) && document.querySelector('#at-will.main')")
 
 
 def teaches_the_past(page: Page, performer: Performer) -> None:

@@ -58,7 +58,7 @@ COUNTERS = (
     ("answers not sent", "unsent"),
     ("connections broken", "inputs.broken"),
 )
-_ALWAYS = 8
+_ALWAYS = 1
 
 
 def score_shown(score: float, width: int) -> Text:

@@ -105,10 +105,7 @@ function takeMotion([name, key, className, begin, end, mark]) {
   performer.motions.set(key, { ...performer.motions.get(key), key, className, begin, end, ...(mark ? { mark } : {}) });
   for (const [old, motion] of performer.motions) if (motion.end !== null && motion.end < page.now - SHOWN - 5) performer.motions.delete(old);
   performer.guesses = performer.guesses.filter(([at], place, all) => !(place < all.length - 1 && all[place + 1][0] < page.now - SHOWN));
-  const going = [...performer.motions.values()].find((motion) => motion.end === null);
-  performer.going = going ? going.className : "";
-  const doing = titleOf(performer.going);
-  if (performer.doing.textContent !== doing) performer.doing.textContent = doing;
+  performer.going = [...performer.motions.values()].find((motion) => motion.end === null)?.className ?? "";
   if (name === page.chosen) listMotions();
 }
 
@@ -161,6 +158,7 @@ function drawPerformer(performer) {
   performer.card.classList.toggle("silent", silent > NO_FRAMES);
   if (silent > NO_FRAMES) {
     performer.stage.draw({ colour: colourOf(-1) });
+    performer.doing.textContent = "";
     performer.moment.textContent = `no frames for ${Math.round(silent)} s`;
     performer.carriedBy.textContent = "";
     return;
@@ -171,16 +169,30 @@ function drawPerformer(performer) {
   stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried,
     phase: progress?.phase });
   if (!answer) return;
+  const doing = titleOf(performer.going || (answer.named ? answer.label : ""));
+  if (performer.doing.textContent !== doing) performer.doing.textContent = doing;
+  // As sure as it looks: a name of a low score is small and pale.
+  const sure = answer.named ? Math.min(Math.max(answer.score, 0), 1) : 0;
+  performer.doing.style.cssText = `opacity: ${(0.45 + 0.55 * sure).toFixed(2)}; scale: ${(0.6 + 0.4 * sure).toFixed(2)}`;
   const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
   const how = progress ? [`${Math.round(100 * progress.phase)} %`, `${number(progress.speed, 1)} × as fast`] : [];
-  performer.moment.replaceChildren(made("b", { text: titleOf(answer.label) }), ` ${[...scores, ...how].join(" · ")}`);
+  const label = titleOf(answer.label);
+  performer.moment.replaceChildren(made("b", { text: label === doing ? "" : label }), ` ${[...scores, ...how].join(" · ")}`);
   performer.carriedBy.textContent = answer.label === "still" || !carried || !stage.names?.length ? "" : carriedInWords(stage, carried);
 }
 
 /** Name the joints that weigh most: every joint's share of the leading eigenvector. */
 function carriedInWords(stage, carried) {
   const heaviest = carried.joints.map((share, joint) => [share, stage.names[joint]]).sort(([one], [other]) => other - one);
-  return `carried by ${heaviest.slice(0, 3).map(([share, name]) => `${name} ${Math.round(100 * share)} %`).join(", ")}`;
+  return `carried by ${heaviest.slice(0, 3).map(([share, name]) => `${inWords(name)} ${Math.round(100 * share)} %`).join(", ")}`;
+}
+
+/** HDM05 calls a joint by the bone that ends there. */
+const BONES = { root: "hips", hipjoint: "hip", femur: "thigh", tibia: "shin", clavicle: "shoulder", humerus: "upper arm", radius: "forearm",
+  lowerback: "lower back", upperback: "upper back", thorax: "chest", lowerneck: "neck", upperneck: "upper neck" };
+function inWords(joint) {
+  const [, side, bone] = /^([lr]?)(hipjoint|femur|tibia|foot|toes|clavicle|humerus|radius|wrist|hand|fingers|thumb)$/.exec(joint) ?? [, "", joint];
+  return `${{ l: "left ", r: "right " }[side] ?? ""}${BONES[bone] ?? bone}`;
 }
 
 function drawScores() {
@@ -209,12 +221,12 @@ function drawPast() {
 
 function rowOf(performer) {
   const until = performer.answer?.at ?? page.now;
-  const bars = [...performer.motions.values()].map((motion) => ({ ...motion, end: motion.end ?? until, label: titleOf(motion.className),
+  const bars = [...performer.motions.values()].map((motion) => ({ ...motion, end: motion.end ?? until, label: `${motion.mark === "taught" ? "+ " : ""}${titleOf(motion.className)}`,
     colour: colourOf(page.classes.indexOf(motion.className)) }));
   const guesses = performer.guesses.map(([begin, guess], place, all) => ({ begin, end: all[place + 1]?.[0] ?? until,
     colour: guess ? colourOf(page.classes.indexOf(guess)) : "transparent" }));
   const done = performer.done.map((each) => ({ ...each, colour: colourOf(page.classes.indexOf(each.className)) }));
-  return { name: performer.name, key: performer.name, lanes: [{ height: 24, bars }, { height: 7, bars: guesses }, { height: 4, bars: done }],
+  return { name: performer.name, key: performer.name, lanes: [{ height: 18, names: 2, bars }, { height: 7, bars: guesses }, { height: 4, bars: done }],
     line: page.performers.size <= 2 ? performer.scores : null };
 }
 
@@ -254,6 +266,9 @@ const focusClass = (name) => page.rows.find((each) => each.name === name)?.row.f
 function listMotions() {
   const performer = page.performers.get(page.chosen);
   const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
+  const [last] = motions;
+  byId("last").textContent = last ? `was ${titleOf(last.className)} right?` : "no motion yet";
+  for (const button of document.querySelectorAll("[data-judge]")) button.disabled = !last;
   byId("motions").replaceChildren(...motions.map((motion) => {
     const seconds = `${titleOf(motion.className)} ${number(motion.end - motion.begin, 1)} s`;
     const button = made("button", { class: motion.mark ?? "", text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
@@ -304,7 +319,8 @@ const teaches = () => Boolean(page.control?.teaches);
 function showControl() {
   byId("teach").toggleAttribute("data-on", teaches());
   const taught = Object.keys(page.control.taught);
-  byId("at-will").hidden = !taught.length || taught.includes("nothing");
+  byId("at-will").hidden = !taught.length;
+  byId("at-will").classList.toggle("main", !taught.includes("nothing"));
   const { sensitivity } = page.control;
   const slider = byId("sensitivity");
   slider.closest("label").hidden = sensitivity === null;
@@ -350,16 +366,20 @@ function takeNotice({ at, performer: name, state, seconds, reason, taught, check
   const old = page.now - at > OLD;
   if (taught && !old) { if (byId("name").value.trim() === taught) byId("name").value = ""; say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}${tried && `; it would have been ${tried}`}`); return; }
   const performer = page.performers.get(name);
-  // How much a performer moves who is waited for, or that movement is free.
+  // How much a performer moves who is waited for: a bar that fills; or that movement is free.
   const goes = ["waiting", "recording"].includes(state) && reason;
-  const words = { waiting: "move now", recording: "recording", checking: "checking" }[state];
+  const words = { waiting: "move now", recording: goes || "recording", checking: "checking" }[state];
+  const share = state === "waiting" ? Number(/^movement (\d+)%/.exec(reason)?.[1] ?? (reason ? NaN : 0)) : NaN;
   if (performer) {
-    performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : [words, goes && reason].filter(Boolean).join(" · ");
+    const filled = Number.isNaN(share) ? [] : [made("i", { style: `--share: ${Math.min(share / 100, 1)}` })];
+    const slow = state === "waiting" && reason && !filled.length ? reason : words;
+    performer.lesson.replaceChildren(state === "countdown" ? String(Math.round(seconds)) : slow ?? "", ...filled);
     performer.lesson.classList.toggle("words", state !== "countdown");
   }
   if (old) return;
   if (state === "countdown") { beep(440, 0.12); say(String(Math.round(seconds))); }
   if (state === "waiting" && !goes) { beep(880, 0.3); say("move now"); }
+  if (state === "recording") say("");
   if (state === "checking") beep(660, 0.15);
   if (state === "refused") { beep(180, 0.4); say(`refused: ${reason}`); }
   if (state === "done" && !performer) say(reason);

@@ -377,7 +377,7 @@ function takeNotice({ at, performer: name, state, seconds, reason, taught, check
     performer.lesson.classList.toggle("words", state !== "countdown");
   }
   if (old) return;
-  if (state === "countdown") { beep(440, 0.12); say(String(Math.round(seconds))); }
+  if (state === "countdown") { beep(440, 0.12); say(reason || String(Math.round(seconds))); }
   if (state === "waiting" && !goes) { beep(880, 0.3); say("move now"); }
   if (state === "recording") say("");
   if (state === "checking") beep(660, 0.15);

@@ -392,13 +392,4 @@ LAYOUTS: dict[str, tuple[str, Layout]] = {
     # Stamped with a real time.
     "touchdesigner": ("touchdesigner", lambda moment: [bundle(*touchdesigner(moment), tag=struct.pack(">Q", 1 << 40))]),
     "touchdesigner loose": ("touchdesigner", touchdesigner),
-    # Channels by another program's names.
-    "touchdesigner by table": (
-        "touchdesigner",
-        lambda moment: [
-            message(f"/p1/{name}:t{axis}", "f", number)
-            for name, place in by_table(moment)
-            for axis, number in zip("xyz", place, strict=True)
-        ],
-    ),
 }

@@ -100,9 +100,10 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
 def test_a_slow_camera_is_said_before_the_lesson(rate: int, said: str) -> None:
     """With the last number of the countdown, while there is time to choose."""
     stage = Stage()
+    stage.stand(1.0)
     stage.ask(commands.Teach("ann", "wave"))
     for number in range(3 * rate):
-        stage.now = (number + 0.5) / rate
+        stage.now = 1.0 + (number + 0.5) / rate
         stage.told += stage.teacher.push(Frame("ann", stage.now, stage.library.motions[40].positions[0]), stage.now)
         stage.told += stage.teacher.tick(stage.now)
     assert [each.reason for each in stage.told if isinstance(each, State)] == ["", "", said]

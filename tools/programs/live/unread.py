@@ -58,9 +58,10 @@ class Unread:
         if guess is None and not {*addresses}.isdisjoint(OURS):
             self._note = ""  # Our own messages: the decoder says what is wrong with them.
         elif guess is None:
+            nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
             self._note = (
                 f"no frames, but {listed or 'packets that are no OSC'}: no feed that is known. kinespace listen "
-                f"{self._place[1]} shows it (end this first), kinespace feeds native > my.toml begins a preset"
+                f"{self._place[1]} shows it (end this first), kinespace feeds {nearest} > my.toml begins a preset"
             )
         elif guess.preset.name != self._own:
             product, run = guess.preset.product.partition(" (")[0], command(guess, None, self._place)

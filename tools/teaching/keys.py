@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Callable
 from itertools import count
 from typing import Self
 
@@ -15,8 +16,8 @@ from kinespace.tools.terminal.live_table import LiveTable
 #: Seconds between two checks for a key.
 _LOOK = 0.1
 HINT = (
-    "t teach a new motion · a another example · h hold: record a new motion now, h again ends it · = name the last motion "
-    "· 1 to 9 choose the performer · y the last name was right · n it was wrong · m move as you will: nothing · "
+    "t teach a new motion · a another example · h hold: record a new motion now, h again ends it · "
+    "= name the last motion · 1 to 9 choose the performer · y the last name was right · n it was wrong · m move as you will: nothing · "
     "space stop · x cancel · u undo · r redo · s save"
 )
 _PLAIN: dict[str, Command] = {
@@ -27,7 +28,7 @@ _PLAIN: dict[str, Command] = {
     "s": commands.Save(),
 }
 #: Keys that say whether the last name was right.
-_JUDGED = {"y": commands.Right, "n": commands.Wrong}
+_JUDGED: dict[str, Callable[[str], Command]] = {"y": commands.Right, "n": commands.Wrong}
 
 
 class Keys:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import shutil
 import threading
 import time
-import wave
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -187,7 +185,6 @@ def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
         sees(page, performer, tmp_path)
         accessible = Axe().run(page)
         assert accessible.violations_count == 0, accessible.generate_report()
-        hears(page, performer)
         teaches(page, performer)
         assert complaints == []
         # The recogniser is started anew on the same address: the page comes back by itself.
@@ -243,36 +240,6 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     until(page, "document.querySelector('.stage canvas').width < 800")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.set_viewport_size({"width": 1180, "height": 770})
-
-
-def hears(page: Page, performer: Performer) -> None:
-    """Choose a tone for a class, then a file; it is heard when the motion starts, and not with "Sound" off."""
-    page.click(f"#classes .name[title={KICK}]")
-    page.select_option("#tune", "880")
-    until(page, f"kinespace.sounded === '{KICK}' && kinespace.tunes.{KICK} === 880")
-    for content, taken in ((b"no sound", "number"), (_wave(), "object")):
-        with page.expect_file_chooser() as chooser:
-            page.select_option("#tune", "")
-            page.select_option("#tune", "file")
-        chooser.value.set_files({"name": "a.wav", "mimeType": "audio/wav", "buffer": content})
-        until(page, f"typeof kinespace.tunes.{KICK} === '{taken}' && document.querySelector('#tune-file').value === ''")
-    page.click("#class button.main")
-    for heard in (KICK, ""):
-        page.evaluate("kinespace.sounded = ''")
-        sees_motion(page, performer, KICK, takes(KICK)[2])
-        assert page.evaluate("kinespace.sounded") == heard
-        page.click("#sound")
-
-
-def _wave() -> bytes:
-    """Write a tenth of a second of a tone as a WAV file."""
-    with io.BytesIO() as file:
-        with wave.open(file, "wb") as written:
-            written.setnchannels(1)
-            written.setsampwidth(2)
-            written.setframerate(8000)
-            written.writeframes((8000 * np.sin(np.arange(800) / 3)).astype("<i2").tobytes())
-        return file.getvalue()
 
 
 def teaches(page: Page, performer: Performer) -> None:

@@ -51,10 +51,8 @@ _COLUMNS = (
     ("splits' mean", "{mean:.1%}"),
     ("worst", "{worst:.1%}"),
 )
-#: Classes whose matrix has figures in it; more classes have a sign each, and from `_MOST_SIGNS` on only a picture.
-_MOST_FIGURES, _MOST_SIGNS = 12, 40
-#: Signs for a share, from hardly any to all.
-_SIGNS = " ·░▒▓█"
+#: Classes whose matrix has room in a terminal.
+_MOST = 16
 _NAME = 24
 
 
@@ -231,21 +229,15 @@ def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]],
     ]
     headings = ("class", "motions", *matrices)
     console.print(table_of(f"Right by class ({how})", headings, rows))
-    if len(classes) > _MOST_SIGNS:
+    if len(classes) > _MOST:
         console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
         return
-    wide = len(classes) <= _MOST_FIGURES
     for space, matrix in matrices.items():
         console.print(f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class")
-        if wide:
-            console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
+        console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
         for name, shares in zip(classes.tolist(), matrix.tolist(), strict=True):
-            cells = (f"{100 * each:4.0f}" if each else "   ·" for each in shares) if wide else map(_sign, shares)
-            console.print(f"{shortened(name, _NAME - 1):{_NAME}}{''.join(cells)}")
-
-
-def _sign(share: float) -> str:
-    return _SIGNS[-int(-share * (len(_SIGNS) - 1) // 1)]
+            cells = "".join(f"{100 * each:4.0f}" if each else "   ·" for each in shares)
+            console.print(f"{shortened(name, _NAME - 1):{_NAME}}{cells}", soft_wrap=True)
 
 
 def _draw(new: Any, path: Path, classes: Sequence[str], matrices: Mapping[str, NDArray[np.float64]]) -> None:  # noqa: ANN401 - matplotlib's

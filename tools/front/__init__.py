@@ -28,49 +28,6 @@ A motion in flight
 `kinespace.library` and `kinespace.stream` hold all of it; `python -m kinespace --help` lists the programs.
 """
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from kinespace.library import (
-        Clip,
-        MotionLibrary,
-        Skeleton,
-        clips_of,
-        distance_rows,
-        opened,
-        read_recordings,
-    )
-    from kinespace.stream import (
-        Announcement,
-        Frame,
-        MotionClassifier,
-        Performers,
-        Recognition,
-        Recognizer,
-        Settings,
-        recognise,
-    )
-
-    __version__: str
-    # Only for type checkers: `help` would otherwise print all that these names hold.
-    __all__ = [
-        "Announcement",
-        "Clip",
-        "Frame",
-        "MotionClassifier",
-        "MotionLibrary",
-        "Performers",
-        "Recognition",
-        "Recognizer",
-        "Settings",
-        "Skeleton",
-        "clips_of",
-        "distance_rows",
-        "opened",
-        "read_recordings",
-        "recognise",
-    ]
-
 _ROOMS = ("library", "stream")
 
 

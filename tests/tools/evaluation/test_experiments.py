@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from recorded import SWINGS, write_takes
 from takes import write_take
@@ -52,7 +51,6 @@ REFUSED = {
     "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
     "faults --protocol library": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
-    "stream {takes} --protocol leave-one-take-out --confirmed 1": "--confirmed: expected --protocol library, got leave",
     "gestures {takes} --taught-by next": "--taught-by next: expected takes of several persons, got 1; --actor-in",
     "show --gestures 9": "--gestures: expected at most 3, of which bd has more than 1 motions, got 9",
     "show --movement {takes}": "joints: expected at least 5",

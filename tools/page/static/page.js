@@ -10,7 +10,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
-  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true, tunes: {}, sounded: "" };
+  titles: {}, hits: [], wrong: null, taught: "", held: "", sound: true };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;
@@ -101,7 +101,6 @@ function takeAnswer(performer, answer) {
 function takeMotion([name, key, className, begin, end, mark]) {
   const performer = page.performers.get(name);
   if (!performer) return;
-  if (end === null && !performer.motions.has(key) && page.now - begin < OLD) play(className);
   performer.motions.set(key, { ...performer.motions.get(key), key, className, begin, end, ...(mark ? { mark } : {}) });
   for (const [old, motion] of performer.motions) if (motion.end !== null && motion.end < page.now - SHOWN - 5) performer.motions.delete(old);
   performer.guesses = performer.guesses.filter(([at], place, all) => !(place < all.length - 1 && all[place + 1][0] < page.now - SHOWN));
@@ -418,38 +417,9 @@ function beep(pitch, seconds) {
   tone.stop(audio.currentTime + seconds);
 }
 
-/** Sound what was chosen for a class: a tone, or a file. */
-function play(name) {
-  const tune = page.tunes[name];
-  if (!tune || !page.sound) return;
-  page.sounded = name;
-  if (typeof tune === "number") { beep(tune, 0.4); return; }
-  const source = new AudioBufferSourceNode(audio, { buffer: tune });
-  source.connect(audio.destination);
-  source.start();
-}
-
-/** Take the tone that was chosen, or ask for a file and take that. */
-function chooseTune(name) {
-  const [tune, file] = [byId("tune"), byId("tune-file")];
-  const chosen = page.tunes[name] ?? "";
-  tune.value = typeof chosen === "object" ? "file" : String(chosen);
-  tune.onchange = () => {
-    beep(0, 0);
-    if (tune.value === "file") file.click();
-    else { page.tunes[name] = Number(tune.value); play(name); }
-  };
-  file.onchange = async () => {
-    try { page.tunes[name] = await audio.decodeAudioData(await file.files[0].arrayBuffer()); play(name); }
-    catch { say("this file has no sound that the browser can play"); }
-    file.value = "";
-  };
-}
-
 function openClass(name) {
   const dialog = byId("class");
   byId("class-title").textContent = titleOf(name);
-  chooseTune(name);
   byId("answers").hidden = !teaches();
   byId("enabled").checked = !page.control?.off.includes(name);
   byId("enabled").onchange = ({ target }) => ask({ do: "enable", class: name, on: target.checked });

@@ -153,11 +153,10 @@ def _ways(clips: Sequence[Clip], signature: str | None) -> list[tuple[Space, Sig
 
 
 def _scored(clips: Sequence[Clip], found: Retrieval, labels: Labels) -> dict[str, Any]:
-    """Score one protocol: the shares of the motions that asked, also by class."""
+    """Score one protocol: the shares of the motions that asked, and their confusion by class."""
     asking = [clips[index] for index in found.asking]
     basis = basis_of([round(sum(clip.duration for clip in asking), 3)], [clip.actor for clip in asking])
     classes, matrix = found.confusion(labels)
-    own = {name: found.right[labels.classes[found.asking] == name] for name in classes}
     return {
         "motions": len(asking),
         "classes": len(classes),
@@ -165,14 +164,6 @@ def _scored(clips: Sequence[Clip], found: Retrieval, labels: Labels) -> dict[str
         "seconds": basis["seconds"],
         "persons": basis["persons"],
         "intervals": intervals_of(found.shares),
-        "by_class": {
-            name: {
-                "motions": len(right),
-                **dict(zip(("nearest", "two_nearest"), right.mean(axis=0).tolist(), strict=True)),
-            }
-            for name, right in own.items()
-            if len(right)
-        },
         "confusion": {
             name: {classes[place]: round(float(row[place]), 4) for place in np.flatnonzero(row)}
             for name, row in zip(classes, matrix, strict=True)

@@ -31,7 +31,7 @@ PYTHON = [code for language, code in FENCED if language == "python"]
 CODE = [line for _, code in FENCED for line in code.splitlines() if not line.startswith("docker")]
 CODE += re.findall(r"`([^`\n]+)`", _FENCE.sub("", ALL))
 #: Each command of ours, without the name of the program that it begins with.
-COMMANDS = re.findall(r"(?:^|[ /])kinespace +([a-z][^#&|>\n]*)", "\n".join(CODE), re.MULTILINE)
+COMMANDS = re.findall(r"(?:^|(?<!from)[ /])kinespace +([a-z][^#&|>\n]*)", "\n".join(CODE), re.MULTILINE)
 ALL_PROGRAMS = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
 
 

@@ -96,14 +96,9 @@ def _keys(value: Any) -> set[str]:  # noqa: ANN401 - JSON
         return set[str]().union(*map(_keys, value))
     if not isinstance(value, dict):
         return set()
-    named = {"classes", "by_class", "persons", "intervals", "confusion"}
+    named = {"classes", "persons", "intervals", "confusion"}
     below = [each for key, each in value.items() if key not in named]
-    by_name = [
-        each
-        for key in {"classes", "by_class"} & set(value)
-        if isinstance(value[key], dict)
-        for each in value[key].values()
-    ]
+    by_name = [each for key in {"classes"} & set(value) if isinstance(value[key], dict) for each in value[key].values()]
     return {*value}.union(*map(_keys, [*below, *by_name]))
 
 
@@ -145,7 +140,6 @@ def test_the_papers_figure_is_drawn_and_written(
     scores = _printed(run, capsys)
     assert len(scores) == 6 * 3
     assert scores[0]["confusion"]["bendLeft"] == {"bendLeft": 1.0}
-    assert scores[0]["by_class"]["bendLeft"] == {"motions": 4, "nearest": 1.0, "two_nearest": 1.0}
 
 
 def test_bodies_of_other_joints_are_compared_by_those_they_share(

@@ -88,10 +88,8 @@ class Retrieval(NamedTuple):
 
         The latter is the paper's 2-nearest-neighbour rate.
         """
-        one = [1.0] * len(self.right)
-        return {
-            name: Ratio(self.right[:, place].tolist(), one) for place, name in enumerate(("nearest", "two_nearest"))
-        }
+        one, both = [1.0] * len(self.right), zip(("nearest", "two_nearest"), self.right.T.tolist(), strict=True)
+        return {name: Ratio(right, one) for name, right in both}
 
     @property
     def nearest(self) -> float:

@@ -131,10 +131,9 @@ def test_exports_that_make_no_sense_are_refused(tmp_path: Path, text: str, said:
 
 _ELAN = """<?xml version="1.0" encoding="UTF-8"?>
 <ANNOTATION_DOCUMENT><TIME_ORDER><TIME_SLOT TIME_SLOT_ID="a" TIME_VALUE="500"/>
-<TIME_SLOT TIME_SLOT_ID="b" TIME_VALUE="1250"/>
-</TIME_ORDER><TIER TIER_ID="x" PARTICIPANT="ann"><ANNOTATION><ALIGNABLE_ANNOTATION ANNOTATION_ID="1" TIME_SLOT_REF1="a"
-TIME_SLOT_REF2="b"><ANNOTATION_VALUE>wave</ANNOTATION_VALUE></ALIGNABLE_ANNOTATION></ANNOTATION></TIER>
-</ANNOTATION_DOCUMENT>"""
+<TIME_SLOT TIME_SLOT_ID="b" TIME_VALUE="1250"/></TIME_ORDER><TIER TIER_ID="x" PARTICIPANT="ann"><ANNOTATION>
+<ALIGNABLE_ANNOTATION ANNOTATION_ID="1" TIME_SLOT_REF1="a" TIME_SLOT_REF2="b"><ANNOTATION_VALUE>wave</ANNOTATION_VALUE>
+</ALIGNABLE_ANNOTATION></ANNOTATION></TIER></ANNOTATION_DOCUMENT>"""
 _EVENTS = [[1.25, "ann", "wave", "", ""], [0.5, "ann", "wave", "", ""], [2, "No focal subject", "bow", "", ""]]
 _BORIS = {"observations": {"one": {"events": [*_EVENTS, [3, "No focal subject", "bow", "", ""]]}}}
 

@@ -282,7 +282,7 @@ function showStatus() {
   const { counters, hop, notes, further, frames, listening, promise } = page.status;
   if (listening.length) byId("place").textContent = listening.join(", ");
   byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
-  byId("promise").textContent = promise;
+  byId("promise").textContent = page.classes.length ? promise : "";
   byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
   for (const each of page.performers.values()) {

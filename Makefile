@@ -85,7 +85,7 @@ lint: setup
 # mypy looks for packages by folder: this lays ours out below the one name that they are imported by.
 PACKAGES := $(VENV)/packages/kinespace
 types: setup
-	@mkdir -p $(PACKAGES) && cd $(PACKAGES) && ln -sfn ../../../library library && ln -sfn ../../../stream stream && ln -sfn ../../../tools tools
+	@mkdir -p $(PACKAGES) && cd $(PACKAGES) && ln -sfn ../../../library library && ln -sfn ../../../stream stream && ln -sfn ../../../tools tools && ln -sfn ../../../tools/front/__init__.pyi __init__.pyi
 	$(BIN)/mypy
 
 # In half as many processes again as there are cores, because many tests wait for real time. A process that has finished

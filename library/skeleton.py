@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,10 @@ class Skeleton:
     joints: tuple[str, ...]
     parents: tuple[int, ...] = ()
     pairs: NDArray[np.intp] = field(init=False, repr=False, compare=False)
+
+    if TYPE_CHECKING:
+
+        def __init__(self, joints: Sequence[str], parents: Sequence[int] = ()) -> None: ...
 
     def __post_init__(self) -> None:
         if isinstance(self.joints, str):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from numbers import Real
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinespace.library.clip import as_numbers
 
@@ -45,6 +47,10 @@ class Frame:
     performer: str
     time: float
     positions: NDArray[np.floating] = field(repr=False)
+
+    if TYPE_CHECKING:
+
+        def __init__(self, performer: str, time: float, positions: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         # Local names, because a hundred performers make 20,000 frames a second.
@@ -104,11 +110,16 @@ class Announcement:
     performer: str
     joints: tuple[str, ...]
 
+    if TYPE_CHECKING:
+
+        def __init__(self, performer: str, joints: Sequence[str]) -> None: ...
+
     def __post_init__(self) -> None:
         if not (isinstance(self.performer, str) and 0 < len(self.performer) <= MAX_PERFORMER_LENGTH):
             raise _misnamed(self.performer)
         if isinstance(self.joints, str):
             raise ValueError(f"joints: expected several names, got the text {self.joints!r}")  # noqa: TRY004
+        object.__setattr__(self, "joints", tuple(self.joints))
         if not self.joints or not all(self.joints) or len(set(self.joints)) != len(self.joints):
             raise ValueError("joints: expected distinct, non-empty names")
         # Names are compared with those of other programs, which takes the square of their length.

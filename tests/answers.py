@@ -28,7 +28,6 @@ from kinespace.library import Clip, MotionLibrary, Reading, compiled, opened, re
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
-from kinespace.tools.feeding.utkinect import read_take
 
 FILE = Path(__file__).with_name("answers.toml")
 #: How far a kept mean may be off: more than another processor's rounding, less than any change of the method.
@@ -106,7 +105,7 @@ def _strangers(data: Path) -> list[Recognition]:
 
 
 def _depth_sensor(data: Path) -> list[Recognition]:
-    take = read_take(data / "utkinect" / "joints_s01_e01.txt")[0]
+    take = _read(data, "utkinect/joints_s01_e01.txt")
     library = MotionLibrary.builtin().restricted_to(take.skeleton.joints)
     asked = take.restricted_to(library.skeleton.joints).as_of(library.skeleton)
     return _answers(Recognizer(library, Settings(sensitivity=0.4)), _frames([asked], 30.0))

@@ -39,7 +39,7 @@ _SOME_PERSONS = tuple(
 
 
 #: The evaluations that the tests measure, too: of a stream, of motions that were done, of retrieval.
-QUICK = ("own_takes", "done", "gestures", "retrieval_spread_split")
+QUICK = ("own_takes", "done", "gestures", "retrieval_raw_split")
 
 #: The arguments of `kinespace evaluate` for each evaluation; `{data}` is the folder of recordings.
 RUNS: Mapping[str, tuple[str, ...]] = {
@@ -61,7 +61,6 @@ RUNS: Mapping[str, tuple[str, ...]] = {
         *("--map", "squat=squat1Reps", "run=jogLeftCircle4StepsRstart"),
     ),
     "faults": ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
-    "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
     "gestures": ("gestures", "{data}/jackknife/takes", "--actor-in", "name", "--subjects", "u104", "u105"),
     "show": ("show", "--shows", "2", "--minutes", "4"),
     "progress": ("progress", "--every", "16"),
@@ -69,7 +68,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     **{
         f"retrieval_{signature}_{protocol}": ("retrieval", "--signature", signature, "--protocol", protocol)
         for protocols in (("leave-one-out", "actor-held-out"), ("split",))
-        for signature in ("eigenvector", "spread")
+        for signature in ("eigenvector", "raw")
         for protocol in protocols
     },
 }

@@ -7,13 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import Naming
-from kinespace.library.recordings.formats import acclaim, bvh, joint_table
+from kinespace.library.recordings.formats import acclaim, bvh, joint_table, utkinect
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
@@ -99,7 +100,9 @@ class Reading:
 def is_recording(path: Path) -> bool:
     """Say whether a file can be read, by its ending or a table's columns."""
     ending = path.suffix.lower()
-    return joint_table.is_joint_table(path) if ending in _TABLES else ending in (*ENDINGS, *FILMS)
+    if ending in _TABLES:
+        return joint_table.is_joint_table(path)
+    return ending in (*ENDINGS, *FILMS) or utkinect.is_take(path)
 
 
 def is_systems(path: Path) -> bool:
@@ -152,26 +155,52 @@ def find_recordings(places: str | Path | Iterable[str | Path]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def read_recordings(paths: str | Path | Iterable[str | Path], reading: Reading | None = None) -> Iterator[Clip]:
+def read_recordings(
+    paths: str | Path | Iterable[str | Path],
+    reading: Reading | None = None,
+    *,
+    actor_in: ActorIn | Literal["name", "folder"] | None = None,
+) -> Iterator[Clip]:
     """Read recordings one after the other; each Acclaim skeleton is read once.
+
+    A file is one clip. A folder gives the motions of all recordings in it (`find_recordings`): cut by the labels beside
+    a take, else each with the class that its name (HDM05) or its folder's name says.
 
     Parameters
     ----------
     paths
-        One file or several, in the order of `find_recordings`.
+        Files and folders.
     reading
         How to read them; by default as each file says.
+    actor_in
+        Where the person stands in a path: "name" is `class/ann_3.bvh`, "folder" `ann/class/3.bvh`; as `reading` says
+        when not given.
 
     Raises
     ------
     ValueError
-        Something else than paths is given.
+        Something else than paths is given, or another part of a path.
     RecordingError
         The file is of no kind that can be read, or cannot be used (the format's own error).
     OSError
         The file cannot be opened.
     """
-    return map(RecordingReader(reading).clip, paths_of(paths))
+    reading = reading or Reading()
+    return _read(paths_of(paths), reading, ActorIn(actor_in) if actor_in else reading.actor_in)
+
+
+def _read(places: Sequence[Path], reading: Reading, actor_in: ActorIn) -> Iterator[Clip]:
+    reader = RecordingReader(reading)
+    for place in places:
+        if not place.is_dir():
+            yield performed(reader.clip(place), place, actor_in)
+            continue
+        for path in find_recordings(place):
+            clip, segments = reader.clip(path), segments_beside(path)
+            if segments is None:
+                yield labelled(clip, path, actor_in)
+            else:
+                yield from cut(performed(clip, path, actor_in), segments)
 
 
 class RecordingReader:
@@ -230,6 +259,8 @@ class RecordingReader:
         if ending == _AMC:
             clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
             return [restricted(clip, reading.joints)]
+        if utkinect.is_take(path):
+            return [restricted(utkinect.read_clip(path), reading.joints)]
         read = _READERS.get(ending, joint_table.read_clips)
         metres = metres_of(reading.unit) if reading.unit else None
         found = read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)
@@ -294,13 +325,15 @@ def clips_of(take: Clip, labels: str | Path | Iterable[tuple[float, float, str]]
 
 
 def segments_beside(take: Path) -> tuple[Segment, ...] | None:
-    """Read the labels in a file that has a take's name, in its folder; None if there are none.
+    """Read the labels in a file that has a take's name, in its folder, or UTKinect's; None if there are none.
 
     Raises
     ------
     LabelError
         The labels cannot be used.
     """
+    if utkinect.is_take(take) and take.with_name(utkinect.LABELS).is_file():
+        return utkinect.read_segments(take)
     labels = labels_beside(take)
     return read_labels(labels[0]) if labels else None
 

@@ -10,13 +10,19 @@ from numpy.typing import NDArray
 _Number = TypeVar("_Number", np.float32, np.float64)
 
 
-def signature_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def signature_of(rows: NDArray[np.float64], *, centred: bool = True) -> NDArray[np.float64]:
     """Find the leading eigenvector of the rows' covariance (Le Naour et al. 2012, section 3).
+
+    The paper says PCA, which centres the rows, and "the first eigen vector extracted through a singular value
+    decomposition applied to" the rows, which does not: then it is the first right singular vector of the rows as they
+    are, and says mostly how the body stands.
 
     Parameters
     ----------
     rows
         Distance rows of a motion, shape (frames, pairs), at least two frames; other numbers of each frame work as well.
+    centred
+        Whether the rows' mean is taken off first.
 
     Returns
     -------
@@ -30,12 +36,12 @@ def signature_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     if rows.ndim != 2 or len(rows) < 2:
         raise ValueError(f"rows: expected (frames, pairs) with at least two frames, got {rows.shape}")
-    centred = rows - rows.mean(axis=0)
-    frames, pairs = centred.shape
+    about = rows - rows.mean(axis=0) if centred else rows
+    frames, pairs = about.shape
     if pairs <= frames:
-        return leading_eigenvectors(centred.T @ centred, 1)[1][:, 0]
+        return leading_eigenvectors(about.T @ about, 1)[1][:, 0]
     # X = UΣVᵀ: the leading row of Vᵀ is uᵀX up to its length. u is the leading eigenvector of X Xᵀ, the smaller matrix.
-    axis: NDArray[np.float64] = leading_eigenvectors(centred @ centred.T, 1)[1][:, 0] @ centred
+    axis: NDArray[np.float64] = leading_eigenvectors(about @ about.T, 1)[1][:, 0] @ about
     length = float(np.linalg.norm(axis))
     return axis / length if length > 0 else np.full(pairs, pairs**-0.5)
 

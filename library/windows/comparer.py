@@ -39,7 +39,7 @@ class Distances(NamedTuple):
         `Likelihood`, shape (1, classes).
     scores
         Each class's best |inner product| of leading eigenvectors (Le Naour et al. 2012, section 3), 0 to 1, shape
-        (classes,); where persons agree by products, the mean over the two nearest.
+        (classes,).
     """
 
     logs: Numbers
@@ -131,16 +131,17 @@ class Comparer(NamedTuple):
     def distances(self, signature: Signature) -> Distances:
         """Compare a window."""
         weighing, products = self.comparison.weighing, np.abs(signature.leading.astype(np.float32) @ self.eigenvectors)
+        scores = np.maximum.reduceat(products, self.classes).astype(np.float64)
         if weighing.by_products:
             logs = agreed(-products[None], self.starts, self.persons)
-            return Distances(logs, weighing.named(logs), weighing.alone(logs), -logs[0])
+            return Distances(logs, weighing.named(logs), weighing.alone(logs), scores)
         placed, vectors = self.comparison.placed_and_joined(signature.parts)
         logs, views = self.logs(vectors), len(weighing.views)
         named = np.minimum.reduce(logs[:views])
         if self.head:
             named += self.head.added(placed.values())
         judged = self.likelihood.of_window(vectors)[None] if self.likelihood else logs[views:]
-        return Distances(logs, named, judged, np.maximum.reduceat(products, self.classes).astype(np.float64))
+        return Distances(logs, named, judged, scores)
 
     def logs(self, vectors: Sequence[Floats], left_out: NDArray[np.bool_] | None = None) -> Numbers:
         """Give the log distances of a window's vectors, as in `Distances`; perhaps with some windows left out."""
@@ -182,7 +183,7 @@ def compare(  # noqa: PLR0913, PLR0917 - a window, and a library's windows
     return agreed(weighed, starts, persons)
 
 
-def agreed(numbers: Floats, starts: Indices, persons: Indices) -> Numbers:
+def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> Numbers:
     """Take the mean of the two persons' least of each class, from (..., windows) to (..., classes).
 
     Where several persons perform a class, the second nearest must agree: one person's way may resemble another motion.

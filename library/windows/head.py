@@ -50,8 +50,8 @@ class Head(NamedTuple):
         return Head(tuple(classes), self.factors[:, places], self.offsets[places])
 
     def added(self, parts: Iterable[NDArray[np.floating]]) -> Numbers:
-        """Say how unlikely a window's parts say each class is: what is added to its log distance, shape (classes,)."""
-        likely = np.concatenate([*parts]) @ self.factors + self.offsets
-        likely -= likely.max()
-        added: Numbers = _SHARE * (np.log(np.exp(likely).sum()) - likely)
+        """Say how unlikely windows' parts say each class is: what is added to its log distance, (..., classes)."""
+        likely = np.concatenate([*parts], axis=-1) @ self.factors + self.offsets
+        likely -= likely.max(axis=-1, keepdims=True)
+        added: Numbers = _SHARE * (np.log(np.exp(likely).sum(axis=-1, keepdims=True)) - likely)
         return added

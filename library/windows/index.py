@@ -197,6 +197,14 @@ class WindowIndex:
         return Courses.of([framed[place] for place in np.unique(self.motions)])
 
     @cached_property
+    def since(self) -> NDArray[np.float64]:
+        """Seconds from a motion's beginning to the end of each of its windows; of an index that is not derived."""
+        measured = Measured.of(self.library, _every(self.library), self.comparison.weighing.first)
+        return np.concatenate(
+            [ends / clip.frame_rate for ends, clip in zip(measured.ends, measured.clips, strict=True)]
+        )
+
+    @cached_property
     def segments(self) -> Segments:
         """The segments of the motions' bodies."""
         return Segments.of(self.framed)

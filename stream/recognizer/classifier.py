@@ -1,25 +1,42 @@
-"""Whole clips classified by scikit-learn's conventions, by the recogniser that runs live."""
+"""Whole clips classified by scikit-learn's conventions, by the windows that the live recogniser compares."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinespace.library.clip import Clip
+from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.naming import hdm05
+from kinespace.library.signature.parts import Signature
 from kinespace.library.skeleton import Skeleton
-from kinespace.stream.recognizer.whole import recognise
+from kinespace.library.windows.comparer import agreed
+from kinespace.library.windows.cutting import window_ends
+from kinespace.library.windows.index import WindowIndex, opened, teacher_of
+from kinespace.stream.recognizer.windows.live_windows import window_of
+from kinespace.stream.recognizer.windows.window import signature
+
+#: Seconds added to the times of two windows before they are compared: a motion's first moments are alike.
+_BEGINNING = 0.3
+#: Power of a score that makes it a probability, between what two cameras' takes want.
+_SURE = 8.0
 
 
 class MotionClassifier:
     """Learns classes from clips and names other clips, by scikit-learn's conventions; it does not need scikit-learn.
 
     A clip may be an array of positions, shape (frames, joints, 3), metres. A `Clip` may say its actor, too: clips of
-    several actors teach what differs between persons.
+    three persons or more who share classes teach what differs between persons. Else the built-in library's persons
+    teach it where they have all joints: with arrays of HDM05, among them perhaps those who are asked about later. Give
+    `groups` then; `taught_by_` says who taught.
+
+    A clip is one motion from its beginning, or its first part: a window is compared with the library's windows, and
+    those that come as long after their motion's beginning count as nearer.
 
     Parameters
     ----------
@@ -27,6 +44,10 @@ class MotionClassifier:
         The joints of arrays; HDM05's when not given.
     frame_rate
         Frames per second of arrays.
+    hop
+        Seconds between two windows of a clip that is named.
+    timing
+        How much the time since the beginning counts; 0 for nothing.
 
     Attributes
     ----------
@@ -34,44 +55,60 @@ class MotionClassifier:
         The classes, sorted, shape (classes,); after `fit`.
     library_
         The motions that were learned.
+    taught_by_
+        The persons from whom the metrics were learned.
     """
 
-    def __init__(self, skeleton: Skeleton | None = None, frame_rate: float = 120.0) -> None:
+    def __init__(
+        self, skeleton: Skeleton | None = None, frame_rate: float = 120.0, hop: float = 0.1, timing: float = 0.5
+    ) -> None:
         self.skeleton = skeleton
         self.frame_rate = frame_rate
+        self.hop = hop
+        self.timing = timing
 
-    def fit(self, X: Iterable[Clip | ArrayLike], y: Iterable[str]) -> Self:  # noqa: N803 - scikit-learn's name
-        """Learn clips and their classes, and forget others.
+    def __repr__(self) -> str:
+        """Say the parameters."""
+        return f"MotionClassifier({', '.join(f'{name}={value!r}' for name, value in self.get_params().items())})"
+
+    def fit(self, X: Iterable[Clip | ArrayLike], y: Iterable[Any], groups: Iterable[Any] | None = None) -> Self:  # noqa: N803 - scikit-learn's name
+        """Learn clips and their classes, and forget others; `groups` are the persons, in place of the clips' actors.
 
         Raises
         ------
         ValueError
-            There is no clip, `y` is of another length, or a clip cannot be learned (`MotionLibrary.of_clips`).
+            There is no clip, `y` or `groups` is of another length, or a clip cannot be learned
+            (`MotionLibrary.of_clips`).
         SkeletonMismatchError
             The clips have different joints.
         """
-        clips, names = self._clips(X), [str(each) for each in y]
-        if len(clips) != len(names):
-            raise ValueError(f"y: expected a class for each of {len(clips)} clips, got {len(names)}")
+        clips, names = self._clips(X), np.asarray([*y])
+        people = [each.actor for each in clips] if groups is None else [str(each) for each in groups]
+        for name, given in (("y", names), ("groups", people)):
+            if len(given) != len(clips):
+                what = "class" if name == "y" else "person"
+                raise ValueError(f"{name}: expected a {what} for each of {len(clips)} clips, got {len(given)}")
         named = (
-            Clip(each.skeleton, each.positions, each.frame_rate, each.name, name, each.actor, gaps=each.gaps)
-            for each, name in zip(clips, names, strict=True)
+            Clip(each.skeleton, each.positions, each.frame_rate, each.name, str(name), person, gaps=each.gaps)
+            for each, name, person in zip(clips, names.tolist(), people, strict=True)
         )
-        return self._learned(MotionLibrary.of_clips(named))
+        return self._learned(MotionLibrary.of_clips(named), names)
 
-    def partial_fit(self, X: Iterable[Clip | ArrayLike], y: Iterable[str], classes: object = None) -> Self:  # noqa: ARG002, N803
+    def partial_fit(self, X: Iterable[Clip | ArrayLike], y: Iterable[Any], classes: object = None) -> Self:  # noqa: ARG002, N803
         """Learn more clips; `classes` is not needed. Raises what `fit` raises."""
-        before = getattr(self, "library_", None)
-        more = type(self)(**self.get_params()).fit(X, y).library_
-        return self._learned(before.merged_with(more) if before else more)
+        more = type(self)(**self.get_params()).fit(X, y)
+        if not hasattr(self, "library_"):
+            return self._learned(more.library_, more.classes_)
+        names = np.concatenate([self.classes_, more.classes_])
+        return self._learned(self.library_.merged_with(more.library_), names)
 
-    def _learned(self, library: MotionLibrary) -> Self:
-        self.library_ = library
-        self.classes_ = np.array([name for name in library.classes if name != NOTHING])
+    def _learned(self, library: MotionLibrary, names: NDArray[Any]) -> Self:
+        self.library_, self.taught_by_ = library, teacher_of(library).actors
+        self.classes_ = np.unique(names[[str(each) != NOTHING for each in names.tolist()]])
         return self
 
-    def predict(self, X: Iterable[Clip | ArrayLike]) -> NDArray[np.str_]:  # noqa: N803
-        """Name each clip: the class that scores highest over its windows; shape (clips,).
+    def predict(self, X: Iterable[Clip | ArrayLike]) -> NDArray[Any]:  # noqa: N803
+        """Name each clip: the class that scores highest over its windows, as `fit` was given it; shape (clips,).
 
         Raises
         ------
@@ -81,8 +118,14 @@ class MotionClassifier:
             A clip shares fewer than five joints with those learned.
         """
         nearest = self.decision_function(X).argmax(axis=1)
-        named: NDArray[np.str_] = self.classes_[nearest]
+        named: NDArray[Any] = self.classes_[nearest]
         return named
+
+    def predict_proba(self, X: Iterable[Clip | ArrayLike]) -> NDArray[np.float64]:  # noqa: N803
+        """Give the probability of each class, which add up to 1, (clips, classes); raises as `predict`."""
+        powers = self.decision_function(X) ** _SURE
+        shares: NDArray[np.float64] = powers / powers.sum(axis=1, keepdims=True)
+        return shares
 
     def decision_function(self, X: Iterable[Clip | ArrayLike]) -> NDArray[np.float64]:  # noqa: N803
         """Give the mean score of each class over a clip's windows, 0 to 1, (clips, classes); raises as `predict`."""
@@ -92,25 +135,29 @@ class MotionClassifier:
         return np.array(means, dtype=np.float64).reshape(-1, len(self.classes_))
 
     def _mean_scores(self, clip: Clip) -> NDArray[np.float64]:
-        answers = recognise(self.library_, clip)
-        if not answers:
+        index = opened(self.library_.restricted_to(clip.skeleton.joints))
+        found = _log_distances(index, clip.over(index.library.skeleton), self.hop, self.timing)
+        if not len(found):
             raise ValueError(f"clip {clip.name!r}: expected some tenths of a second, got {clip.duration:.2f} s")
-        means: NDArray[np.float64] = np.mean([each.scores for each in answers], axis=0)
-        return means
+        means = np.zeros(len(index.classes) + 1)
+        means[:-1] = np.mean(1 / (1 + np.exp(found)), axis=0)
+        # A class without a window long enough has no score.
+        places = {name: place for place, name in enumerate(index.classes)}
+        return means[[places.get(str(each), -1) for each in self.classes_.tolist()]]
 
-    def score(self, X: Iterable[Clip | ArrayLike], y: Sequence[str]) -> float:  # noqa: N803
+    def score(self, X: Iterable[Clip | ArrayLike], y: Sequence[Any]) -> float:  # noqa: N803
         """Give the share of clips that are named as in `y`."""
         return float(np.mean(self.predict(X) == np.asarray(y)))
 
     def get_params(self, *, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's name
         """Give the parameters by name."""
-        return {"skeleton": self.skeleton, "frame_rate": self.frame_rate}
+        return {name: getattr(self, name) for name in ("skeleton", "frame_rate", "hop", "timing")}
 
     def set_params(self, **parameters: object) -> Self:
         """Change parameters; ValueError for an unknown one."""
         for name, value in parameters.items():
             if name not in self.get_params():
-                raise ValueError(f"{name}: expected skeleton or frame_rate, got {value!r}")
+                raise ValueError(f"{name}: expected one of {', '.join(self.get_params())}, got {value!r}")
             setattr(self, name, value)
         return self
 
@@ -124,3 +171,30 @@ class MotionClassifier:
     def _clips(self, given: Iterable[Clip | ArrayLike]) -> list[Clip]:
         skeleton = self.skeleton or hdm05.SKELETON
         return [each if isinstance(each, Clip) else Clip(skeleton, np.asarray(each), self.frame_rate) for each in given]
+
+
+def _log_distances(index: WindowIndex, clip: Clip, hop: float, timing: float) -> NDArray[np.float64]:
+    """Give the log distance of each class from each of a clip's windows, shape (windows, classes).
+
+    As the recogniser has it, but that windows at other times since the beginning are farther: by `timing` times the
+    logarithm of how many times as long after it.
+    """
+    comparison, comparer, window = index.comparison, index.comparer, window_of(index)
+    weighing, ends = comparison.weighing, window_ends(clip, hop)
+    times, rows = clip.times.tolist(), distance_rows(clip.positions, clip.skeleton)
+    seen = list[Signature]()
+    for begin, end in pairwise([0, *ends.tolist()]):
+        window.push(times[begin:end], rows[begin:end])
+        seen.append(signature(window, weighing.parts, index.body, weighing.eigenvectors))
+    if not seen:
+        return np.empty((0, len(index.classes)))
+    numbers = {part: np.array([each.parts[part] for each in seen]) for part in weighing.parts}
+    placed, asked = comparison.placed_and_joined(numbers)
+    since = ends[:, None] / clip.frame_rate + _BEGINNING
+    logs = timing * np.abs(np.log(since / (index.since + _BEGINNING)))
+    groups = zip(weighing.views[0], asked, comparer.windows, comparer.lengths, strict=True)
+    for weight, own, windows, lengths in groups:
+        squared = np.square(own).sum(axis=1)[:, None] + lengths - 2 * own @ windows
+        logs += weight * np.log(np.maximum(squared[:, : len(index)], weighing.nearest))
+    found = agreed(logs, comparer.starts, comparer.persons)
+    return found + comparer.head.added(placed.values()) if comparer.head else found

@@ -20,7 +20,14 @@ from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried, carried_by
 from kinespace.stream.recognizer.joints.kinds import NOTES
 from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE, Recognizer, RecognizerCounts, Views, require_order
+from kinespace.stream.recognizer.recognizer import (
+    MAX_PAUSE,
+    Recognizer,
+    RecognizerCounts,
+    Views,
+    refuse_copies,
+    require_order,
+)
 from kinespace.stream.recognizer.settings import Settings
 
 
@@ -332,6 +339,8 @@ class Performers:
         for performer in self._performers.values():
             performer.recognizer.set_sensitivity(share)
 
+    __reduce__ = refuse_copies
+
     def _exchange_for(self, performer: _Performer, index: WindowIndex) -> None:
         """Compare a performer with another library over the same joints."""
         performer.index = index
@@ -351,8 +360,9 @@ class Performers:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, with the reason; also performers who have left."""
-        return dict(self._refused)
+        """Performers, also some who have left, whose frames are refused for their joints or times; with the reason."""
+        untimely = {name: why for name, each in self._performers.items() if (why := each.recognizer.untimely)}
+        return {**self._refused, **untimely}
 
     @property
     def doubted(self) -> dict[str, str]:

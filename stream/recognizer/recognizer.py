@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from kinespace.stream.recognizer.joints.mending import Joints
 from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.windows.live_windows import Covariance, LiveWindows, Seen
 from kinespace.stream.recognizer.windows.smoothing import RowSmoother
 
 #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
@@ -47,6 +48,8 @@ _MAX_WAITING = 16
 _PATIENCE = 10
 #: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
+#: Gaps after which most frames are expected to come without one.
+_GAPS = 3
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.
 _EARLY = 1e-3
 #: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
@@ -78,14 +81,19 @@ class RecognizerCounts:
             setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
 
 
+def refuse_copies(live: object) -> NoReturn:
+    """Refuse to copy or pickle: a copy would follow by the original's memory."""
+    kind = type(live).__name__
+    raise TypeError(f"copy, pickle: expected a library or settings, got a {kind}: make another {kind} of these")
+
+
 class Recognizer:
     """Names the motion in the last seconds of one performer's feed.
 
     It follows one performer: `Performers` has a recogniser for each. When the feed pauses, a motion that goes on has no
     end until frames come again; `end` gives the end at once.
 
-    Times are seconds. With milliseconds every frame comes after a gap: nothing is answered, and `counts.restarts` grows
-    with each frame.
+    Times are seconds. With milliseconds every frame comes after a gap and nothing is answered: `doubt` says so.
 
     One thread at a time may use a recogniser; several threads with a recogniser each may share an opened library. After
     a fork the child's recogniser is independent of the parent's.
@@ -157,6 +165,8 @@ class Recognizer:
         self._busy = False
         #: The performer who is followed; None before the first frame.
         self._performer: str | None = None
+
+    __reduce__ = refuse_copies
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -239,8 +249,16 @@ class Recognizer:
 
     @property
     def doubt(self) -> str:
-        """A note on joints that could not be believed, in words; empty while all is well."""
-        return self._joints.note
+        """A note on times that are no seconds, or on joints that could not be believed; empty while all is well."""
+        return self.untimely or self._joints.note
+
+    @property
+    def untimely(self) -> str:
+        """A note on frames that nearly all come after gaps, because their times are in milliseconds; else empty."""
+        counts = self.counts
+        if math.isfinite(self._due) or counts.restarts < _GAPS or counts.frames > 2 * counts.restarts:
+            return ""
+        return f"times: expected seconds, got a gap before nearly each of {counts.frames} frames (milliseconds?)"
 
     @property
     def unlike(self) -> bool | None:
@@ -271,6 +289,13 @@ class Recognizer:
                 self._windows.threshold = threshold_for(self._windows.index, self.settings)
                 if self._fewer:
                     self._fewer.threshold = threshold_for(self._fewer.index, self.settings, of_fewer=True)
+
+    def covariance(self) -> Covariance:
+        """Give the covariance behind the last answer, and its leading eigenvector, by which the paper compares.
+
+        To be asked right after an answer: later frames enter the window. ValueError before the first answer.
+        """
+        return self._windows.covariance()
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""

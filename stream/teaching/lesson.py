@@ -32,6 +32,8 @@ _STANDING = 1.0
 _SAID_EVERY, _WAY_OUT = 1.0, 5.0
 #: Frames a second that show movement, also where they come a little unevenly.
 _LEAST_RATE = 8
+#: Frames a second below which a camera is said to be slow; in a countdown a few frames may be late.
+_GOOD_RATE = 10
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
 #: Seconds kept before the movement, so that undoing the trim shows them.
@@ -94,7 +96,12 @@ class Lesson:
         if seconds == self._counted:
             return None
         self._counted = seconds
-        return State(self.performer, Step.COUNTDOWN, float(seconds))
+        return State(self.performer, Step.COUNTDOWN, float(seconds), self._too_slow() if seconds == 1 else "")
+
+    def _too_slow(self) -> str:
+        """Say before the lesson that frames come too rarely to show much of a movement."""
+        rate = (self._came - 1) / (self._newest - self._said) if self._came > 1 else math.inf
+        return f"{rate:.0f} frames a second, {_GOOD_RATE} are better: choose --size lite" if rate < _GOOD_RATE else ""
 
     def push(self, time: float, movement: Movement | None) -> State | Recorded | None:
         """Take in a frame's time on the sender's clock, and the movement if it was measured.
@@ -105,6 +112,7 @@ class Lesson:
         """
         self._newest = time
         if self.step is Step.COUNTDOWN:
+            self._said, self._came = time if self._came == 0 else self._said, self._came + 1
             # A performer who is already moving is recorded from now on.
             if movement is not None:
                 self._finder.push(time, movement)

@@ -59,12 +59,15 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
     known = [m for m in moments if m.truth >= 0]
     unknown = [m for m in moments if m.truth < 0 and m.segment >= 0]
     inside = [m for m in known if m.time - window >= m.start]
-    delays, seen, event_delays, sought = list[float](), list[float](), list[float](), 0
+    delays, seen, event_delays, sought, found_at_all = list[float](), list[float](), list[float](), 0, 0
     for take in takes:
         for number in sorted({m.segment for m in take if m.truth >= 0}):
             performed = [m for m in take if m.segment == number]
             sought += 1
             delay = _delay(performed, lasting)
+            found_at_all += len(delay)
+            if performed[0].truth in {m.truth for m in take if m.segment == number - 1}:
+                continue
             delays += delay
             seen += [found / (performed[0].end - performed[0].start) for found in delay]
             event_delays += [m.time - m.start for m in performed if m.event == m.truth][:1]
@@ -88,7 +91,7 @@ def stream_score(takes: Sequence[Sequence[Moment]], window: float, lasting: floa
         "frame_accuracy": time_share(lambda m: m.guess == m.truth, known),
         "segment_accuracy": time_share(lambda m: m.guess == m.truth, inside),
         "known_answered": time_share(lambda m: m.published >= 0, inside),
-        "segments_found": len(delays) / sought if sought else None,
+        "segments_found": found_at_all / sought if sought else None,
         "median_delay_s": percentile(delays, 50),
         "p90_delay_s": percentile(delays, 90),
         "median_seen": percentile(seen, 50),

@@ -16,8 +16,6 @@ from typing import NamedTuple
 from kinespace.library import memory
 from kinespace.library.windows.remembered import cache_folder
 
-#: The two sizes of the landmark network.
-SIZES = ("full", "lite")
 NPM, PIP = "@mediapipe/pose@0.5.1675469404", "mediapipe==0.10.21"
 LICENCE = "Apache-2.0, by Google: BlazePose of MediaPipe"
 MISSING = (
@@ -173,7 +171,7 @@ def checked(contents: Iterable[bytes]) -> dict[str, bytes]:
         The detector or the full landmark network is not among them.
     """
     files = {_KNOWN[digest]: content for content in contents if (digest := _hash(content)) in _KNOWN}
-    if not files.keys() >= {_DETECTOR, _LANDMARKS.format(SIZES[0])}:
+    if not files.keys() >= {_DETECTOR, _LANDMARKS.format("full")}:
         raise ValueError("models: expected a package with the files of known SHA-256, got others; nothing is kept")
     return files
 

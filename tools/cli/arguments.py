@@ -57,6 +57,7 @@ _SHARED: dict[str, dict[str, Any]] = {
         "metavar": "N",
         "help": "follow up to so many people in front of the camera, 4 at most (default %(default)s)",
     },
+    "--size": {"choices": ("full", "lite"), "default": "full", "help": "of the camera's landmark network"},
     "--either-side": {
         "action": "store_true",
         "help": "a motion may be done by either side: add each example mirrored, too",

@@ -7,7 +7,6 @@ Every motion that was said once is also played to its half only, and must not be
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
@@ -23,18 +21,14 @@ from kinespace.tools.evaluation.harness import Asked
 from kinespace.tools.evaluation.scoring.done_score import DoneTake, Said, by_class, score_done
 from kinespace.tools.evaluation.scoring.words import said_in
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import print_scores
-
-#: Gives the motions that are said of a take.
-Judge = Callable[[Take, WindowIndex, Settings], list[Said]]
 
 #: Seconds for which the body stands still behind a take, because a motion is said a moment after its end, and behind a
 #: motion that is broken off.
 _STANDS = 0.6
-#: False alarms an hour that are promised for the picture.
+#: False alarms an hour that are compared.
 _PROMISED = (1.0, 6.0, 60.0, 600.0)
-_WIDTH = 40
 _COLUMNS = (
     ("", "{name}"),
     ("found", "{found:.1%}"),
@@ -53,26 +47,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "recordings in which nothing known happens, or folders of them"
     parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
     harness.add_protocol(parser)
-    text = "compare the promises 1, 6, 60 and 600 an hour: a picture of found against false an hour"
+    text = "compare the promises 1, 6, 60 and 600 an hour"
     parser.add_argument("--promises", action="store_true", help=text)
-    text = "compare with start events in their place"
-    parser.add_argument("--baselines", action="store_true", help=text)
     add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
     """Replay takes, score what was said, and print the results; return the exit status."""
     settings, scores = settings_of(options), list[dict[str, Any]]()
-    rows: list[tuple[str, Settings, Judge]] = []
     asked, _ = harness.asked_of(options)
-    if options.baselines:
-        rows.append(("start events", settings, starts))
-    promises = _PROMISED if options.promises else (settings.false_alarms,)
-    rows += [(f"{each:g}/h", replace(settings, false_alarms=each), _done) for each in promises]
     takes = list[DoneTake]()
-    for name, changed, judge in rows:
-        takes = [done_take(each, changed, judge) for each in progress(asked, name, len(asked))]
-        promised = changed.false_alarms if judge is _done else None
+    for promised in _PROMISED if options.promises else (settings.false_alarms,):
+        name, changed = f"{promised:g}/h", replace(settings, false_alarms=promised)
+        takes = [done_take(each, changed) for each in progress(asked, name, len(asked))]
         scores.append({"name": name, "promised_per_hour": promised, **score_done(takes)})
     people = sorted({each.take.person for each in takes} - {""})
     persons = {name: score_done([each for each in takes if each.take.person == name]) for name in people}
@@ -88,40 +75,26 @@ def run(options: argparse.Namespace) -> int:
         caption="false an hour, 95 %: {:.1f} to {:.1f}".format(*last["false_interval"]),
     )
     print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
-    for each in scores if len(scores) > 1 else ():
-        found = each["takes_found"] if each["found"] is None else each["found"]
-        bar = "█" * round(_WIDTH * (found or 0))
-        console.print(f"{each['name']:>14} {bar:<{_WIDTH}} {each['false_per_hour']:6.1f}/h")
     return 0
 
 
-def done_take(asked: Asked, settings: Settings, judge: Judge | None = None) -> DoneTake:
-    """Play a take, and each of its known motions to its half; `judge` says motions, by default as live."""
-    take, judge, index = asked.take, judge or _done, opened(asked.library)
-    whole, broken = DoneTake(take, set(asked.library.classes), judge(take, index, settings)), list[bool]()
+def done_take(asked: Asked, settings: Settings) -> DoneTake:
+    """Play a take, and each of its known motions to its half."""
+    take, index = asked.take, opened(asked.library)
+    whole, broken = DoneTake(take, set(asked.library.classes), _said(take, index, settings)), list[bool]()
     # Half of several rounds holds whole ones.
     once = [segment for segment, said in whole.shared()[0] if len(said) <= 1]
     for segment, motion in zip(take.segments, take.motions() if take.is_known else (), strict=False):
         if segment in once:
             half = Take(motion.moved_to(motion.positions[: max(motion.frames // 2, 2)]), (segment,))
-            broken.append(any(each.class_name == segment.label for each in judge(half, index, settings)))
+            broken.append(any(each.class_name == segment.label for each in _said(half, index, settings)))
     return replace(whole, broken=broken)
 
 
-def _done(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
-    """Give the motions that are said to be done."""
-    return said_in(_answers(take, index, settings))["done"]
-
-
-def starts(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
-    """Give the starts of motions as if they were done."""
-    return said_in(_answers(take, index, settings))["start"]
-
-
-def _answers(take: Take, index: WindowIndex, settings: Settings) -> list[Recognition]:
-    """Push a take through a recogniser of its own, with some stillness behind it."""
+def _said(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
+    """Push a take through a recogniser of its own, with some stillness behind it; give the motions said to be done."""
     feed = harness.Feed.of(take.clip, index.library.skeleton, take.delivered)
     stands = np.arange(1, round(_STANDS * take.clip.frame_rate) + 1) / take.clip.frame_rate
     positions = np.pad(feed.positions, ((0, len(stands)), (0, 0), (0, 0)), mode="edge")
     feed = feed._replace(times=np.append(feed.times, feed.times[-1] + stands), positions=positions)
-    return harness.answers_to(feed, index, settings)
+    return said_in(harness.answers_to(feed, index, settings))["done"]

@@ -1,22 +1,26 @@
 """`kinespace evaluate retrieval`: how often a motion's nearest neighbour is of its class.
 
 For every motion, counts whether its nearest other motion is of its class, and whether one of the two nearest is, in the
-spaces of joint distances, joint positions and joint rotations.
+spaces of joint distances, joint positions and joint rotations. A motion's signature is the leading eigenvector of its
+numbers' covariance (eigenvector), or the first singular vector of the numbers as they are (raw). Draws the paper's
+confusion matrices.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, similarity
+from kinespace.stream.outputs.extra import extra
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
-from kinespace.tools.evaluation.harness import print_json
+from kinespace.tools.evaluation.harness import print_json, shared_joints
+from kinespace.tools.evaluation.scoring.answer_tables import write_rows
 from kinespace.tools.evaluation.scoring.bootstrap import intervals_of, values_of
 from kinespace.tools.evaluation.scoring.retrieval import (
     SPLIT_LIBRARY_ACTORS,
@@ -26,16 +30,16 @@ from kinespace.tools.evaluation.scoring.retrieval import (
     SignatureKind,
     Space,
     candidates,
-    compare,
     retrieve,
     signatures_of,
     splits,
 )
 from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import interval
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.named_joints import read_labelled
-from kinespace.tools.terminal.tables import print_scores
+from kinespace.tools.evaluation.takes import Sources, distinct, read_takes
+from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.tables import counted, print_scores, shortened, table_of
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),
@@ -47,52 +51,86 @@ _COLUMNS = (
     ("splits' mean", "{mean:.1%}"),
     ("worst", "{worst:.1%}"),
 )
+#: Classes whose matrix has room in a terminal.
+_MOST = 16
+_NAME = 24
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = "clips, or folders of them (default: the built-in library's motions, which have no rotations)"
+    text = "clips, takes with labels beside them, or folders (default: the built-in motions, which have no rotations)"
     parser.add_argument("folder", nargs="*", type=Path, metavar="FOLDER", help=text)
     add_reading(parser)
     add_shared(parser, "--actor-in")
-    parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both, for distances")
+    parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both")
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
-    text = "print one JSON object and nothing else: of distances (default: eigenvector, leave-one-out)"
+    text = (
+        "write a row for each motion and comparison: the two nearest, their inner products, and whether they are right"
+    )
+    parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
+    text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
+    parser.add_argument("--picture", type=Path, metavar="FILE", help=text)
+    text = "print a JSON list of all rows, with confusion matrices by class, and nothing else"
     parser.add_argument("--json", action="store_true", help=text)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the paper's experiment and print the results; return the exit status."""
-    clips = read_labelled(options.folder, reading_of(options)) if options.folder else MotionLibrary.builtin().motions
-    if short := [clip.name for clip in clips if clip.frames < 2]:
-        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
-    clips = [clip.as_of(clips[0].skeleton) for clip in clips]
+    for output in filter(None, (options.answers, options.picture)):
+        require_place_for(output)
+    plot = extra("matplotlib.figure", "pictures") if options.picture else None
+    clips = _motions(options)
+    labels, ways = Labels.of_clips(clips), _ways(clips, options.signature)
+    names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
     protocols = [Protocol(options.protocol)] if options.protocol else _protocols(clips)
-    unnamed = [clip.name for clip in clips if not clip.actor]
-    if unnamed and Protocol.LEAVE_ONE_OUT not in protocols:
+    if Protocol.LEAVE_ONE_OUT not in protocols and (unnamed := [clip.name for clip in clips if not clip.actor]):
         raise ValueError(
             f"{unnamed[0]}: expected a name with the actor in it, as HDM05's clips have; --actor-in says where it is"
         )
-    ways = _ways(clips, options.signature)
+    scores, rows = list[dict[str, Any]](), list[dict[str, Any]]()
+    # The paper's conclusion shows where the person is held out, to the letter of the paper.
+    drawn, matrices = (ways[-1][1], protocols[:2][-1]), dict[str, NDArray[np.float64]]()
+    for space, kind in progress(ways, "Comparing", len(ways)):
+        signatures = signatures_of(clips, space, kind)
+        products = similarity(signatures, signatures.T)
+        for protocol in protocols:
+            found = retrieve(products, labels, candidates(labels, protocol))
+            named = {"space": space, "signature": kind, "protocol": protocol}
+            scores.append(named | _scored(clips, found, labels) | _of_splits(products, labels, protocol))
+            rows += [named | row for row in _rows(clips, names, found)]
+            if (kind, protocol) == drawn:
+                matrices[space] = found.confusion(labels)[1]
+    if options.answers:
+        write_rows(options.answers, rows)
+    if plot:
+        _draw(plot.Figure, options.picture, np.unique(labels.classes).tolist(), matrices)
     if options.json:
-        protocol = Protocol(options.protocol or Protocol.LEAVE_ONE_OUT)
-        kind = SignatureKind(options.signature or SignatureKind.EIGENVECTOR)
-        print_json(_scored(clips, signatures_of(clips, Space.DISTANCES, kind), (Space.DISTANCES, kind), protocol))
-        return 0
-    scores = list[dict[str, Any]]()
-    for way in progress(ways, "Comparing", len(ways)):
-        signatures = signatures_of(clips, *way)
-        scores += [_scored(clips, signatures, way, protocol) for protocol in protocols]
-    persons = {clip.actor for clip in clips} - {""}
-    caption = f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} known persons; 95 %: by motions"
-    for each in scores:
-        each.update(each["splits"] or {"mean": None, "worst": None})
-        # A narrow terminal breaks lines at spaces.
-        each["protocol"] = each["protocol"].replace("-", " ")
-        each["sure"] = interval(each["intervals"]["nearest"], "{:.0%}")
-    title = "Of how many motions is the nearest neighbour of their class?"
-    print_scores(scores, _COLUMNS, title=title, caption=caption, names=2)
+        print_json(scores)
+    else:
+        _print(clips, scores)
+        _print_matrices(labels, matrices, ", ".join(drawn).replace("-", " "))
     return 0
+
+
+def _motions(options: argparse.Namespace) -> Sequence[Clip]:
+    """Read motions over the joints that all have; takes are cut by the labels beside them."""
+    clips: Sequence[Clip] = MotionLibrary.builtin().motions
+    if options.folder:
+        takes = read_takes(Sources(options.folder, clips=True), reading_of(options))
+        clips = [motion for take in takes for motion in take.motions()]
+    if short := [clip.name for clip in clips if clip.frames < 2]:
+        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
+    classes = sorted({clip.class_name for clip in clips})
+    if len(classes) < 2:
+        raise ValueError(
+            f"FOLDER: expected motions of two classes or more, got {len(clips)} of {', '.join(classes) or 'none'}: a "
+            "class is in a clip's name (HDM05), is its folder's name, or a label in a file beside the take"
+        )
+    joints = shared_joints([clip.skeleton for clip in clips])
+    if all(len(clip.skeleton.joints) == len(joints) for clip in clips):
+        return [clip.as_of(clips[0].skeleton) for clip in clips]
+    skeleton = clips[0].restricted_to(joints).skeleton
+    return [clip.restricted_to(joints).as_of(skeleton) for clip in clips]
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
@@ -108,39 +146,98 @@ def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
 
 
 def _ways(clips: Sequence[Clip], signature: str | None) -> list[tuple[Space, SignatureKind]]:
-    """List the spaces for which the motions have numbers, with the signatures that belong to them."""
-    spaces = [each for each in Space if each is not Space.ROTATIONS or all(clip.rotations.size for clip in clips)]
-    ways = [(Space.DISTANCES, SignatureKind.SPREAD), *((space, SignatureKind.EIGENVECTOR) for space in spaces)]
-    return [way for way in ways if signature in (None, way[1])]
+    """List the signatures, and the spaces for which all motions have numbers."""
+    angles = {clip.rotations.shape[1] for clip in clips}
+    spaces = [each for each in Space if each is not Space.ROTATIONS or (len(angles) == 1 and 0 not in angles)]
+    return [(space, kind) for kind in SignatureKind if signature in (None, kind) for space in spaces]
 
 
-def _scored(
-    clips: Sequence[Clip], signatures: NDArray[np.float64], way: tuple[Space, SignatureKind], protocol: Protocol
-) -> dict[str, Any]:
-    """Score one protocol: the shares of the motions that asked, and of five actors' splits the mean and the worst."""
-    labels, (space, kind) = Labels.of_clips(clips), way
-
-    def retrieved(library: Sequence[str]) -> Retrieval:
-        allowed = candidates(labels, protocol, library)
-        return retrieve(compare(signatures, kind, labels, allowed), labels, allowed)
-
-    result = retrieved(SPLIT_LIBRARY_ACTORS)
-    asking = [clips[index] for index in result.asking]
+def _scored(clips: Sequence[Clip], found: Retrieval, labels: Labels) -> dict[str, Any]:
+    """Score one protocol: the shares of the motions that asked, and their confusion by class."""
+    asking = [clips[index] for index in found.asking]
     basis = basis_of([round(sum(clip.duration for clip in asking), 3)], [clip.actor for clip in asking])
-    ten = splits({clip.actor for clip in clips}) if protocol is Protocol.SPLIT else []
-    shares = {actors: retrieved(actors).nearest for actors in ten}
-    worst = min(shares, key=shares.__getitem__, default=())
+    classes, matrix = found.confusion(labels)
     return {
-        "space": space,
-        "signature": kind,
-        "protocol": protocol,
         "motions": len(asking),
-        "classes": len(np.unique(labels.classes)),
-        **{name: round(value or 0.0, 4) for name, value in values_of(result.shares).items()},
+        "classes": len(classes),
+        **{name: round(value or 0.0, 4) for name, value in values_of(found.shares).items()},
         "seconds": basis["seconds"],
         "persons": basis["persons"],
-        "intervals": intervals_of(result.shares),
-        "splits": {"mean": float(np.mean([*shares.values()])), "worst": shares[worst], "worst_library": worst}
-        if worst
-        else None,
+        "intervals": intervals_of(found.shares),
+        "confusion": {
+            name: {classes[place]: round(float(row[place]), 4) for place in np.flatnonzero(row)}
+            for name, row in zip(classes, matrix, strict=True)
+        },
     }
+
+
+def _of_splits(products: NDArray[np.floating], labels: Labels, protocol: Protocol) -> dict[str, Any]:
+    """Give the mean and the worst of five actors' ten splits."""
+    ten = splits(set(labels.actors.tolist())) if protocol is Protocol.SPLIT else []
+    shares = {actors: retrieve(products, labels, candidates(labels, protocol, actors)).nearest for actors in ten}
+    if not shares:
+        return {"splits": None}
+    worst = min(shares, key=shares.__getitem__)
+    return {"splits": {"mean": float(np.mean([*shares.values()])), "worst": shares[worst], "worst_library": worst}}
+
+
+def _rows(clips: Sequence[Clip], names: Sequence[str], found: Retrieval) -> Iterator[dict[str, Any]]:
+    """Give a row for each motion that asked: the two nearest, their products, and whether they are right."""
+    for asking, places, products, right in zip(*(each.tolist() for each in found), strict=True):
+        row = {"query": names[asking], "class": clips[asking].class_name, "person": clips[asking].actor}
+        for which, place, product in zip(("nearest", "second"), places, products, strict=True):
+            row |= {
+                which: names[place],
+                f"{which}_class": clips[place].class_name,
+                f"{which}_product": product,
+            }
+        yield row | {"right": int(right[0]), "one_of_two_right": int(right[1])}
+
+
+def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
+    persons, classes = {clip.actor for clip in clips} - {""}, {clip.class_name for clip in clips}
+    seconds = f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} known persons; 95 %: by motions"
+    # A narrow terminal breaks lines at spaces.
+    written = [
+        {**each, **(each["splits"] or {"mean": None, "worst": None}), "protocol": each["protocol"].replace("-", " ")}
+        | {"sure": interval(each["intervals"]["nearest"], "{:.0%}")}
+        for each in scores
+    ]
+    console.print(
+        f"{counted(len(clips), 'motion')} of {counted(len(classes), 'class', 'classes')} by "
+        f"{counted(len(persons), 'person') if persons else 'unknown persons'}"
+    )
+    title = "Of how many motions is the nearest neighbour of their class?"
+    print_scores(written, _COLUMNS, title=title, caption=seconds, names=2)
+
+
+def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> None:
+    """Print each class's share of right neighbours, and the confusion matrices as far as a terminal has room."""
+    classes, counts = np.unique(labels.classes, return_counts=True)
+    rows = [
+        (f"{place} {name}", str(count), *(f"{matrix[place - 1, place - 1]:.0%}" for matrix in matrices.values()))
+        for place, (name, count) in enumerate(zip(classes.tolist(), counts.tolist(), strict=True), 1)
+    ]
+    headings = ("class", "motions", *matrices)
+    console.print(table_of(f"Right by class ({how})", headings, rows))
+    if len(classes) > _MOST:
+        console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
+        return
+    for space, matrix in matrices.items():
+        console.print(f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class")
+        console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
+        for name, shares in zip(classes.tolist(), matrix.tolist(), strict=True):
+            cells = "".join(f"{100 * each:4.0f}" if each else "   ·" for each in shares)
+            console.print(f"{shortened(name, _NAME - 1):{_NAME}}{cells}", soft_wrap=True)
+
+
+def _draw(new: Any, path: Path, classes: Sequence[str], matrices: Mapping[str, NDArray[np.float64]]) -> None:  # noqa: ANN401 - matplotlib's
+    """Draw the paper's figure 2."""
+    side = max(3.0, 0.13 * len(classes))
+    figure = new(figsize=(len(matrices) * (side + 0.2), side))
+    for number, (space, matrix) in enumerate(matrices.items(), 1):
+        axes = figure.add_subplot(1, len(matrices), number, title=space)
+        axes.imshow(matrix, cmap="Greys", vmin=0, vmax=1)
+        axes.set_xticks(range(len(classes)), classes, rotation=90, fontsize=6)
+        axes.set_yticks(range(len(classes)), classes if number == 1 else [], fontsize=6)
+    figure.savefig(path, bbox_inches="tight")

@@ -7,7 +7,6 @@ each moment with the movement performed at that moment.
 from __future__ import annotations
 
 import argparse
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -15,16 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import MotionLibrary
 from kinespace.library.signature.parts import Kind
-from kinespace.library.teaching.examples import EVERY
-from kinespace.library.windows.index import WindowIndex, opened, usual_weighing
+from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
-from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.answer_tables import answer_rows, segment_rows, write_rows
-from kinespace.tools.evaluation.scoring.protocols import Protocol
 from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, score_courses
 from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
 from kinespace.tools.evaluation.scoring.timeline import Course, course_of
@@ -44,8 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "recordings in which nothing known happens, or folders of them"
     parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
     harness.add_protocol(parser)
-    text = "beside the library up to N motions of each of its classes out of the person's other takes, as if confirmed"
-    parser.add_argument("--confirmed", type=above_zero, default=0, metavar="N", help=text)
     text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     text = "leave these parts of the signature out, to see their worth"
@@ -65,8 +59,6 @@ def run(options: argparse.Namespace) -> int:
     by_person = options.resample == "persons"
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
-    if options.confirmed and options.protocol != Protocol.LIBRARY:
-        raise ValueError(f"--confirmed: expected --protocol library, got {options.protocol}")
     courses = _courses(asked, classes, options)
     score = score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
@@ -80,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     print_score(score, by_person=by_person)
     if persons:
-        print_persons(persons, _over(persons), Protocol(options.protocol))
+        print_persons(persons, _over(persons), harness.protocol_of(options))
     return 0
 
 
@@ -89,10 +81,7 @@ def _courses(asked: Sequence[harness.Asked], classes: Sequence[str], options: ar
     without = Kind(options.without_part) if options.without_part else None
     settings, courses = settings_of(options), list[Course]()
     for each in progress(asked, "Replaying", len(asked)):
-        compared = _compared(each.library, without)
-        if options.confirmed:
-            compared = _with_confirmed(compared, each.take, [other.take for other in asked], options.confirmed)
-        courses.append(course(each.take, compared, classes, settings))
+        courses.append(course(each.take, _compared(each.library, without), classes, settings))
     return courses
 
 
@@ -120,20 +109,6 @@ def course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[
 def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | WindowIndex:
     """Give the library, or its windows without some parts."""
     return WindowIndex.of(library, weighing=usual_weighing(library).without(without)) if without else library
-
-
-def _with_confirmed(
-    compared: MotionLibrary | WindowIndex, asking: Take, takes: Sequence[Take], most: int
-) -> MotionLibrary | WindowIndex:
-    """Add motions of a person's other takes as examples of their classes, up to so many of each (`live --teach`)."""
-    others = (take for take in takes if take is not asking and take.person == asking.person)
-    index = compared if isinstance(compared, WindowIndex) else opened(compared)
-    examples, counts = list["Clip"](), Counter[str]()
-    for motion in (motion for take in others for motion in take.motions()):
-        if motion.class_name in index.library.classes and counts[motion.class_name] < most:
-            counts[motion.class_name] += 1
-            examples.append(replace(motion, actor="").as_of(index.library.skeleton))
-    return index.with_motions(examples, every=EVERY) if examples else index
 
 
 def _by_person(asked: Sequence[harness.Asked], courses: Sequence[Course], classes: Sequence[str]) -> dict[str, _Values]:

@@ -72,7 +72,8 @@ def add_protocol(parser: argparse.ArgumentParser) -> None:
         "recognise with the library; with motions cut from the other takes, or from the other persons' takes; or with "
         "motions of one person, for each person in turn"
     )
-    parser.add_argument("--protocol", choices=[*map(str, Protocol)], default=str(Protocol.LIBRARY), help=text)
+    text += f" (default: {Protocol.LIBRARY}; {Protocol.LEAVE_ONE_PERSON_OUT} for the library's own motions)"
+    parser.add_argument("--protocol", choices=[*map(str, Protocol)], help=text)
     arguments.add_settings(parser)
 
 
@@ -98,6 +99,12 @@ def takes_at(sources: Sources, options: argparse.Namespace, library: MotionLibra
     return [take for take in takes_of(library.motions) if sources.wants(take.person)]
 
 
+def protocol_of(options: argparse.Namespace) -> Protocol:
+    """Give the protocol: a library cannot be asked about its own motions."""
+    given = sources_of(options)
+    return Protocol(options.protocol or (Protocol.LIBRARY if given else Protocol.LEAVE_ONE_PERSON_OUT))
+
+
 def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]:
     """Say which library recognises which take, over the joints that all have.
 
@@ -110,7 +117,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     ValueError
         There are no takes, or the protocol or `--map` does not fit them.
     """
-    sources, protocol = sources_of(options), Protocol(options.protocol)
+    sources, protocol = sources_of(options), protocol_of(options)
     if not sources and protocol is Protocol.LIBRARY:
         raise ValueError("TAKE, --takes, --unknown: expected takes with --protocol library, got none")
     given = None

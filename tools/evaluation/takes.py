@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from kinespace.library import NOTHING, Clip, Reading, find_recordings, memory
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
+from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import (
     LabelError,
     Segment,
@@ -23,7 +24,6 @@ from kinespace.library.recordings.formats.labels import (
     read_labels,
     renamed,
 )
-from kinespace.tools.feeding import utkinect
 from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import note, progress
 from kinespace.tools.terminal.named_joints import NameNotes
@@ -144,8 +144,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
     reader, named = RecordingReader(reading), NameNotes()
     takes = [
-        _of_utkinect(entry) if utkinect.is_take(entry.path) else _take(named(reader.clip(entry.path)), entry, reading)
-        for entry in progress(wanted, "Reading", len(wanted))
+        _take(named(reader.clip(entry.path)), entry, reading) for entry in progress(wanted, "Reading", len(wanted))
     ]
     takes = [take for take in takes if sources.wants(take.person)]
     for take in takes:
@@ -167,15 +166,14 @@ def takes_of(motions: Sequence[Clip]) -> list[Take]:
 
 
 def _labelled(sources: Sources) -> Iterator[_Entry]:
-    found = [path for place in sources.places for path in utkinect.takes_in(place) or find_recordings([place])]
-    paths = list(dict.fromkeys(found))
+    paths = find_recordings(sources.places) if sources.places else []
     if sources.labels and len(sources.labels) != len(paths):
         raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
     for index, path in enumerate(paths):
         segments = read_labels(sources.labels[index]) if sources.labels else segments_beside(path)
         named = hdm05.read_clip_name(path)
-        if segments or utkinect.is_take(path):
-            yield _Entry(path, segments or ())
+        if segments:
+            yield _Entry(path, segments)
         elif not sources.labels and (sources.clips or (named and named.class_name)):
             yield _Entry(path, None)
         else:
@@ -215,12 +213,8 @@ def _take(clip: Clip, entry: _Entry, reading: Reading) -> Take:
         clip = replace(clip, actor=entry.person)
     if entry.contains == (NOTHING,):
         return Take(clip, _throughout(clip, NOTHING))
-    return Take(clip, entry.segments, entry.contains)
-
-
-def _of_utkinect(entry: _Entry) -> Take:
-    clip, segments, delivered = utkinect.read_take(entry.path)
-    return Take(clip, entry.segments or segments, delivered=delivered)
+    shown = utkinect.delivered(entry.path) if utkinect.is_take(entry.path) else None
+    return Take(clip, entry.segments, entry.contains, shown)
 
 
 def _throughout(clip: Clip, label: str) -> tuple[Segment]:
@@ -243,11 +237,16 @@ def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
     ]
 
 
+def distinct(names: Iterable[str]) -> list[str]:
+    """Give names with a number behind each that came before."""
+    seen, numbered = Counter[str](), list[str]()
+    for name in names:
+        seen[name] += 1
+        numbered.append(f"{name} ({seen[name]})" if seen[name] > 1 else name)
+    return numbered
+
+
 def _with_distinct_names(takes: Sequence[Take]) -> list[Take]:
     """Make names of takes distinct, because counts are kept by name."""
-    seen, numbered = Counter[str](), list[Take]()
-    for take in takes:
-        seen[take.clip.name] += 1
-        again = f" ({seen[take.clip.name]})" if seen[take.clip.name] > 1 else ""
-        numbered.append(replace(take, clip=replace(take.clip, name=take.clip.name + again)) if again else take)
-    return numbered
+    names = distinct(take.clip.name for take in takes)
+    return [replace(take, clip=replace(take.clip, name=name)) for take, name in zip(takes, names, strict=True)]

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from kinespace.library.naming import spelling
+from kinespace.library.recordings.formats import utkinect
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.tools.cli.choice import one_of
 from kinespace.tools.cli.preset import preset_named
 
-#: The joints that Kinect 1 tracks and HDM05 has, in HDM05's names: all but its spine, which is just above the hips.
-KINECT_1 = (
-    *("root", "lowerneck", "head"),
-    *("lclavicle", "lhumerus", "lradius", "lhand", "rclavicle", "rhumerus", "rradius", "rhand"),
-    *("lhipjoint", "lfemur", "ltibia", "ltoes", "rhipjoint", "rfemur", "rtibia", "rtoes"),
-)
 #: Joint sets that no preset has: the joints of Kinect 1's own tools.
-_FURTHER = {"kinect20": KINECT_1}
+_FURTHER = {"kinect20": tuple(name for name in utkinect.SKELETON.joints if name != "Spine")}
 #: The names that conventions of joint names have for the sensors.
 _ALSO = {"kinect1": "kinect20", "kinect2": "kinectv2"}
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Callable
+from itertools import count
 from typing import Self
 
 from kinespace.library.motion_library import NOTHING
@@ -14,8 +16,9 @@ from kinespace.tools.terminal.live_table import LiveTable
 #: Seconds between two checks for a key.
 _LOOK = 0.1
 HINT = (
-    "t teach a new motion · a another example · h hold: record now, h again ends it · y the last name was right · "
-    "n it was wrong · m move as you will: nothing · space stop · x cancel · u undo · r redo · s save"
+    "t teach a new motion · a another example · h hold: record a new motion now, h again ends it · "
+    "= name the last motion · 1 to 9 choose the performer · y the last name was right · n it was wrong · "
+    "m move as you will: nothing · space stop · x cancel · u undo · r redo · s save"
 )
 _PLAIN: dict[str, Command] = {
     " ": commands.Stop(),
@@ -23,10 +26,9 @@ _PLAIN: dict[str, Command] = {
     "u": commands.Undo(),
     "r": commands.Redo(),
     "s": commands.Save(),
-    "y": commands.Right(),
-    "n": commands.Wrong(),
-    "m": commands.Teach("", NOTHING),
 }
+#: Keys that say whether the last name was right.
+_JUDGED: dict[str, Callable[[str], Command]] = {"y": commands.Right, "n": commands.Wrong}
 
 
 class Keys:
@@ -44,7 +46,9 @@ class Keys:
         self._lessons, self._shown = lessons, shown
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, name="kinespace keys", daemon=True)
-        self._taught, self._held = 0, False
+        self._taught, self._held, self._whose = "", False, ""
+        #: The name that is being typed; None while keys are commands.
+        self._typed: str | None = None
 
     def __enter__(self) -> Self:
         if sys.stdin.isatty() and sys.platform != "win32":
@@ -58,18 +62,44 @@ class Keys:
             self._thread.join()
 
     def command_of(self, key: str) -> Command | None:
-        """Give a key's command; new motions are numbered, to be renamed later."""
-        if key == "t":
+        """Give a key's command; new motions are numbered until they are named."""
+        if self._typed is not None:
+            return self._named(key)
+        if key.isdigit() and 0 < int(key) <= len(performers := self._lessons.performers.names):
+            self._whose = performers[int(key) - 1]
+            self._shown.hint = f"{self._whose} is taught · {HINT}"
+        if key == "=" and self._taught:
+            self._typed = ""
+            self._shown.hint = f"{self._taught} is called: "
+        if key == "t" or (key == "h" and not self._held) or (key == "a" and not self._taught):
             names = self._lessons.classes
-            self._taught = next(number for number in range(1, len(names) + 2) if f"motion {number}" not in names)
-        name = f"motion {max(self._taught, 1)}"
+            self._taught = next(name for number in count(1) if (name := f"motion {number}") not in names)
         if key in ("t", "a"):
-            return commands.Teach("", name)
+            return commands.Teach(self._whose, self._taught)
         if key == "h":
             # A terminal does not say when a key is released.
             self._held = not self._held
-            return commands.Hold("", name, self._held)
-        return _PLAIN.get(key)
+            return commands.Hold(self._whose, self._taught, self._held)
+        if key == "m":
+            return commands.Teach(self._whose, NOTHING)
+        return _JUDGED[key](self._whose) if key in _JUDGED else _PLAIN.get(key)
+
+    def _named(self, key: str) -> Command | None:
+        """Take in a letter of the last motion's name; Enter ends it, Escape forgets it."""
+        typed = self._typed or ""
+        if key not in "\n\r\x1b":
+            self._typed = typed[:-1] if key in "\x7f\b" else typed + key
+            self._shown.hint = f"{self._taught} is called: {self._typed}"
+            return None
+        self._typed, self._shown.hint, before = None, HINT, self._taught
+        if key == "\x1b" or not typed.strip():
+            return None
+        self._taught = typed.strip()
+        try:
+            return commands.Rename(before, self._taught)
+        except commands.CommandError:
+            self._taught = before
+            return None
 
     def _read(self) -> None:
         import select  # noqa: PLC0415 - only on systems with such terminals

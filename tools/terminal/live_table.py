@@ -59,7 +59,6 @@ COUNTERS = (
     ("answers not sent", "unsent"),
     ("connections broken", "inputs.broken"),
 )
-_ALWAYS = 8
 
 
 def score_shown(score: float, width: int) -> Text:
@@ -323,12 +322,12 @@ def refused_frames(performer: str, why: str) -> str:
 
 
 def counted(status: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
-    """Give the counters that are shown, by their words: the first of `COUNTERS`, and further ones above 0."""
-    for place, (words, path) in enumerate(COUNTERS):
+    """Give the counters that are shown, by their words: all that came in, and further ones above 0."""
+    for words, path in COUNTERS:
         count: Any = status
         for part in path.split("."):
             count = count.get(part, 0) if isinstance(count, Mapping) else 0
-        if place < _ALWAYS or count:
+        if count or words == "received":
             yield words, count
 
 

@@ -6,9 +6,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from kinespace.library import Clip, Reading, find_recordings, read_recordings
+from kinespace.library import Clip, Reading, read_recordings
 from kinespace.library.naming import summary
-from kinespace.library.recordings import labelled
 from kinespace.library.windows.oddities import remarks
 from kinespace.tools.terminal.console import note, progress
 
@@ -43,10 +42,3 @@ class NameNotes:
 def read_with_notes(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
     """Read recordings one after the other, with a progress bar and notes on their joint names."""
     return progress(map(NameNotes(), read_recordings(paths, reading)), "Reading", len(paths))
-
-
-def read_labelled(places: Sequence[Path], reading: Reading) -> list[Clip]:
-    """Read clips, or folders of them, with the class and the actor that their places name."""
-    paths = find_recordings(places)
-    clips = read_with_notes(paths, reading)
-    return [labelled(clip, path, reading.actor_in) for clip, path in zip(clips, paths, strict=True)]

@@ -26,6 +26,7 @@ from kinespace.tools.page.link import Subscription
 from kinespace.tools.page.process import Plan
 from kinespace.tools.page.requests import Gate, refusal
 from kinespace.tools.page.serving import ClientServer
+from kinespace.tools.terminal.console import note, printable
 from kinespace.tools.websocket.messages import as_text, packed
 
 #: Clients at once, at most.
@@ -34,6 +35,8 @@ MAX_CLIENTS = 64
 _MAX_MESSAGE = 256_000
 #: Answers that wait for a client, at most.
 MAX_WAITING = 512
+#: Refused sites that are told, at most.
+_MAX_TOLD = 8
 #: Seconds in which a client's own socket reaches the recogniser: earlier frames would be lost.
 _MEETING = 0.1
 
@@ -108,6 +111,7 @@ class SocketServer(ClientServer):
         self._plan, self._keyring = plan, keyring
         self._networks = [ipaddress.ip_network(each) for each in plan.networks]
         self._clients: set[_Client] = set()
+        self._told = set[str]()
 
     def take_messages(self) -> None:
         """Give all clients the answers that wait."""
@@ -125,7 +129,20 @@ class SocketServer(ClientServer):
             return refusal(403, "this network is not let in: see --allow-from")
         if len(self._clients) >= MAX_CLIENTS:
             return refusal(503, "too many clients")
-        return answer(self._gate, self._plan.origins, request.path, headers)
+        refused, origin = (
+            answer(self._gate, self._plan.origins, request.path, headers),
+            printable(headers.get("origin", "")[:100]),
+        )
+        if (
+            refused
+            and "--ws-origin" in refused.body.decode()
+            and origin not in self._told
+            and len(self._told) < _MAX_TOLD
+        ):
+            self._told.add(origin)
+            whose = "opened as a file" if origin == "null" else f"of {origin}"
+            note(f"WebSocket: a page {whose} was refused: --ws-origin {origin} lets it in")
+        return refused
 
     async def serve_client(self, connection: ServerConnection) -> None:
         """Serve one client until it leaves."""

@@ -1,12 +1,14 @@
 """Labels of a continuous take: segments in which a motion is performed, and the clips cut from them.
 
-Two kinds of text are read: a table with the columns `start_s,end_s,label`, with commas, semicolons or tabs between; and
-labels as Audacity exports them (start, end and label, with tabs between, no headings).
+Read are a table with the columns `start_s,end_s,label`, with commas, semicolons or tabs between; labels as Audacity
+exports them (start, end and label, with tabs between, no headings); ELAN's annotations (`.eaf`); and the state events
+of a BORIS project (`.boris`) with one observation.
 """
 
 from __future__ import annotations
 
 import csv
+import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
@@ -22,7 +25,7 @@ _COLUMNS = ("start_s", "end_s", "label")
 #: Columns of a table in frames, which is refused with a hint: a table does not know the take's frame rate.
 _IN_FRAMES = {"start_frame", "end_frame"}
 #: Endings of the files of labels that may lie in a take's folder.
-_ENDINGS = (".csv", ".tsv", ".txt")
+_ENDINGS = (".csv", ".tsv", ".txt", ".eaf", ".boris")
 #: A line that Audacity exports.
 _EXPORTED = re.compile(r"(\d+(?:[.,]\d+)?)\t(\d+(?:[.,]\d+)?)\t([^\t]*)")
 #: Seconds of the shortest window by which motions are compared.
@@ -86,7 +89,10 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
         The file cannot be opened.
     """
     try:
-        segments = list(_segments(path, list(memory.lines(path, memory.MAX_WITHOUT_MOTION))))
+        lines = list(memory.lines(path, memory.MAX_WITHOUT_MOTION))
+        segments = list(_READERS.get(path.suffix.lower(), _segments)(path, lines))
+    except (AttributeError, KeyError, TypeError, ET.ParseError, json.JSONDecodeError) as error:
+        raise LabelError(f"{path}: expected annotations of ELAN or events of BORIS ({error!r})") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise LabelError(f"{path}: expected a CSV, as a spreadsheet can save it ({error})") from error
     if not segments:
@@ -106,7 +112,40 @@ def labels_beside(take: Path) -> list[Path]:
     return [path for path in paths if path != take and path.is_file() and _holds_labels(path)]
 
 
+def _of_elan(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
+    """Read the annotations of all tiers; a tier's participant performs them."""
+    root = ET.fromstring("".join(lines))  # noqa: S314 - expat refuses entities that grow
+    slots = {slot.attrib["TIME_SLOT_ID"]: slot.attrib["TIME_VALUE"] for slot in root.iter("TIME_SLOT")}
+    for tier in root.iter("TIER"):
+        for number, each in enumerate(tier.iter("ALIGNABLE_ANNOTATION"), 1):
+            if label := (each.findtext("ANNOTATION_VALUE") or "").strip():
+                times = [str(float(slots[each.attrib[f"TIME_SLOT_REF{end}"]]) / 1000) for end in (1, 2)]
+                yield _segment(path, number, times, label, tier.get("PARTICIPANT", ""))
+
+
+def _of_boris(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
+    """Read the state events: a behaviour of a subject begins with one event and ends with the next."""
+    observed, *others = json.loads("".join(lines))["observations"].values()
+    if others:
+        raise LabelError(f"{path}: expected one observation, got {len(others) + 1}")
+    begun = dict[tuple[str, str], float]()
+    for number, (time, subject, behaviour, *_) in enumerate(sorted(observed["events"], key=lambda event: event[0]), 1):
+        since = begun.pop((subject, behaviour), None)
+        if since is None:
+            begun[subject, behaviour] = time
+        else:
+            named = "" if subject == _NOBODY else subject
+            yield _segment(path, number, [str(since), str(time)], behaviour, named)
+
+
+_READERS = {".eaf": _of_elan, ".boris": _of_boris}
+#: How BORIS calls the subject of an event that has none.
+_NOBODY = "No focal subject"
+
+
 def _holds_labels(path: Path) -> bool:
+    if path.suffix.lower() in _READERS:
+        return True
     first = ""
     with suppress(ValueError):
         first = next((line.rstrip("\r\n") for line in memory.lines(path, errors="replace") if line.strip()), "")

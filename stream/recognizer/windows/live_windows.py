@@ -33,6 +33,27 @@ class Seen(NamedTuple):
     distances: Distances
 
 
+class Covariance(NamedTuple):
+    """The distances' covariance over the longest window that the last answer rests on.
+
+    Attributes
+    ----------
+    frames
+        The number of frames in the window.
+    directions
+        A distance row times these is a point in the basis, shape (pairs, directions).
+    matrix
+        The covariance of the frames' points, shape (directions, directions), square metres.
+    eigenvector
+        The matrix's leading eigenvector, shape (directions,).
+    """
+
+    frames: int
+    directions: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+    eigenvector: NDArray[np.float64]
+
+
 class LiveWindows:
     """Follows the windows of one performer, and compares them with a library's.
 
@@ -55,7 +76,7 @@ class LiveWindows:
 
     def __init__(self, index: WindowIndex, threshold: float = -math.inf) -> None:
         self.index, self.threshold = index, threshold
-        self._window = _window_of(index)
+        self._window = window_of(index)
         self.clear()
 
     def clear(self) -> None:
@@ -90,7 +111,7 @@ class LiveWindows:
 
     def exchange(self, index: WindowIndex) -> None:
         """Compare the same rows with another library of the same joints from now on."""
-        before, window = self._window, _window_of(index)
+        before, window = self._window, window_of(index)
         same = np.array_equal(index.basis.directions, self.index.basis.directions)
         self.index = index
         self._forget_seen()
@@ -142,6 +163,14 @@ class LiveWindows:
         found = signature(self._window, self._parts, self.index.body, self._eigenvectors)
         return Seen(found, self.index.distances(found))
 
+    def covariance(self) -> Covariance:
+        """Give the covariance over the longest span, and what was read off it last; ValueError before."""
+        window, longest = self._window, self._window.in_basis[-1]
+        if self.seen is None:
+            raise ValueError("covariance: expected an answer before, got none yet")
+        matrix = window.covariance(longest)
+        return Covariance(window.rows_in(longest), self.index.basis.directions, matrix, self.seen.signature.leading)
+
     def contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the leading eigenvector, shape (pairs,); None before.
 
@@ -156,7 +185,8 @@ class LiveWindows:
         return given
 
 
-def _window_of(index: WindowIndex) -> Window:
+def window_of(index: WindowIndex) -> Window:
+    """Make an empty window of the lengths and in the basis of a library's windows."""
     of_distances, in_basis = lengths_of(index.comparison.weighing.parts)
     # The movement is read off distances, also where no part is.
     return Window(of_distances or in_basis[-1:], in_basis, index.basis.directions)

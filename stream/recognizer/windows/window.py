@@ -144,6 +144,10 @@ class Window:
         sums = self._followed(self._products[seconds])
         return covariance_of(*sums.sums[1:], sums.floor)
 
+    def rows_in(self, seconds: float) -> int:
+        """Give the number of rows over a span whose `covariance` can be asked for."""
+        return self._products[seconds].end - self._products[seconds].begin
+
     def read_distances(self, seconds: float, body: Body) -> tuple[Numbers, Numbers, Numbers, float]:
         """Give spread, posture and trend over a span, and the movement."""
         sums = self._followed(self._moments[seconds]).sums

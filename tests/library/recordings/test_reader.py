@@ -133,6 +133,19 @@ def test_paths_are_text_or_path_one_or_many(tmp_path: Path) -> None:
             read_recordings(wrong)  # type: ignore[arg-type] # a mistake
 
 
+def test_a_folder_gives_motions_with_classes_and_persons(tmp_path: Path) -> None:
+    """A clip has its folder's class; a take is cut by the labels beside it; the person is where the caller says."""
+    _write_arm(tmp_path / "bow", "ann_1.amc", frames=20)
+    _write_arm(tmp_path, "bob_take.amc", frames=20)
+    for person in ("bow/ann", "bob"):
+        (tmp_path / f"{person}.asf").write_text(ARM.asf())
+    (tmp_path / "bob_take.csv").write_text("start_s,end_s,label\n0,0.05,jump\n0.05,0.1,wave\n")
+    read = [(clip.class_name, clip.actor) for clip in read_recordings(tmp_path, actor_in="name")]
+    assert read == [("jump", "bob"), ("wave", "bob"), ("bow", "ann")]
+    with pytest.raises(ValueError, match="'nose' is not a valid ActorIn"):
+        read_recordings(tmp_path, actor_in="nose")  # type: ignore[arg-type]  # a mistake
+
+
 def test_a_take_is_cut_by_labels(tmp_path: Path) -> None:
     """By a file of labels or by a list, into clips with the labels' classes and frames."""
     (path,) = _write_arm(tmp_path, "arm_1.amc", frames=240)

@@ -1,13 +1,19 @@
 """Whole clips classified by scikit-learn's conventions."""
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from naive_windows import nearest
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
-from kinespace.library import MotionLibrary, SkeletonMismatchError
-from kinespace.stream import MotionClassifier, recognise
+from kinespace.library import MotionLibrary, SkeletonMismatchError, distance_rows, opened
+from kinespace.library.windows.comparison import NEAREST
+from kinespace.library.windows.cutting import window_ends
+from kinespace.stream import MotionClassifier
+from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 
 CLASSES = tuple(sorted(STICK_CLASSES)[:3])
 CLIPS = [
@@ -18,23 +24,66 @@ CLIPS = [
 NAMES = [each.class_name for each in CLIPS]
 
 
-@pytest.mark.slow
-def test_clips_are_named_by_the_mean_score_of_their_windows() -> None:
-    """The scores are those of the answers, as they would be live; a clip in the library is named rightly."""
-    classifier = MotionClassifier()
+@pytest.mark.parametrize("timing", [0.0, 0.5])
+def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> None:
+    """Scores are by the live windows' distances, a window of another time being farther; the learned is named."""
+    classifier = MotionClassifier(timing=timing)
     assert classifier.fit(CLIPS[::2], NAMES[::2]) is classifier
     assert classifier.classes_.tolist() == list(CLASSES)
-    asked = CLIPS[1::2]
-    scores = classifier.decision_function(asked)
-    library = MotionLibrary.of_clips(CLIPS[::2])
-    for clip, row in zip(asked, scores, strict=True):
-        answers = recognise(library, clip)
-        assert row.tolist() == pytest.approx(sum(each.scores for each in answers) / len(answers))
+    asked, index = CLIPS[1], opened(classifier.library_)
+    windows, logs, before = LiveWindows(index), [], 0
+    whose = [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
+    for end in window_ends(asked, 0.1).tolist():
+        some = slice(before, end)
+        windows.push(asked.times[some], distance_rows(asked.positions[some], asked.skeleton))
+        seen, before = windows.read(), end
+        assert seen is not None
+        if timing:
+            own = index.comparison.place(seen.signature.parts)
+            apart = zip(own, index.vectors, strict=True)
+            squared = [np.square(mine - theirs.astype(float)).sum(axis=1) + NEAREST for mine, theirs in apart]
+            late = timing * np.abs(np.log((end / 60 + 0.3) / (index.since + 0.3)))
+            logs.append(list(nearest(np.log(squared).mean(axis=0) + late, *zip(*whose, strict=True)).values()))
+        else:
+            logs.append(seen.distances.named)
+    scores = classifier.decision_function(CLIPS[1::2])
+    np.testing.assert_allclose(scores[0], np.mean(1 / (1 + np.exp(logs)), axis=0), rtol=2e-3)
     named = [CLASSES[max(range(3), key=row.__getitem__)] for row in scores.tolist()]
-    assert classifier.predict(asked).tolist() == named
+    assert classifier.predict(CLIPS[1::2]).tolist() == named
     assert classifier.predict(CLIPS[:6:2]).tolist() == [CLASSES[0]] * 3
-    assert classifier.score(asked, named) == 1.0
-    assert classifier.score(asked, ["another"] * len(asked)) == 0.0
+    assert classifier.score(CLIPS[1::2], named) == 1.0
+    assert classifier.score(CLIPS[1::2], ["another"] * len(named)) == 0.0
+
+
+def test_labels_come_back_as_they_came_with_probabilities() -> None:
+    """Whole numbers stay numbers, sorted as numbers; probabilities add up to 1, the largest at the named class."""
+    numbers = [(2, 10, 1)[CLASSES.index(name)] for name in NAMES]
+    classifier = MotionClassifier().fit(CLIPS, numbers)
+    assert (classifier.classes_.tolist(), classifier.classes_.dtype.kind) == ([1, 2, 10], "i")
+    assert classifier.predict(CLIPS).tolist() == numbers
+    assert classifier.score(CLIPS, numbers) == 1.0
+    shares = classifier.predict_proba(CLIPS[:4])
+    np.testing.assert_allclose(shares.sum(axis=1), 1.0)
+    assert classifier.classes_[shares.argmax(axis=1)].tolist() == numbers[:4]
+    again = pickle.loads(pickle.dumps(copy.deepcopy(classifier)))  # noqa: S301 - our own
+    np.testing.assert_array_equal(again.predict_proba(CLIPS[:4]), shares)
+    assert repr(classifier) == "MotionClassifier(skeleton=None, frame_rate=120.0, hop=0.1, timing=0.5)"
+
+
+def test_who_taught_is_said_and_groups_are_persons(builtin: MotionLibrary) -> None:
+    """Arrays name nobody, so the built-in library's persons teach, perhaps those who are asked; `groups` name them."""
+    some = [each for each in builtin.motions if each.actor in ("bd", "bk", "dg")][::9]
+    arrays, names, people = (
+        [each.positions for each in some],
+        [each.class_name for each in some],
+        [each.actor for each in some],
+    )
+    classifier = MotionClassifier()
+    assert classifier.fit(arrays, names).taught_by_ == ("bd", "bk", "dg", "mm", "tr")
+    assert classifier.fit(arrays, names, groups=people).taught_by_ == ("bd", "bk", "dg")
+    assert classifier.library_.actors == ("bd", "bk", "dg")
+    with pytest.raises(ValueError, match=f"groups: expected a person for each of {len(some)} clips, got 1"):
+        classifier.fit(arrays, names, groups=["bd"])
 
 
 @pytest.mark.slow
@@ -68,7 +117,7 @@ def test_mistakes_are_said() -> None:
         classifier.predict([CLIPS[0].positions[:2]])
     with pytest.raises(SkeletonMismatchError):
         classifier.predict([CLIPS[0].restricted_to(STICK.joints[:4])])
-    with pytest.raises(ValueError, match="speed: expected skeleton or frame_rate, got 2"):
+    with pytest.raises(ValueError, match="speed: expected one of skeleton, frame_rate, hop, timing, got 2"):
         classifier.set_params(speed=2)
 
 
@@ -82,7 +131,12 @@ def test_scikit_learn_takes_it() -> None:
     with pytest.warns(UserWarning, match="Can't test estimator MotionClassifier which requires input"):
         checks.check_estimator(classifier)
     assert base.is_classifier(classifier)
-    assert base.clone(classifier).set_params(frame_rate=30.0).get_params() == {"skeleton": STICK, "frame_rate": 30.0}
+    assert base.clone(classifier).set_params(frame_rate=30.0).get_params() == {
+        "skeleton": STICK,
+        "frame_rate": 30.0,
+        "hop": 0.1,
+        "timing": 0.5,
+    }
     people = [each.actor for each in CLIPS]
     scores = selection.cross_val_score(classifier, CLIPS, NAMES, groups=people, cv=selection.LeaveOneGroupOut())
     assert len(scores) == 3

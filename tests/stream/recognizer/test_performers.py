@@ -348,3 +348,15 @@ def test_bounds_that_make_no_sense_are_refused(sticks: MotionLibrary, bounds: di
     """There is room for at least one, and silence is a positive number of seconds."""
     with pytest.raises(ValueError, match=f"{named}: expected"):
         Performers(sticks, **bounds)  # type: ignore[arg-type]
+
+
+def test_times_in_milliseconds_are_said_at_once(sticks: MotionLibrary) -> None:
+    """A tenth of a second of such frames is enough; a feed that falls silent now and then is no such feed."""
+    frames, performers = _frames("p", "wave"), Performers(sticks)
+    _pushed(performers, [replace(frame, time=1000 * frame.time) for frame in frames[:12]])
+    said = "times: expected seconds, got a gap before nearly each of 12 frames (milliseconds?)"
+    assert performers.refused == performers.doubted == {"p": said}
+    rare = Performers(sticks)
+    _pushed(rare, [replace(frame, time=frame.time + 9 * (place // 15)) for place, frame in enumerate(frames)])
+    assert rare.refused == {}
+    assert rare.counts.recognizers.restarts > 10

@@ -1,6 +1,8 @@
 """The recogniser of one performer: when it answers, what it refuses, and when it begins anew."""
 
-from collections.abc import Iterable, Iterator, Sequence
+import copy
+import pickle
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,6 +23,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
+from kinespace.stream.recognizer.limits import index_for
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
 from kinespace.tools.feeding.feed import resampled
 
@@ -104,6 +107,36 @@ def test_it_follows_one_performer(sticks: MotionLibrary) -> None:
     recognizer.reset()
     others = pushed(recognizer, [replace(frame, performer="q") for frame in frames])
     assert {answer.performer for answer in others} == {"q"}
+
+
+@pytest.mark.parametrize("signature", list(LiveSignature))
+def test_a_hops_covariance_is_the_batchs_and_its_best_product_the_papers_answer(
+    sticks: MotionLibrary, signature: LiveSignature
+) -> None:
+    """The covariance equals numpy's of the window's rows, and the class is of the window with the largest product."""
+    recognizer, frames = Recognizer(sticks, Settings(signature=signature)), _frames("bow")
+    with pytest.raises(ValueError, match="covariance: expected an answer before, got none yet"):
+        recognizer.covariance()
+    index = index_for(sticks, recognizer.settings)
+    for place, frame in enumerate(frames, 1):
+        if answer := recognizer.push(frame):
+            hop = recognizer.covariance()
+            positions = np.array([each.positions for each in frames[place - hop.frames : place]])
+            rows = naive.distance_rows(positions, naive.pairs(6)) @ hop.directions
+            np.testing.assert_allclose(np.cov(rows.T, bias=True), hop.matrix, rtol=1e-7, atol=1e-12)
+            assert abs(np.linalg.eigh(hop.matrix)[1][:, -1] @ hop.eigenvector) == pytest.approx(1)
+            products = np.abs(index.eigenvectors @ hop.eigenvector)
+            assert answer.eigenvector_score == pytest.approx(products.max(), abs=1e-5)
+            assert answer.eigenvector_class == sticks.motions[index.motions[products.argmax()]].class_name
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_copies_are_refused_in_words(sticks: MotionLibrary, copied: Callable[[object], object]) -> None:
+    """A copy would share the memory of the original, and both would answer wrongly; libraries are copied rightly."""
+    for each in (Recognizer(sticks), Performers(sticks)):
+        with pytest.raises(TypeError, match=f"expected a library or settings, got a {type(each).__name__}"):
+            copied(each)
+    copied((sticks, opened(sticks), Settings()))
 
 
 def test_every_change_is_for_one_thread_at_a_time(sticks: MotionLibrary) -> None:

@@ -96,6 +96,19 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
     assert stage.teacher.lesson is None
 
 
+@pytest.mark.parametrize(("rate", "said"), [(8, "8 frames a second, 10 are better: choose --size lite"), (15, "")])
+def test_a_slow_camera_is_said_before_the_lesson(rate: int, said: str) -> None:
+    """With the last number of the countdown, while there is time to choose."""
+    stage = Stage()
+    stage.stand(1.0)
+    stage.ask(commands.Teach("ann", "wave"))
+    for number in range(3 * rate):
+        stage.now = 1.0 + (number + 0.5) / rate
+        stage.told += stage.teacher.push(Frame("ann", stage.now, stage.library.motions[40].positions[0]), stage.now)
+        stage.told += stage.teacher.tick(stage.now)
+    assert [each.reason for each in stage.told if isinstance(each, State)] == ["", "", said]
+
+
 def test_an_example_that_is_undone_before_its_check_is_told() -> None:
     """Whoever showed it waits for an end of the lesson."""
     stage = _taught()

@@ -65,7 +65,7 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         made = re.search(r"feed vmc: (\d+) frames made \(\d+ by end.*\), 0 refused", program.output)
         assert made, program.output
         assert int(made[1]) >= 40
-        assert "malformed 0" in program.output
+        assert "malformed" not in program.output
         assert program.output.startswith("feed vmc: 22 of the library's 31 joints\n")
 
 

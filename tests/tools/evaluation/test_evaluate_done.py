@@ -1,4 +1,4 @@
-"""What is said of a take: as live, and by start events."""
+"""What is said of a take, as live."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from kinespace.library import MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
-from kinespace.tools.evaluation.evaluate_done import done_take, starts
+from kinespace.tools.evaluation.evaluate_done import done_take
 from kinespace.tools.evaluation.harness import Asked
 from kinespace.tools.evaluation.takes import Take
 
@@ -31,10 +31,3 @@ def test_a_take_is_judged_as_live(asked: Asked) -> None:
     assert [each.class_name for each in take.said] == [SQUAT]
     assert take.broken == [False]
     assert not done_take(asked, Settings(false_alarms=0.0)).said
-
-
-def test_starts_stand_in_its_place(asked: Asked) -> None:
-    """A start comes before a motion's end, and also where the motion is broken off behind its half."""
-    started = done_take(asked, Settings(), starts)
-    assert [each.class_name for each in started.said] == [SQUAT]
-    assert started.said[0].at < done_take(asked, Settings()).said[0].at

@@ -13,13 +13,11 @@ from takes import write_take
 
 from kinespace.library import MotionLibrary, Reading, Skeleton, SkeletonMismatchError
 from kinespace.library.recordings import ActorIn
-from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
-from kinespace.tools.evaluation.harness import INSIDE, shared_joints
-from kinespace.tools.evaluation.scoring.stream_score import score_courses
+from kinespace.tools.evaluation.harness import shared_joints
 from kinespace.tools.evaluation.scoring.timeline import Course
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.feeding.joint_sets import joints_of
@@ -98,25 +96,6 @@ def test_the_library_recognises_every_take(
     score = _scored(capsys, folder, "--library", library)
     right, named = _shares([_replayed(take, takes[:1]) for take in takes])
     assert (score["frame_accuracy"], score["unknown_answered"]) == (pytest.approx(right), pytest.approx(named))
-
-
-def test_motions_that_a_person_confirmed_are_recognised_too(
-    folder: Path, takes: list[Take], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Beside the library stands the first motion of each of its classes out of the other takes: not the second one."""
-    motions = [motion for take in takes for motion in take.motions()]
-    library = MotionLibrary.of_clips([each for each in takes[0].motions() if each.class_name != "row"])
-    library.save(tmp_path / "two.library")
-    score = _scored(capsys, folder, "--library", tmp_path / "two.library", "--confirmed", 1)
-    courses = []
-    for take in takes:
-        own = {motion.name for motion in take.motions()}
-        others = {each.class_name: each for each in reversed(motions) if each.name not in own}
-        added = [replace(others[name], actor="") for name in library.classes]
-        courses.append(course(take, opened(library).with_motions(added, every=0.1), CLASSES, Settings()))
-    assert score["auc_unknown"] == pytest.approx(score_courses(courses, CLASSES, INSIDE).values["auc_unknown"])
-    alone = _scored(capsys, folder, "--library", tmp_path / "two.library")
-    assert score["auc_unknown"] != alone["auc_unknown"]
 
 
 @pytest.mark.parametrize("protocol", ["leave-one-take-out", "leave-one-person-out"])

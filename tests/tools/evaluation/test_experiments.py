@@ -6,15 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from recorded import write_takes
+from recorded import SWINGS, write_takes
 from takes import write_take
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation import evaluate_teach
-from kinespace.tools.evaluation.evaluate_teach import begun, stood
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -30,9 +27,6 @@ RUNS = {
         "faults {takes} --protocol leave-one-take-out --fault none,half the frames dropped",
         "10 s, 7 segments, persons not known; last second inside the segment",
     ),
-    "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
-    "teach left out": ("teach --left-out --draws 1 --examples 1 --teachers dg", "1 person, 1 draw each"),
-    "teach beside": ("teach --beside --draws 1 --examples 1 --teachers mm", "1 person, 1 draw each"),
     "gestures": ("gestures", "9 gestures, 3 persons"),
     "gestures of others": ("gestures --taught-by all", "9 gestures, 3 persons"),
     "show": ("show --shows 1 --minutes 0.5 --gestures 2", "1 show; "),
@@ -41,11 +35,13 @@ RUNS = {
         "6 motions, 0 takes with a motion",
     ),
     "progress": ("progress --every 3", "6 motions of 3 persons"),
-    "retrieval": ("retrieval {clips} --protocol split", "18 s, 2 known persons; 95 %: by motions"),
+    "done itself": ("done", "18 motions, 0 takes with a motion"),
+    "retrieval": ("retrieval {clips} --protocol split", "12 motions of 3 classes by 2 persons"),
+    "retrieval of takes": ("retrieval {takes} --actor-in name", "7 motions of 4 classes by 3 persons"),
 }
 #: What is refused, in one line.
 REFUSED = {
-    "stream": "expected takes with --protocol library, got none",
+    "stream --protocol library": "expected takes with --protocol library, got none",
     "stream {takes}": "joint",
     "stream {takes}/ann_01.amc --protocol leave-one-take-out": "expected at least two labelled takes, got 1",
     "stream {takes} --protocol one-person": "expected a name with the actor in it, as HDM05's have; --actor-in",
@@ -53,15 +49,13 @@ REFUSED = {
     "stream {takes} --protocol leave-one-take-out --window 1": "--window: expected --signature paper",
     "stream {clips} --skeleton octopus": "--skeleton: expected one of",
     "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
-    "faults": "expected takes with --protocol library, got none",
+    "faults --protocol library": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
-    "done": "expected takes with --protocol library, got none",
-    "stream {takes} --protocol leave-one-take-out --confirmed 1": "--confirmed: expected --protocol library, got leave",
-    "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
     "gestures {takes} --taught-by next": "--taught-by next: expected takes of several persons, got 1; --actor-in",
     "show --gestures 9": "--gestures: expected at most 3, of which bd has more than 1 motions, got 9",
     "show --movement {takes}": "joints: expected at least 5",
-    "retrieval {takes}/ann_01.amc --protocol split": "ann_01: expected a name with the actor in it",
+    "retrieval {takes} --protocol split": "ann_01: expected a name with the actor in it",
+    "retrieval {clips}/bendLeft": "FOLDER: expected motions of two classes or more, got 4 of bendLeft: a class is in",
     "retrieval /absent": "no such file or folder",
 }
 
@@ -102,7 +96,7 @@ def _keys(value: Any) -> set[str]:  # noqa: ANN401 - JSON
         return set[str]().union(*map(_keys, value))
     if not isinstance(value, dict):
         return set()
-    named = {"classes", "persons", "intervals"}
+    named = {"classes", "persons", "intervals", "confusion"}
     below = [each for key, each in value.items() if key not in named]
     by_name = [each for key in {"classes"} & set(value) if isinstance(value[key], dict) for each in value[key].values()]
     return {*value}.union(*map(_keys, [*below, *by_name]))
@@ -122,11 +116,58 @@ def test_keys_are_on_the_page_and_a_table_says_its_basis(
     assert basis in " ".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize("run", ["faults", "teach beside", "show"])
+@pytest.mark.parametrize("run", ["faults", "show"])
 def test_what_is_drawn_is_drawn_again(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     """Two runs print the same figures, also where chance decides what is played."""
     arguments = _arguments(RUNS[run][0], folders)
     assert _printed(arguments, capsys) == _printed(arguments, capsys)
+
+
+def test_the_papers_figure_is_drawn_and_written(
+    folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The confusion of each space in the terminal and as a picture; each neighbour a row; all rows as JSON."""
+    run = ["evaluate", "retrieval", str(folders["clips"]), "--answers", str(tmp_path / "a.csv")]
+    assert main([*run, "--picture", str(tmp_path / "figure.png")]) == 0
+    printed, (head, *rows) = capsys.readouterr().out, (tmp_path / "a.csv").read_text().splitlines()
+    for space in ("distances", "positions", "rotations"):
+        assert f"Confusion by {space} (raw, actor held out)" in printed
+    assert "bendLeft                 100   ·   ·" in printed
+    assert head.split(",")[3:9] == ["query", "class", "person", "nearest", "nearest_class", "nearest_product"]
+    # Three spaces, two signatures; twelve clips, of which bd's six are the library that mm's six ask.
+    assert len(rows) == len({tuple(row.split(",")[:4]) for row in rows}) == 6 * (12 + 12 + 6)
+    assert (tmp_path / "figure.png").read_bytes()[:4] == b"\x89PNG"
+    scores = _printed(run, capsys)
+    assert len(scores) == 6 * 3
+    assert scores[0]["confusion"]["bendLeft"] == {"bendLeft": 1.0}
+
+
+def test_bodies_of_other_joints_are_compared_by_those_they_share(
+    folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One person's recordings lack a joint: it is said, and all motions count."""
+    assert main(["convert", str(folders["clips"] / "bendLeft"), "-o", str(tmp_path), "--joints", "*l*,*r*,root"]) == 0
+    both = [str(tmp_path), str(folders["clips"])]
+    assert main(["evaluate", "retrieval", *both]) == 0
+    printed = capsys.readouterr()
+    assert "without head" in " ".join(printed.err.split())
+    assert "16 motions of" in printed.out
+
+
+def test_the_full_archive_of_hdm05_is_built_and_evaluated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """130 classes in folders, skeletons beside them: a signature a class is no place for a matrix in a terminal."""
+    write_takes(tmp_path, takes=1, frames=60)
+    for number in range(3, 130):
+        like = sorted(SWINGS)[number % 3]
+        (tmp_path / f"like{number}").mkdir()
+        for actor in ("bd", "mm"):
+            clip = (tmp_path / like / f"HDM_{actor}_{like}_001_120.amc").read_text()
+            (tmp_path / f"like{number}" / f"HDM_{actor}_like{number}_001_120.amc").write_text(clip)
+    assert main(["evaluate", "retrieval", str(tmp_path), "--picture", str(tmp_path / "figure.svg")]) == 0
+    assert "260 motions of 130 classes by 2 persons" in (printed := capsys.readouterr().out)
+    assert "--picture FILE draws the confusion of 130 classes" in printed
+    assert main(["build", str(tmp_path), "-o", str(tmp_path / "all.npz")]) == 0
+    assert len(MotionLibrary.load(tmp_path / "all.npz").classes) == 130
 
 
 def _printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> Any:  # noqa: ANN401 - JSON
@@ -146,30 +187,3 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pyte
     *_, said = printed.err.splitlines()
     assert REFUSED[line] in said
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
-
-
-def test_the_share_of_motions_that_begin_a_lesson() -> None:
-    """A motion begins one, and standing still begins none."""
-    motion = MotionLibrary.builtin().motions[0]
-    standing = replace(motion, positions=np.repeat(motion.positions[:1], 60, axis=0))
-    assert begun([motion, standing]) == {"begins": 0.5, "begins_slow": 0.5, "motions": 2}
-
-
-def test_takes_of_which_nothing_asks_are_said(cmu_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two takes that each have a class of their own both teach, so none is left to ask: a sentence, and status 1."""
-    takes = [str(cmu_folder / name) for name in ("13_29.amc", "13_30.amc")]
-    assert main(["evaluate", "teach", *takes, "--person", "ann", "--examples", "1", "--draws", "2"]) == 1
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert "nothing asked: a take that teaches does not ask" in printed.err
-    assert "(ArmCircle, Jog, ToeTouchOneHand)" in printed.err
-
-
-def test_the_share_of_standing_still_that_begins_a_lesson(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Times of two seconds count, one a second, in which no joint goes far; where it may go far, motions begin some."""
-    motion = max(MotionLibrary.builtin().motions, key=lambda each: each.duration)
-    still = replace(motion, positions=np.repeat(motion.positions[:1], round(4 * motion.frame_rate), axis=0), gaps=())
-    assert stood([motion]) == {"stood_begins": None, "stood": 0}
-    assert stood([motion, still]) == {"stood_begins": 0.0, "stood": 2}
-    monkeypatch.setattr(evaluate_teach, "_STAYS", 9.0)
-    assert stood([motion]) == {"stood_begins": 1.0, "stood": int(motion.duration) - 1}

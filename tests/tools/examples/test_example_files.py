@@ -54,7 +54,7 @@ def _printed_by(run: Sequence[str], layout: str, environment: dict[str, str] | N
             check=False,
         )
         assert program.interrupt() == 0
-        assert "malformed 0, foreign 0" in program.output
+        assert "malformed" not in program.output
     printed = (ran.stdout + ran.stderr).decode(errors="replace")
     assert ran.returncode == 0, printed
     return printed
@@ -174,7 +174,7 @@ def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
         )
         assert (done.returncode, done.stderr) == (0, b"")
         assert program.interrupt() == 0
-        assert "malformed 0, foreign 0" in program.output
+        assert "malformed" not in program.output
     assert f"python: {SQUAT} starts" in done.stdout.decode()
 
 

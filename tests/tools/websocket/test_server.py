@@ -35,8 +35,9 @@ def test_frames_go_in_and_answers_come_out(builtin: MotionLibrary) -> None:
     options = ("--ws", f"{LOOPBACK}:0", "--ws-origin", EDITOR, "--plain")
     with started("live", *ends, *options) as program:
         address = program.expect(r"WebSocket: (ws://\S+)")[1]
-        with pytest.raises(InvalidStatus, match="403"), connect(address, origin=Origin("https://evil.example")):
-            pass
+        for strange in ("https://evil.example", "null"):
+            with pytest.raises(InvalidStatus, match="403"), connect(address, origin=Origin(strange)):
+                pass
         # A client that does not read at once takes all the same, so that the end of the program reaches it.
         with (
             connect(address, max_queue=None) as client,
@@ -52,6 +53,7 @@ def test_frames_go_in_and_answers_come_out(builtin: MotionLibrary) -> None:
             assert until(client, "status")["inputs"]["foreign"] == 1
             assert set(until(client, "classes")["classes"]) == set(builtin.classes)
             assert program.interrupt() == 0
+        assert "a page opened as a file was refused: --ws-origin null lets it in" in program.errors
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,8 @@ def answer_rows(courses: Sequence[Course], classes: Sequence[str]) -> Iterator[d
 def segment_rows(courses: Sequence[Course], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
     """Give a row for each segment: take, person, times, the class performed, and how it was answered; shares of time.
 
-    `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came.
+    `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came, and
+    where the segment follows one of its class.
     """
     by_name = {course.name: course for course in courses}
     for each in stretches_of(courses, window):

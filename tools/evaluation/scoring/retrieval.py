@@ -2,13 +2,7 @@
 
 Three spaces are compared (Le Naour et al. 2012, section 3 and figure 2): joint-to-joint distances, joint positions as
 recorded, and joint rotations as recorded (the AMC's angles, with the root's). In each space a motion's signature is the
-first principal axis of its centred numbers.
-
-The spread is another signature: the logarithms of the distances' standard deviations, relative to the body's size and
-centred, say which joints move against each other, and by which factor more than others; they have no sign, and a motion
-done larger changes all of them alike. Its metric is learned from the motions that may be found: it divides by the
-scatter within classes (within-class covariance normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal
-scatter everywhere (Ledoit and Wolf 2004), since there are fewer motions than distances.
+first principal axis of its numbers, read in two ways: centred, or as they are (`signature_of`).
 """
 
 from __future__ import annotations
@@ -21,19 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
-from kinespace.library.signature.leading import signature_of, similarity
-from kinespace.library.windows.metric import squared_distances
+from kinespace.library import Clip, distance_rows, signature_of
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
-
-#: Added to each standard deviation before the logarithm, relative to the body's size: about a millimetre, a marker's
-#: noise. Without it a distance that does not change at all would outweigh all others.
-_FLOOR = 0.0015
-#: Share of equal scatter in the metric of the spread.
-_SHRINKAGE = 0.1
-#: Scatter below this share of the largest scatter is only rounding.
-_NOTHING = 1e-12
 
 
 class Space(StrEnum):
@@ -45,12 +28,12 @@ class Space(StrEnum):
 
 
 class SignatureKind(StrEnum):
-    """The signature by which two motions are compared."""
+    """The paper's signature, in its two readings: motions are compared by the absolute inner product."""
 
-    #: The paper's signature: the absolute inner product of the leading eigenvectors.
+    #: The leading eigenvector of the covariance: the numbers are centred.
     EIGENVECTOR = "eigenvector"
-    #: The centred log standard deviations, in a metric learned from the motions that may be found.
-    SPREAD = "spread"
+    #: The first singular vector of the numbers as they are.
+    RAW = "raw"
 
 
 class Protocol(StrEnum):
@@ -86,11 +69,17 @@ class Retrieval(NamedTuple):
     ----------
     asking
         Indices of the motions that asked, shape (asking,).
+    found
+        Indices of the nearest and the second nearest motion of each, shape (asking, 2).
+    products
+        Their similarity, shape (asking, 2).
     right
         Whether the nearest, and whether one of the two nearest, is of their class, shape (asking, 2).
     """
 
     asking: NDArray[np.intp]
+    found: NDArray[np.intp]
+    products: NDArray[np.floating]
     right: NDArray[np.bool_]
 
     @property
@@ -99,15 +88,24 @@ class Retrieval(NamedTuple):
 
         The latter is the paper's 2-nearest-neighbour rate.
         """
-        one = [1.0] * len(self.right)
-        return {
-            name: Ratio(self.right[:, place].tolist(), one) for place, name in enumerate(("nearest", "two_nearest"))
-        }
+        one, both = [1.0] * len(self.right), zip(("nearest", "two_nearest"), self.right.T.tolist(), strict=True)
+        return {name: Ratio(right, one) for name, right in both}
 
     @property
     def nearest(self) -> float:
         """The first of the shares, 0 to 1."""
         return float(self.right[:, 0].mean())
+
+    def confusion(self, labels: Labels) -> tuple[list[str], NDArray[np.float64]]:
+        """Give the classes that asked or were found, and the paper's figure 2 of them, shape (classes, classes).
+
+        In row i and column j stands the share of the motions of class i whose nearest motion is of class j; a row of
+        zeros is of a class of which no motion asked.
+        """
+        classes, codes = np.unique(labels.classes, return_inverse=True)
+        counts = np.zeros((len(classes), len(classes)))
+        np.add.at(counts, (codes[self.asking], codes[self.found[:, 0]]), 1.0)
+        return classes.tolist(), counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
 
 
 def signatures_of(clips: Sequence[Clip], space: Space, kind: SignatureKind) -> NDArray[np.float64]:
@@ -118,23 +116,7 @@ def signatures_of(clips: Sequence[Clip], space: Space, kind: SignatureKind) -> N
     ValueError
         A clip has no rotations, and rotations are asked for.
     """
-    signature = signature_of if kind is SignatureKind.EIGENVECTOR else spread_of
-    return np.array([signature(_rows(clip, space)) for clip in clips])
-
-
-def spread_of(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give the centred log standard deviations of a motion's distances, shape (pairs,); no unit.
-
-    Parameters
-    ----------
-    rows
-        Distance rows, shape (frames, pairs), metres, at least two. The body's size is the root mean square of the mean
-        distances.
-    """
-    size = np.sqrt(np.mean(np.square(rows.mean(axis=0))))
-    logs = np.log(rows.std(axis=0, ddof=1) / size + _FLOOR)
-    centred: NDArray[np.float64] = logs - logs.mean()
-    return centred
+    return np.array([signature_of(_rows(clip, space), centred=kind is SignatureKind.EIGENVECTOR) for clip in clips])
 
 
 def _rows(clip: Clip, space: Space) -> NDArray[np.float64]:
@@ -174,13 +156,13 @@ def candidates(
     return ~in_library[:, None] & in_library[None, :]
 
 
-def retrieve(scores: NDArray[np.floating], labels: Labels, allowed: NDArray[np.bool_]) -> Retrieval:
-    """Count how often the nearest motions are of the asking motion's class.
+def retrieve(products: NDArray[np.floating], labels: Labels, allowed: NDArray[np.bool_]) -> Retrieval:
+    """Find the two nearest motions of each, and whether they are of the asking motion's class.
 
     Parameters
     ----------
-    scores
-        Similarity of every motion with every other, shape (motions, motions); more is nearer.
+    products
+        Of every motion with every other, shape (motions, motions), from `similarity`.
     labels
         Class and actor of each.
     allowed
@@ -194,73 +176,7 @@ def retrieve(scores: NDArray[np.floating], labels: Labels, allowed: NDArray[np.b
     asking = np.flatnonzero(allowed.sum(axis=1) >= 2)
     if not asking.size:
         raise ValueError("--protocol: expected a motion that may be compared with two others, got none")
-    order = np.argsort(-np.where(allowed, scores, -np.inf)[asking], axis=1, kind="stable")
-    found, own = labels.classes[order[:, :2]], labels.classes[asking]
-    right = np.logical_or.accumulate(found == own[:, None], axis=1)
-    return Retrieval(asking, right)
-
-
-def compare(
-    signatures: NDArray[np.float64], kind: SignatureKind, labels: Labels, allowed: NDArray[np.bool_]
-) -> NDArray[np.floating]:
-    """Score every motion against every other, shape (motions, motions); more is nearer.
-
-    Axes are compared by the absolute inner product, spreads by minus the squared distance. For each motion the spread's
-    metric is learned only from the motions that it may find, never from the motion itself.
-
-    Parameters
-    ----------
-    signatures, kind
-        From `signatures_of`.
-    labels, allowed
-        As for `retrieve`.
-    """
-    if kind is SignatureKind.EIGENVECTOR:
-        return similarity(signatures, signatures.T)
-    scores = np.full(allowed.shape, -np.inf)
-    known, fold = np.unique(allowed, axis=0, return_inverse=True)
-    for index, found in enumerate(known):
-        asking = np.flatnonzero(fold.ravel() == index)
-        if found.any():
-            measured = spread_distances(signatures[asking], signatures[found], labels.classes[found])
-            scores[np.ix_(asking, found)] = -measured
-    return scores
-
-
-def spread_distances(
-    asking: NDArray[np.float64], found: NDArray[np.float64], classes: NDArray[np.str_]
-) -> NDArray[np.float64]:
-    """Compare spreads in units of the scatter within classes, each class weighing the same.
-
-    The scatter S of m motions has rank below m, so (1 - s) S + s t I, with t the mean of S's diagonal and s the
-    shrinkage, is applied through its m eigenvectors and one number for everything else.
-
-    Parameters
-    ----------
-    asking, found
-        Spreads, shapes (n, pairs) and (m, pairs).
-    classes
-        The classes of those that are found, shape (m,): they teach the scatter.
-
-    Returns
-    -------
-    Squared distances, shape (n, m), never below 0.
-
-    Raises
-    ------
-    ValueError
-        No class has two motions that differ.
-    """
-    names, class_of, sizes = np.unique(classes, return_inverse=True, return_counts=True)
-    means = np.array([found[class_of == index].mean(axis=0) for index in range(len(names))])
-    within = (found - means[class_of]) / np.sqrt(sizes[class_of] * len(names))[:, None]
-    equal = _SHRINKAGE * np.square(within).sum() / within.shape[1]
-    if not equal > 0:
-        raise ValueError("spreads: expected a class with two motions that differ, got none")
-    # The matrix of motions by motions is smaller. Directions whose scatter is only rounding count as none.
-    scatter, vectors = np.linalg.eigh(within @ within.T)
-    there = scatter > _NOTHING * scatter[-1]
-    directions = vectors.T[there] @ within / np.sqrt(scatter[there])[:, None]
-    along = directions.T * np.sqrt(1 / equal - 1 / ((1 - _SHRINKAGE) * scatter[there] + equal))
-    squared = squared_distances(asking, found) / equal - squared_distances(asking @ along, found @ along)
-    return np.asarray(np.maximum(squared, 0.0), dtype=np.float64)
+    nearest = np.where(allowed, products, -np.inf)[asking]
+    found = np.argsort(-nearest, axis=1, kind="stable")[:, :2]
+    right = np.logical_or.accumulate(labels.classes[found] == labels.classes[asking][:, None], axis=1)
+    return Retrieval(asking, found, np.take_along_axis(nearest, found, axis=1), right)

@@ -89,7 +89,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         "segment_accuracy": _ratio(known, lambda each: each.right_inside, lambda each: each.inside),
         "segment_majority": _ratio(known, lambda each: each.mostly_right, lambda _: 1),
         "known_answered": _ratio(known, lambda each: each.named_inside, lambda each: each.inside),
-        "segments_found": _ratio(known, lambda each: each.delay is not None, lambda _: 1),
+        "segments_found": _ratio(known, lambda each: each.found, lambda _: 1),
         "median_delay_s": _percentile(known, lambda each: each.delay, 50),
         "p90_delay_s": _percentile(known, lambda each: each.delay, 90),
         "median_seen": _percentile(known, lambda each: each.seen, 50),

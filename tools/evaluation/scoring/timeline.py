@@ -166,10 +166,13 @@ class Stretch:
         The time of the frames whose last second lies wholly in the segment, and of such among them.
     begun, started
         The numbers of named classes and of start events that begin in it.
+    found
+        Whether a right guess lasted.
     delay, seen
-        Seconds to the first lasting right guess, and as a share of the segment; None when there is none.
+        Seconds to the first such guess, and as a share of the segment; None when there is none, and where the segment
+        follows one of its class: the guess was held.
     event_delay
-        Seconds until an event of the class performed goes on; None when there is no such event.
+        Seconds until an event of the class performed goes on; None as before.
     scores
         Raw scores of the frames inside, where there was an answer.
     """
@@ -185,6 +188,7 @@ class Stretch:
     named_inside: float
     begun: int
     started: int
+    found: bool
     delay: float | None
     seen: float | None
     event_delay: float | None
@@ -226,7 +230,8 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
             known = truth != NONE
             first = _first_lasting(right, times) if known else None
             going_on = np.flatnonzero(course.event[frames] == truth) if known else frames[:0]
-            delay = None if first is None else float(times[first] - segment.start)
+            again = index > 0 and course.segments[index - 1].label == segment.label
+            delay = None if first is None or again else float(times[first] - segment.start)
             yield Stretch(
                 key=(course.name, index),
                 person=course.person,
@@ -239,9 +244,10 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
                 named_inside=float(lasts @ (named & inside)),
                 begun=int(begun[frames].sum()),
                 started=int(started[frames].sum()),
+                found=first is not None,
                 delay=delay,
                 seen=None if delay is None else delay / segment.duration,
-                event_delay=float(times[going_on[0]] - segment.start) if going_on.size else None,
+                event_delay=float(times[going_on[0]] - segment.start) if going_on.size and not again else None,
                 scores=scores[np.isfinite(scores)],
             )
 

@@ -319,13 +319,14 @@ class Stage {
 }
 
 const GUTTER = 96; // points for the performers' names
+const NAMES = 15; // points of a line of names
 const SMALL = "12px system-ui, sans-serif";
 
 /** Points left of the bars that rows' names take. */
 const gutterOf = (rows, width) => rows.some((row) => row.name) && width > 500 ? GUTTER : 0;
 
 /**
- * Draw rows of bars over time. Each row has a `name`, `lanes` ({height, bars: [{begin, end, label, colour, mark}]}) and
+ * Draw rows of bars over time. Each row has a `name`, `lanes` ({height, names: lines of names, bars: [{begin, end, label, colour, mark}]}) and
  * perhaps a `line` ([[second, 0 to 1]]); ticks are counted from `origin`. Gives the bars' places, for a pointer:
  * [{x, y, width, height, bar, row}].
  */
@@ -354,13 +355,24 @@ function drawTimeline(canvas, rows, { from, to, origin, tick, named }) {
     context.rect(gutter, 0, width - gutter, height);
     context.clip();
     for (const lane of row.lanes) {
+      // Whole names stand above the bars, in two lines where one is too short; the list below has those that find no room.
+      const free = Array(lane.names ?? 0).fill(-Infinity);
       for (const bar of lane.bars) {
         if (bar.end < from || bar.begin > to) continue;
         const [x, wide] = [place(bar.begin), Math.max(place(bar.end) - place(bar.begin), 2)];
-        drawBar(context, { x, y: top, width: wide, height: lane.height }, bar);
-        hits.push({ x, y: top, width: wide, height: lane.height, bar, row });
+        const long = context.measureText(bar.label).width;
+        const at = Math.max(Math.min(x, width - long), gutter);
+        const tier = free.findLastIndex((end) => end <= at);
+        if (tier >= 0) {
+          context.fillStyle = theme.text;
+          context.fillText(bar.label, at, top + NAMES * tier + NAMES / 2);
+          free[tier] = at + long + 6;
+        }
+        const y = top + NAMES * free.length;
+        drawBar(context, { x, y, width: wide, height: lane.height }, bar);
+        hits.push({ x, y, width: wide, height: lane.height, bar, row });
       }
-      top += lane.height + 3;
+      top += heightOfLane(lane);
     }
     if (row.line) {
       context.strokeStyle = theme.text;
@@ -394,11 +406,6 @@ function drawBar(context, { x, y, width, height }, bar) {
     context.stroke();
   }
   if (bar.mark === "wrong") stroke(context, [{ x, y: y + height / 2 }, { x: x + width, y: y + height / 2 }]);
-  if (height > 14 && bar.label) {
-    context.textAlign = "left";
-    context.fillStyle = bar.mark === "wrong" ? theme.text : "#10151d";
-    context.fillText(shortened(context, (bar.mark === "taught" ? "＋ " : "") + bar.label, width - 10), x + 5, y + height / 2 + 1);
-  }
 }
 
 function shortened(context, text, width) {
@@ -409,8 +416,10 @@ function shortened(context, text, width) {
   return kept ? `${kept}…` : "";
 }
 
+const heightOfLane = (lane) => lane.height + NAMES * (lane.names ?? 0) + 3;
+
 /** The height in points that rows need. */
 function heightOf(rows) {
-  const lanes = (row) => row.lanes.reduce((sum, lane) => sum + lane.height + 3, 0) + (row.line ? 26 : 0) + 6;
+  const lanes = (row) => row.lanes.reduce((sum, lane) => sum + heightOfLane(lane), 0) + (row.line ? 26 : 0) + 6;
   return rows.reduce((sum, row) => sum + lanes(row), 0) + 20;
 }

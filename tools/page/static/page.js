@@ -11,8 +11,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
   // A class may be called `constructor`.
-  titles: Object.create(null), tunes: Object.create(null), hits: [], wrong: null, taught: "", held: "", sound: true,
-  sounded: "" };
+  titles: Object.create(null), hits: [], wrong: null, taught: "", held: "", sound: true };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;
@@ -103,14 +102,10 @@ function takeAnswer(performer, answer) {
 function takeMotion([name, key, className, begin, end, mark]) {
   const performer = page.performers.get(name);
   if (!performer) return;
-  if (end === null && !performer.motions.has(key) && page.now - begin < OLD) play(className);
   performer.motions.set(key, { ...performer.motions.get(key), key, className, begin, end, ...(mark ? { mark } : {}) });
   for (const [old, motion] of performer.motions) if (motion.end !== null && motion.end < page.now - SHOWN - 5) performer.motions.delete(old);
   performer.guesses = performer.guesses.filter(([at], place, all) => !(place < all.length - 1 && all[place + 1][0] < page.now - SHOWN));
-  const going = [...performer.motions.values()].find((motion) => motion.end === null);
-  performer.going = going ? going.className : "";
-  const doing = titleOf(performer.going);
-  if (performer.doing.textContent !== doing) performer.doing.textContent = doing;
+  performer.going = [...performer.motions.values()].find((motion) => motion.end === null)?.className ?? "";
   if (name === page.chosen) listMotions();
 }
 
@@ -163,6 +158,7 @@ function drawPerformer(performer) {
   performer.card.classList.toggle("silent", silent > NO_FRAMES);
   if (silent > NO_FRAMES) {
     performer.stage.draw({ colour: colourOf(-1) });
+    performer.doing.textContent = "";
     performer.moment.textContent = `no frames for ${Math.round(silent)} s`;
     performer.carriedBy.textContent = "";
     return;
@@ -173,16 +169,30 @@ function drawPerformer(performer) {
   stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried,
     phase: progress?.phase });
   if (!answer) return;
+  const doing = titleOf(performer.going || (answer.named ? answer.label : ""));
+  if (performer.doing.textContent !== doing) performer.doing.textContent = doing;
+  // As sure as it looks: a name of a low score is small and pale.
+  const sure = answer.named ? Math.min(Math.max(answer.score, 0), 1) : 0;
+  performer.doing.style.cssText = `opacity: ${(0.45 + 0.55 * sure).toFixed(2)}; scale: ${(0.6 + 0.4 * sure).toFixed(2)}`;
   const scores = answer.label === "still" ? [] : [`score ${number(answer.score)}`, `margin ${number(answer.margin)}`];
   const how = progress ? [`${Math.round(100 * progress.phase)} %`, `${number(progress.speed, 1)} × as fast`] : [];
-  performer.moment.replaceChildren(made("b", { text: titleOf(answer.label) }), ` ${[...scores, ...how].join(" · ")}`);
+  const label = titleOf(answer.label);
+  performer.moment.replaceChildren(made("b", { text: label === doing ? "" : label }), ` ${[...scores, ...how].join(" · ")}`);
   performer.carriedBy.textContent = answer.label === "still" || !carried || !stage.names?.length ? "" : carriedInWords(stage, carried);
 }
 
 /** Name the joints that weigh most: every joint's share of the leading eigenvector. */
 function carriedInWords(stage, carried) {
   const heaviest = carried.joints.map((share, joint) => [share, stage.names[joint]]).sort(([one], [other]) => other - one);
-  return `carried by ${heaviest.slice(0, 3).map(([share, name]) => `${name} ${Math.round(100 * share)} %`).join(", ")}`;
+  return `carried by ${heaviest.slice(0, 3).map(([share, name]) => `${inWords(name)} ${Math.round(100 * share)} %`).join(", ")}`;
+}
+
+/** HDM05 calls a joint by the bone that ends there. */
+const BONES = { root: "hips", hipjoint: "hip", femur: "thigh", tibia: "shin", clavicle: "shoulder", humerus: "upper arm", radius: "forearm",
+  lowerback: "lower back", upperback: "upper back", thorax: "chest", lowerneck: "neck", upperneck: "upper neck" };
+function inWords(joint) {
+  const [, side, bone] = /^([lr]?)(hipjoint|femur|tibia|foot|toes|clavicle|humerus|radius|wrist|hand|fingers|thumb)$/.exec(joint) ?? [, "", joint];
+  return `${{ l: "left ", r: "right " }[side] ?? ""}${BONES[bone] ?? bone}`;
 }
 
 function drawScores() {
@@ -211,12 +221,12 @@ function drawPast() {
 
 function rowOf(performer) {
   const until = performer.answer?.at ?? page.now;
-  const bars = [...performer.motions.values()].map((motion) => ({ ...motion, end: motion.end ?? until, label: titleOf(motion.className),
+  const bars = [...performer.motions.values()].map((motion) => ({ ...motion, end: motion.end ?? until, label: `${motion.mark === "taught" ? "+ " : ""}${titleOf(motion.className)}`,
     colour: colourOf(page.classes.indexOf(motion.className)) }));
   const guesses = performer.guesses.map(([begin, guess], place, all) => ({ begin, end: all[place + 1]?.[0] ?? until,
     colour: guess ? colourOf(page.classes.indexOf(guess)) : "transparent" }));
   const done = performer.done.map((each) => ({ ...each, colour: colourOf(page.classes.indexOf(each.className)) }));
-  return { name: performer.name, key: performer.name, lanes: [{ height: 24, bars }, { height: 7, bars: guesses }, { height: 4, bars: done }],
+  return { name: performer.name, key: performer.name, lanes: [{ height: 18, names: 2, bars }, { height: 7, bars: guesses }, { height: 4, bars: done }],
     line: page.performers.size <= 2 ? performer.scores : null };
 }
 
@@ -256,6 +266,9 @@ const focusClass = (name) => page.rows.find((each) => each.name === name)?.row.f
 function listMotions() {
   const performer = page.performers.get(page.chosen);
   const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
+  const [last] = motions;
+  byId("last").textContent = last ? `was ${titleOf(last.className)} right?` : "no motion yet";
+  for (const button of document.querySelectorAll("[data-judge]")) button.disabled = !last;
   byId("motions").replaceChildren(...motions.map((motion) => {
     const seconds = `${titleOf(motion.className)} ${number(motion.end - motion.begin, 1)} s`;
     const button = made("button", { class: motion.mark ?? "", text: motion.mark === "taught" ? `taught ${seconds}` : seconds });
@@ -270,7 +283,7 @@ function showStatus() {
   const { counters, hop, notes, further, frames, listening, promise } = page.status;
   if (listening.length) byId("place").textContent = listening.join(", ");
   byId("counters").textContent = counters.map(([words, count]) => `${words} ${count}`).join(", ");
-  byId("promise").textContent = promise;
+  byId("promise").textContent = page.classes.length ? promise : "";
   byId("latency").textContent = `frame to answer ${hop.map((each) => number(1000 * each, 1)).join(" / ")} ms (p50 / p99)`;
   const lines = [...notes, ...(further ? [`${further} further performers are not shown`] : [])];
   for (const each of page.performers.values()) {
@@ -306,7 +319,8 @@ const teaches = () => Boolean(page.control?.teaches);
 function showControl() {
   byId("teach").toggleAttribute("data-on", teaches());
   const taught = Object.keys(page.control.taught);
-  byId("at-will").hidden = !taught.length || taught.includes("nothing");
+  byId("at-will").hidden = !taught.length;
+  byId("at-will").classList.toggle("main", !taught.includes("nothing"));
   const { sensitivity } = page.control;
   const slider = byId("sensitivity");
   slider.closest("label").hidden = sensitivity === null;
@@ -352,16 +366,20 @@ function takeNotice({ at, performer: name, state, seconds, reason, taught, check
   const old = page.now - at > OLD;
   if (taught && !old) { if (byId("name").value.trim() === taught) byId("name").value = ""; say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}${tried && `; it would have been ${tried}`}`); return; }
   const performer = page.performers.get(name);
-  // How much a performer moves who is waited for, or that movement is free.
+  // How much a performer moves who is waited for: a bar that fills; or that movement is free.
   const goes = ["waiting", "recording"].includes(state) && reason;
-  const words = { waiting: "move now", recording: "recording", checking: "checking" }[state];
+  const words = { waiting: "move now", recording: goes || "recording", checking: "checking" }[state];
+  const share = state === "waiting" ? Number(/^movement (\d+)%/.exec(reason)?.[1] ?? (reason ? NaN : 0)) : NaN;
   if (performer) {
-    performer.lesson.textContent = state === "countdown" ? String(Math.round(seconds)) : [words, goes && reason].filter(Boolean).join(" · ");
+    const filled = Number.isNaN(share) ? [] : [made("i", { style: `--share: ${Math.min(share / 100, 1)}` })];
+    const slow = state === "waiting" && reason && !filled.length ? reason : words;
+    performer.lesson.replaceChildren(state === "countdown" ? String(Math.round(seconds)) : slow ?? "", ...filled);
     performer.lesson.classList.toggle("words", state !== "countdown");
   }
   if (old) return;
-  if (state === "countdown") { beep(440, 0.12); say(String(Math.round(seconds))); }
+  if (state === "countdown") { beep(440, 0.12); say(reason || String(Math.round(seconds))); }
   if (state === "waiting" && !goes) { beep(880, 0.3); say("move now"); }
+  if (state === "recording") say("");
   if (state === "checking") beep(660, 0.15);
   if (state === "refused") { beep(180, 0.4); say(`refused: ${reason}`); }
   if (state === "done" && !performer) say(reason);
@@ -400,38 +418,9 @@ function beep(pitch, seconds) {
   tone.stop(audio.currentTime + seconds);
 }
 
-/** Sound what was chosen for a class: a tone, or a file. */
-function play(name) {
-  const tune = page.tunes[name];
-  if (!tune || !page.sound) return;
-  page.sounded = name;
-  if (typeof tune === "number") { beep(tune, 0.4); return; }
-  const source = new AudioBufferSourceNode(audio, { buffer: tune });
-  source.connect(audio.destination);
-  source.start();
-}
-
-/** Take the tone that was chosen, or ask for a file and take that. */
-function chooseTune(name) {
-  const [tune, file] = [byId("tune"), byId("tune-file")];
-  const chosen = page.tunes[name] ?? "";
-  tune.value = typeof chosen === "object" ? "file" : String(chosen);
-  tune.onchange = () => {
-    beep(0, 0);
-    if (tune.value === "file") file.click();
-    else { page.tunes[name] = Number(tune.value); play(name); }
-  };
-  file.onchange = async () => {
-    try { page.tunes[name] = await audio.decodeAudioData(await file.files[0].arrayBuffer()); play(name); }
-    catch { say("this file has no sound that the browser can play"); }
-    file.value = "";
-  };
-}
-
 function openClass(name) {
   const dialog = byId("class");
   byId("class-title").textContent = titleOf(name);
-  chooseTune(name);
   byId("answers").hidden = !teaches();
   byId("enabled").checked = !page.control?.off.includes(name);
   byId("enabled").onchange = ({ target }) => ask({ do: "enable", class: name, on: target.checked });

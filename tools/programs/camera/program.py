@@ -6,7 +6,7 @@ import argparse
 import threading
 from pathlib import Path
 
-from kinespace.tools.camera.models import SIZES, fetched
+from kinespace.tools.camera.models import fetched
 from kinespace.tools.cli.arguments import OSC_IN, add_shared
 from kinespace.tools.cli.interruption import stop_on_signals
 from kinespace.tools.programs.camera.session import CameraPlan, watch
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
     parser.add_argument("--record", type=Path, metavar="CSV", help="keep the joints too, for kinespace build")
     add_shared(parser, "--overwrite")
-    parser.add_argument("--size", choices=SIZES, default=SIZES[0], help="of the landmark network (default %(default)s)")
+    add_shared(parser, "--size")
     parser.add_argument(
         "--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: the cache)"
     )

@@ -109,7 +109,9 @@ def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list
         from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
 
         place = "{}:{}".format(*_own_port(sources))
-        process = CameraProcess(CameraPlan(camera, osc=place, people=options.people, show=options.show), say)
+        process = CameraProcess(
+            CameraPlan(camera, osc=place, people=options.people, size=options.size, show=options.show), say
+        )
         say(f"camera: {process.opened}")
         senders.append(process)
     if stream := getattr(options, "lsl_in", None):

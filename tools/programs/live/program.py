@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
     text = "watch a camera, a film or a stream, as kinespace camera does"
     parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
-    add_shared(parser, "--people", "--show")
+    add_shared(parser, "--people", "--show", "--size")
     parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
     text = "let people teach motions by showing them, and keep them there"
     parser.add_argument("--teach", type=Path, metavar="FILE", help=text)

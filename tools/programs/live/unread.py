@@ -66,9 +66,10 @@ class Unread:
                 "let it send all once, or always"
             )
         elif guess is None:
+            nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
             self._note = (
                 f"no frames, but {listed or 'packets that are no OSC'}: no feed that is known. kinespace listen "
-                f"{self._place[1]} shows it (end this first), kinespace feeds native > my.toml begins a preset"
+                f"{self._place[1]} shows it (end this first), kinespace feeds {nearest} > my.toml begins a preset"
             )
         elif guess.preset.name != self._own:
             product, run = guess.preset.product.partition(" (")[0], command(guess, None, self._place)

@@ -25,6 +25,7 @@ from kinespace.library.recordings import (
     performed,
     segments_beside,
 )
+from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
@@ -231,6 +232,7 @@ def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str
         if place.is_dir()
         for path in sorted(place.rglob("*"))
         if path.is_file() and path not in used and path.suffix.lower() != ".asf"
+        if not path.name.startswith(utkinect.LABELS)
     ]
     notes = [f"{path.name} ({'a system wrote it' if hidden else instead_of_recording(path)})" for path, hidden in files]
     if notes:

@@ -1,6 +1,7 @@
 """Labels of continuous takes: read, refused, and the clips cut by them."""
 
 import dataclasses
+import json
 import math
 import re
 from itertools import pairwise
@@ -126,6 +127,45 @@ def test_exports_that_make_no_sense_are_refused(tmp_path: Path, text: str, said:
     path = _file(tmp_path, text)
     with pytest.raises(LabelError, match=re.escape(f"{path}{said}")):
         read_labels(path)
+
+
+_ELAN = """<?xml version="1.0" encoding="UTF-8"?>
+<ANNOTATION_DOCUMENT><TIME_ORDER><TIME_SLOT TIME_SLOT_ID="a" TIME_VALUE="500"/>
+<TIME_SLOT TIME_SLOT_ID="b" TIME_VALUE="1250"/></TIME_ORDER><TIER TIER_ID="x" PARTICIPANT="ann"><ANNOTATION>
+<ALIGNABLE_ANNOTATION ANNOTATION_ID="1" TIME_SLOT_REF1="a" TIME_SLOT_REF2="b"><ANNOTATION_VALUE>wave</ANNOTATION_VALUE>
+</ALIGNABLE_ANNOTATION></ANNOTATION></TIER></ANNOTATION_DOCUMENT>"""
+_EVENTS = [[1.25, "ann", "wave", "", ""], [0.5, "ann", "wave", "", ""], [2, "No focal subject", "bow", "", ""]]
+_BORIS = {"observations": {"one": {"events": [*_EVENTS, [3, "No focal subject", "bow", "", ""]]}}}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "further"),
+    [("take.eaf", _ELAN, ()), ("take.boris", json.dumps(_BORIS), (Segment(2.0, 3.0, "bow"),))],
+)
+def test_annotations_of_elan_and_boris_are_read(
+    tmp_path: Path, name: str, text: str, further: tuple[Segment, ...]
+) -> None:
+    """They lie beside a take as other labels do; their participants, or subjects, are the performers."""
+    (tmp_path / name).write_text(text)
+    assert labels_beside(tmp_path / "take.bvh") == [tmp_path / name]
+    assert read_labels(tmp_path / name) == (Segment(0.5, 1.25, "wave", "ann"), *further)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("take.eaf", "<a", "expected annotations of ELAN or events of BORIS"),
+        ("take.eaf", _ELAN.replace('"b"', '"c"', 1), "expected annotations of ELAN or events of BORIS"),
+        ("take.eaf", _ELAN.replace("500", "5000"), "expected 0 <= start < end"),
+        ("take.boris", "{}", "expected annotations of ELAN or events of BORIS"),
+        ("take.boris", json.dumps({"observations": {"one": {}, "two": {}}}), "expected one observation, got 2"),
+    ],
+)
+def test_annotations_that_make_no_sense_are_refused(tmp_path: Path, name: str, text: str, said: str) -> None:
+    """The file is named."""
+    (tmp_path / name).write_text(text)
+    with pytest.raises(LabelError, match=rf"^{re.escape(str(tmp_path / name))}.*{said}"):
+        read_labels(tmp_path / name)
 
 
 def test_other_files_beside_a_take_are_not_taken_for_labels(tmp_path: Path) -> None:

@@ -98,6 +98,21 @@ def test_a_course_counted_by_hand(name: str) -> None:
     assert _figures([_course()])[name] == (KNOWN_ANSWERS[name] and pytest.approx(KNOWN_ANSWERS[name], rel=1e-12))
 
 
+def test_a_motion_that_follows_its_like_has_no_delay() -> None:
+    """The guess was held: of two jumps in a row the first alone has a delay, though both are found."""
+    jumps = (Segment(0, 2, "jump"), Segment(2, 4, "jump"))
+    times = TIMES[:32]
+    guess = _held({0.5: JUMP}, NONE, times)
+    track = {"guess": guess, "published": guess, "event": guess}
+    course = replace(
+        _course(), times=times, segments=jumps, truth=np.full(32, JUMP), score=np.full(32, np.nan), **track
+    )
+    course = replace(course, segment=_segment(times, jumps))
+    figures = _figures([course])
+    assert figures["segments_found"] == 1.0
+    assert (figures["median_delay_s"], figures["p90_delay_s"], figures["median_event_delay_s"]) == (0.5, 0.5, 0.5)
+
+
 def test_classes_counted_by_hand() -> None:
     """Each class has its seconds, the share guessed right, and of that the share with the last second inside."""
     expected = {"bow": (16, 10 / 16, 1.0), "jump": (20, 17 / 20, 11 / 12), "wave": (4, 0.0, 0.0)}

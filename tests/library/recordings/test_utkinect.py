@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinespace.library import Reading
-from kinespace.library.recordings import RecordingError
+from kinespace.library import MotionLibrary, Reading, find_recordings, read_recordings
+from kinespace.library.recordings import RecordingError, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
+from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.takes import Sources, read_takes
-from kinespace.tools.feeding.utkinect import read_take, takes_in
 
 POSTURES = np.random.default_rng(3).normal(size=(4, 20, 3))
 #: The camera skipped frames 11 and 13, wrote frame 12 twice, and saw nobody in frame 15.
@@ -29,12 +29,11 @@ def _written(folder: Path, text: str = TEXT, labels: str = LABELS) -> Path:
 def test_a_take_is_read_with_its_labels(tmp_path: Path) -> None:
     """Frames between are on straight lines; of two actions that overlap the earlier ends where the later begins."""
     path = _written(tmp_path)
-    assert takes_in(tmp_path) == takes_in(path) == [path]
+    assert find_recordings(tmp_path) == [path]
     (take,) = read_takes(Sources([tmp_path]), Reading())
     assert (take.person, take.delivered.tolist()) == ("s01", [0, 2, 4])  # type: ignore[union-attr]  # a sensor's
-    clip, segments, delivered = read_take(path)
+    (clip,), segments = read_recordings(path), segments_beside(path)
     assert (clip.frames, clip.actor, clip.take, clip.frame_rate, clip.filled) == (5, "s01", "e02", 30.0, 2 * 20)
-    assert delivered.tolist() == [0, 2, 4]
     np.testing.assert_allclose(clip.positions[[0, 2, 4]], POSTURES[[0, 1, 3]])
     np.testing.assert_allclose(clip.positions[1], POSTURES[:2].mean(axis=0))
     assert segments == (Segment(0.0, 1 / 30, "walk"), Segment(1 / 30, 4 / 30, "sit down"))
@@ -55,13 +54,22 @@ def test_a_take_that_makes_no_sense_is_refused(tmp_path: Path, text: str, labels
     """The file is named, and the mistake."""
     path = _written(tmp_path, text, labels)
     with pytest.raises(RecordingError, match=f"^{re.escape(str(tmp_path))}.*: {message}"):
-        read_take(path)
+        read_takes(Sources([path]), Reading())
+
+
+def test_every_program_reads_it(data_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`build` makes a library of it, cut by its labels; `info` counts its takes."""
+    takes = [str(data_folder / "utkinect" / f"joints_s0{person}_e01.txt") for person in (1, 2)]
+    assert main(["build", *takes, "-o", str(tmp_path / "x.npz")]) == main(["info", takes[0]]) == 0
+    library = MotionLibrary.load(tmp_path / "x.npz")
+    assert (len(library), len(library.classes), library.actors) == (20, 10, ("s01", "s02"))
+    assert "joints_s01_e01" in capsys.readouterr().out
 
 
 def test_all_of_utkinect_is_read(data_folder: Path) -> None:
     """The 20 takes have 199 actions of ten kinds; a misprinted number is put right."""
-    takes = [read_take(path) for path in takes_in(data_folder / "utkinect")]
-    labels = [each.label for _, segments, _ in takes for each in segments]
+    takes = [segments_beside(path) for path in find_recordings(data_folder / "utkinect")]
+    labels = [each.label for segments in takes for each in segments or ()]
     assert (len(takes), len(labels), len(set(labels))) == (20, 199, 10)
-    (push,) = (each for each in takes[4][1] if each.label == "push")
+    (push,) = (each for each in takes[4] or () if each.label == "push")
     assert 0 < push.duration < 5

@@ -19,13 +19,18 @@ from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
-from kinespace.tools.feeding.joint_sets import KINECT_1
 
 FRAME_RATE = 30.0
-_LABELS = "actionLabel.txt"
-#: The joints in the order of the file's columns.
+#: The file of labels beside the takes.
+LABELS = "actionLabel.txt"
+#: The joints of Kinect 1 in the order of the file's columns, in HDM05's names; HDM05 has no spine just above the hips.
 SKELETON = Skeleton(
-    ("root", "Spine", *KINECT_1[1:]), (*(-1, 0, 1, 2), *(2, 4, 5, 6, 2, 8, 9, 10), *(0, 12, 13, 14, 0, 16, 17, 18))
+    (
+        *("root", "Spine", "lowerneck", "head"),
+        *("lclavicle", "lhumerus", "lradius", "lhand", "rclavicle", "rhumerus", "rradius", "rhand"),
+        *("lhipjoint", "lfemur", "ltibia", "ltoes", "rhipjoint", "rfemur", "rtibia", "rtoes"),
+    ),
+    (*(-1, 0, 1, 2), *(2, 4, 5, 6, 2, 8, 9, 10), *(0, 12, 13, 14, 0, 16, 17, 18)),
 )
 _NAME = re.compile(r"joints_(?P<take>(?P<actor>s\d+)_(?P<number>e\d+))\.txt", re.IGNORECASE)
 #: A label of an action: its name, and the numbers of two frames, or NaN.
@@ -39,43 +44,52 @@ def is_take(path: Path) -> bool:
     return _NAME.fullmatch(path.name) is not None
 
 
-def takes_in(place: Path) -> list[Path]:
-    """List the takes in a folder, at any depth; a path that is a take is given itself."""
-    return [path for path in (sorted(place.rglob("*.txt")) if place.is_dir() else [place]) if is_take(path)]
-
-
-def read_take(path: Path) -> tuple[Clip, tuple[Segment, ...], NDArray[np.int64]]:
-    """Read a take, and its labels in the file next to it.
-
-    Returns
-    -------
-    All frames from the first to the last in which a person is seen, skipped frames on straight lines; the actions by
-    their start, in seconds since the first frame; and the clip's frames that the camera delivered. Actions of unknown
-    time are left out; where two actions overlap, the earlier one ends where the later one begins.
+def read_clip(path: Path) -> Clip:
+    """Read a take: all frames from the first to the last in which a person is seen, skipped ones on straight lines.
 
     Raises
     ------
     RecordingError
-        The file holds something else than frames' numbers that do not fall and 20 joints each, fewer than two frames
-        show somebody, or the labels do not name the take.
+        The file holds something else than frames' numbers that do not fall and 20 joints each, or fewer than two frames
+        show somebody.
     OSError
-        The take cannot be opened, or no labels are next to it.
+        The take cannot be opened.
     """
-    named = _NAME.fullmatch(path.name)
-    if named is None:
-        raise RecordingError(f"{path}: expected a take's name like joints_s01_e02.txt")
     numbers, positions = _frames(path)
-    clip = Clip(
+    named = _NAME.fullmatch(path.name)
+    return Clip(
         SKELETON,
         with_missing_frames(numbers, positions).reshape(-1, len(SKELETON.joints), 3),
         FRAME_RATE,
         path.stem,
-        actor=named["actor"],
-        take=named["number"],
+        actor=named["actor"] if named else "",
+        take=named["number"] if named else "",
         source="UTKinect-Action3D",
         filled=(int(numbers[-1] - numbers[0]) + 1 - len(numbers)) * len(SKELETON.joints),
     )
-    return clip, _segments(path.with_name(_LABELS), named["take"].lower(), numbers), numbers - numbers[0]
+
+
+def delivered(path: Path) -> NDArray[np.int64]:
+    """Give the frames of a take's clip that the camera delivered; raises as `read_clip`."""
+    numbers, _ = _frames(path)
+    since: NDArray[np.int64] = numbers - numbers[0]
+    return since
+
+
+def read_segments(path: Path) -> tuple[Segment, ...]:
+    """Read a take's actions in the file next to it, by their start.
+
+    Actions of unknown time are left out; where two actions overlap, the earlier one ends where the later one begins.
+
+    Raises
+    ------
+    RecordingError
+        The take cannot be read, or the labels do not name it.
+    OSError
+        The take cannot be opened, or no labels are next to it.
+    """
+    named, (numbers, _) = _NAME.fullmatch(path.name), _frames(path)
+    return _segments(path.with_name(LABELS), named["take"].lower() if named else path.stem, numbers)
 
 
 def _frames(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -61,6 +61,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
         *("--map", "squat=squat1Reps", "run=jogLeftCircle4StepsRstart"),
     ),
     "faults": ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
+    "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
     "gestures": ("gestures", "{data}/jackknife/takes", "--actor-in", "name", "--subjects", "u104", "u105"),
     "show": ("show", "--shows", "2", "--minutes", "4"),
     "progress": ("progress", "--every", "16"),

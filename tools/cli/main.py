@@ -50,6 +50,7 @@ EXPERIMENTS: Programs = {
     "retrieval": ("evaluation.evaluate_retrieval", "the paper's experiment: nearest neighbours in three spaces"),
     "stream": ("evaluation.evaluate_stream", "play takes through the live recogniser"),
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
+    "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
     "gestures": (
         "evaluation.gestures.evaluate_gestures",
         "teach a gesture by one example, and count words in long takes",

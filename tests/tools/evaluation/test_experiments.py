@@ -6,12 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from recorded import SWINGS, write_takes
 from takes import write_take
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation import evaluate_teach
+from kinespace.tools.evaluation.evaluate_teach import begun, stood
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -27,6 +30,9 @@ RUNS = {
         "faults {takes} --protocol leave-one-take-out --fault none,half the frames dropped",
         "10 s, 7 segments, persons not known; last second inside the segment",
     ),
+    "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
+    "teach left out": ("teach --left-out --draws 1 --examples 1 --teachers dg", "1 person, 1 draw each"),
+    "teach beside": ("teach --beside --draws 1 --examples 1 --teachers mm", "1 person, 1 draw each"),
     "gestures": ("gestures", "9 gestures, 3 persons"),
     "gestures of others": ("gestures --taught-by all", "9 gestures, 3 persons"),
     "show": ("show --shows 1 --minutes 0.5 --gestures 2", "1 show; "),
@@ -51,6 +57,7 @@ REFUSED = {
     "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
     "faults --protocol library": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
+    "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
     "gestures {takes} --taught-by next": "--taught-by next: expected takes of several persons, got 1; --actor-in",
     "show --gestures 9": "--gestures: expected at most 3, of which bd has more than 1 motions, got 9",
     "show --movement {takes}": "joints: expected at least 5",
@@ -116,7 +123,7 @@ def test_keys_are_on_the_page_and_a_table_says_its_basis(
     assert basis in " ".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize("run", ["faults", "show"])
+@pytest.mark.parametrize("run", ["faults", "teach beside", "show"])
 def test_what_is_drawn_is_drawn_again(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     """Two runs print the same figures, also where chance decides what is played."""
     arguments = _arguments(RUNS[run][0], folders)
@@ -187,3 +194,30 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pyte
     *_, said = printed.err.splitlines()
     assert REFUSED[line] in said
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
+
+
+def test_the_share_of_motions_that_begin_a_lesson() -> None:
+    """A motion begins one, and standing still begins none."""
+    motion = MotionLibrary.builtin().motions[0]
+    standing = replace(motion, positions=np.repeat(motion.positions[:1], 60, axis=0))
+    assert begun([motion, standing]) == {"begins": 0.5, "begins_slow": 0.5, "motions": 2}
+
+
+def test_takes_of_which_nothing_asks_are_said(cmu_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two takes that each have a class of their own both teach, so none is left to ask: a sentence, and status 1."""
+    takes = [str(cmu_folder / name) for name in ("13_29.amc", "13_30.amc")]
+    assert main(["evaluate", "teach", *takes, "--person", "ann", "--examples", "1", "--draws", "2"]) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "nothing asked: a take that teaches does not ask" in printed.err
+    assert "(ArmCircle, Jog, ToeTouchOneHand)" in printed.err
+
+
+def test_the_share_of_standing_still_that_begins_a_lesson(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Times of two seconds count, one a second, in which no joint goes far; where it may go far, motions begin some."""
+    motion = max(MotionLibrary.builtin().motions, key=lambda each: each.duration)
+    still = replace(motion, positions=np.repeat(motion.positions[:1], round(4 * motion.frame_rate), axis=0), gaps=())
+    assert stood([motion]) == {"stood_begins": None, "stood": 0}
+    assert stood([motion, still]) == {"stood_begins": 0.0, "stood": 2}
+    monkeypatch.setattr(evaluate_teach, "_STAYS", 9.0)
+    assert stood([motion]) == {"stood_begins": 1.0, "stood": int(motion.duration) - 1}

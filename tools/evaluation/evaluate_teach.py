@@ -1,0 +1,346 @@
+"""`kinespace evaluate teach`: a person teaches by few examples; other motions of the same and of other persons ask.
+
+Draws examples of one person's motions, makes a library of them, and replays what was recorded apart from them, of the
+same person and of others, through the live recogniser.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from kinespace.library import Clip, MotionLibrary
+from kinespace.library.teaching.examples import EVERY
+from kinespace.library.teaching.movement import moved_in
+from kinespace.library.windows.index import WindowIndex, teacher_of
+from kinespace.stream.recognition import EventKind, Outcome
+from kinespace.stream.recognizer import Settings
+from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
+from kinespace.tools.cli.arguments import count as above_zero
+from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, values_of
+from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.feeding.feed import resampled
+from kinespace.tools.terminal.console import note, progress
+from kinespace.tools.terminal.tables import counted, print_scores
+
+#: A motion, and the name of the recording that it was cut from.
+Motion = tuple[str, Clip]
+
+#: Motions of a class that ask in one draw, at most: of the same person, and of all other persons.
+_ASKED = {"same": 4, "other": 2}
+#: Seed of the draws.
+_SEED = 0
+#: How much slower a motion is played to see whether it begins a lesson all the same.
+_SLOW = 0.4
+#: Seconds of a time of standing still, and how far a joint may be from its mean in them, metres.
+_STOOD, _STAYS = 2.0, 0.05
+_COLUMNS = (
+    ("examples", "{examples}"),
+    ("same person", "{same_first_right:.1%}"),
+    ("delay", "{delay_s:.2f}"),
+    ("false a minute", "{false_per_minute:.2f}"),
+    ("another person", "{other_first_right:.1%}"),
+    ("delay", "{other_delay_s:.2f}"),
+    ("false a minute", "{other_false_per_minute:.2f}"),
+)
+
+
+class Reply(NamedTuple):
+    """The start events of a motion that asked: their classes, and the seconds from its first frame to the first.
+
+    And of its answers the number, and of these the number that named a class.
+    """
+
+    motion: Clip
+    classes: tuple[str, ...]
+    delay: float
+    answers: int = 0
+    named: int = 0
+
+    @property
+    def right(self) -> bool:
+        """Whether the first names the class performed; a motion without a start event counts as wrong."""
+        return self.classes[:1] == (self.motion.class_name,)
+
+    @property
+    def false_starts(self) -> int:
+        """The number of start events of other classes."""
+        return sum(each != self.motion.class_name for each in self.classes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taught:
+    """One person's motions as one library, whose windows are computed once; each draw opens some of them.
+
+    Attributes
+    ----------
+    index
+        The windows of all motions that the person may teach.
+    takes
+        For each of the library's motions the name of the recording that it was cut from; empty for motions that nobody
+        teaches: the built-in ones.
+    """
+
+    index: WindowIndex
+    takes: tuple[str, ...]
+
+    def opened(self, examples: Sequence[int]) -> WindowIndex:
+        """Open some examples, with the motions that nobody teaches."""
+        return self.index.of_some([*(place for place, take in enumerate(self.takes) if not take), *examples])
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    harness.add_sources(parser, "the built-in library's motions")
+    parser.add_argument("--person", default="", help="the performer of all takes that do not name one")
+    text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]
+    parser.add_argument("--examples", nargs="+", type=above_zero, default=usual, metavar="N", help=text)
+    text = "draws of each person's examples (default %(default)s)"
+    parser.add_argument("--draws", type=above_zero, default=20, help=text)
+    text = "the persons who teach (default: all, in turn)"
+    parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument("--beside", action="store_true", help="compare with the built-in library, too")
+    text = "ask each motion again with its class left out: how much of its time is named all the same?"
+    either.add_argument("--left-out", action="store_true", help=text)
+    add_settings(parser)
+    add_shared(parser, "--json")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw examples, teach them, let other motions ask, and print how right the first start events were.
+
+    With the built-in library, the person who teaches is left out of it, and the taught classes are called `my ...`:
+    they must win over the built-in classes, even over those of the same motion. The built-in library knows its own
+    persons, so they do not ask.
+    """
+    takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
+    by_person = _motions(takes, options)
+    if strange := {*options.teachers} - {*by_person}:
+        raise ValueError(f"--teachers: expected some of {', '.join(sorted(by_person))}, got {min(strange)!r}")
+    teachers = sorted(options.teachers or by_person)
+    replies = _replies(by_person, teachers, options)
+    if not any(replies.values()):
+        note(f"nothing asked: {_why_nobody_asks(by_person)}")
+        return 1
+    figures = {"examples": options.examples, **scored(replies, options.examples)}
+    if options.json:
+        motions = [clip for each in by_person.values() for _, clip in each]
+        whole = {"persons": len(teachers), "draws": options.draws}
+        harness.print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
+        return 0
+    rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
+    title = "Motions asked that were not taught: is the first start event right?"
+    caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
+    print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
+    return 0
+
+
+def _replies(
+    by_person: Mapping[str, Sequence[Motion]], teachers: Sequence[str], options: argparse.Namespace
+) -> dict[tuple[str, int], list[Reply]]:
+    """Ask what each teacher's draws teach; give the replies by who asks, and by the number of examples."""
+    settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
+    for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
+        own, taught = by_person[teacher], taught_by(by_person[teacher], with_builtin=options.beside)
+        not_asked = {teacher, *(MotionLibrary.builtin().actors if options.beside else ())}
+        others = [clip for name, each in by_person.items() if name not in not_asked for _, clip in each]
+        for draw in range(options.draws):
+            for count in options.examples:
+                generator = np.random.default_rng([_SEED, place, draw, count])
+                examples, left = drawn(own, taught, count, generator)
+                if examples:
+                    index = taught.opened(examples)
+                    known = sorted({taught.index.library.motions[each].class_name for each in examples})
+                    for whose, clips in (("same", left), ("other", others)):
+                        asked = _some(clips, known, _ASKED[whose], generator)
+                        replies[whose, count] += [ask(clip, index, settings) for clip in asked]
+                        if options.left_out:
+                            replies[f"unknown {whose}", count] += _strangers(asked, taught, examples, settings)
+    return replies
+
+
+def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
+    """Say what the takes lack: motions apart from those of the takes that teach."""
+    takes = defaultdict[str, set[str]](set)
+    for take, clip in (each for motions in by_person.values() for each in motions):
+        takes[clip.class_name].add(take)
+    single = sorted(name for name, own in takes.items() if len(own) == 1)
+    return (
+        "a take that teaches does not ask, so each class needs a take more than examples, and a class that one take "
+        f"alone has keeps that take from asking ({', '.join(single) or 'here none'}): give more takes"
+    )
+
+
+def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:
+    """Give each person's motions, over the joints that the built-in library has, too: its persons teach the metrics."""
+    builtin, mine = MotionLibrary.builtin(), "my {}" if options.beside else "{}"
+    by_person = defaultdict[str, list["Motion"]](list)
+    joints = harness.shared_joints([*(take.clip.skeleton for take in takes), builtin.skeleton])
+    for take in takes:
+        for clip in take.motions():
+            actor, named = clip.actor or options.person, mine.format(clip.class_name)
+            by_person[actor].append(
+                (take.clip.name, replace(clip.restricted_to(joints), class_name=named, actor=actor))
+            )
+    return by_person
+
+
+def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:
+    """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
+    library = MotionLibrary.of_clips([clip for _, clip in own])
+    person = own[0][1].actor
+    builtin = MotionLibrary.builtin().restricted_to(library.skeleton.joints)
+    strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
+    # A library's motions are sorted, but keep their order within a class and person.
+    names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
+    if with_builtin:
+        taught = [replace(motion, actor="").as_of(strangers.skeleton) for motion in library.motions]
+        index = WindowIndex.of(strangers).with_motions(taught, every=EVERY)
+        own_names = iter(names)
+        return Taught(index, tuple("" if motion.actor else next(own_names) for motion in index.library.motions))
+    teacher = teacher_of(library)
+    if teacher is not library:
+        teacher = replace(strangers, learned=None).restricted_to(library.skeleton.joints)
+        ordered = tuple(each.as_of(teacher.skeleton) for each in library.motions)
+        library = replace(library, skeleton=teacher.skeleton, motions=ordered)
+    return Taught(WindowIndex.of(library, teacher), tuple(names))
+
+
+def drawn(
+    own: Sequence[Motion], taught: Taught, count: int, generator: np.random.Generator
+) -> tuple[list[int], list[Clip]]:
+    """Draw the examples of each class, and give the motions of the same person that are left to ask.
+
+    Recordings come in a drawn order, and each class is taught by its first motions; motions from the same recording as
+    an example do not ask. So a person whose motions are cut from whole takes teaches from one take and asks in another.
+
+    Parameters
+    ----------
+    own
+        The person's motions.
+    taught
+        The same motions as a library.
+    count
+        The number of examples of each class.
+    generator
+        The generator of the draw.
+
+    Returns
+    -------
+    Indices of the examples in the library, and the motions to ask; empty where no class has enough examples.
+    """
+    takes = sorted({*taught.takes} - {""})
+    order = {takes[place]: rank for rank, place in enumerate(generator.permutation(len(takes)).tolist())}
+    chosen = defaultdict[str, list[int]](list)
+    places = [place for place, take in enumerate(taught.takes) if take]
+    for place in sorted(places, key=lambda each: order[taught.takes[each]]):
+        chosen[taught.index.library.motions[place].class_name].append(place)
+    examples = [place for each in chosen.values() if len(each) >= count for place in each[:count]]
+    used = {taught.takes[place] for place in examples}
+    return examples, [clip for take, clip in own if take not in used] if examples else []
+
+
+def _some(clips: Sequence[Clip], classes: Sequence[str], most: int, generator: np.random.Generator) -> list[Clip]:
+    """Draw some motions of each class."""
+    chosen = list["Clip"]()
+    for class_name in classes:
+        own = [clip for clip in clips if clip.class_name == class_name]
+        chosen += [own[place] for place in generator.permutation(len(own))[:most].tolist()]
+    return chosen
+
+
+def ask(motion: Clip, index: WindowIndex, settings: Settings) -> Reply:
+    """Push a motion through the recogniser, and keep its start events."""
+    answers = harness.answers_to(harness.Feed.of(motion, index.library.skeleton), index, settings)
+    starts = [event for each in answers for event in each.events if event.kind is EventKind.START]
+    named = sum(answer.outcome is Outcome.NAMED for answer in answers)
+    delay = starts[0].time if starts else np.nan
+    return Reply(motion, tuple(each.label for each in starts), delay, len(answers), named)
+
+
+def _strangers(asked: Sequence[Clip], taught: Taught, examples: Sequence[int], settings: Settings) -> list[Reply]:
+    """Ask motions whose class was not taught: the others' examples alone are opened."""
+    motions = taught.index.library.motions
+    # What is done says nothing about names, and takes long to open.
+    settings = replace(settings, false_alarms=0.0)
+    opened = {
+        name: taught.opened([each for each in examples if motions[each].class_name != name])
+        for name in {clip.class_name for clip in asked}
+    }
+    return [ask(clip, opened[clip.class_name], settings) for clip in asked]
+
+
+def _of_unknown(asked: Sequence[Reply], prefix: str) -> dict[str, Ratio]:
+    """Give the figures of motions whose class was left out, which are named by mistake; none where none asked."""
+    if not asked:
+        return {}
+    named, answers = [each.named for each in asked], [each.answers for each in asked]
+    starts, seconds = [len(each.classes) for each in asked], [each.motion.duration for each in asked]
+    return {
+        f"{prefix}unknown_named": Ratio(named, answers),
+        f"{prefix}unknown_starts_per_minute": Ratio(starts, seconds, 60),
+    }
+
+
+def begun(motions: Sequence[Clip]) -> dict[str, float]:
+    """Give the share of motions that begin a lesson, as recorded and at two fifths of their speed, and their number.
+
+    Nobody stands in a cut motion: the movement that begins it is the usual one, and the first tenths are lost.
+    """
+    slow = [resampled(replace(each, frame_rate=_SLOW * each.frame_rate), each.frame_rate) for each in motions]
+    shares = [float(np.mean([any(moved_in(each)) for each in played])) for played in (motions, slow)]
+    return {"begins": shares[0], "begins_slow": shares[1], "motions": len(motions)}
+
+
+def stood(takes: Sequence[Clip]) -> dict[str, float | None]:
+    """Give the share of times of standing still that begin a lesson, and their number; times overlap.
+
+    A time lasts `_STOOD` seconds, in which all joints stay within `_STAYS` of their mean.
+    """
+    begins = list[bool]()
+    for take in takes:
+        long = round(_STOOD * take.frame_rate)
+        for first in range(0, take.frames - long, long // 2):
+            positions = take.positions[first : first + long]
+            if (np.linalg.norm(positions - positions.mean(axis=0), axis=2) <= _STAYS).all():
+                begins.append(any(moved_in(replace(take, positions=positions, gaps=(), filled=0))))
+    return {"stood_begins": float(np.mean(begins)) if begins else None, "stood": len(begins)}
+
+
+def scored(
+    replies: Mapping[tuple[str, int], Sequence[Reply]], examples: Sequence[int]
+) -> dict[str, list[float | None]]:
+    """Give the figures for each number of examples, in order; None where no motion could ask.
+
+    Of the same person's motions and of others': the shares whose first start event is right, that had a start event,
+    and, of these, whose first is right; the median seconds to a right first start event; start events of other classes
+    a minute; the number of motions that asked, over all draws; and of motions whose class was left out, where such
+    asked, the share of the time that was named, and start events a minute.
+    """
+    figures = defaultdict[str, list[float | None]](list)
+    for count in examples:
+        for whose, prefix in (("same", ""), ("other", "other_")):
+            asked = replies.get((whose, count), [])
+            right, one = [each.right for each in asked], [1.0] * len(asked)
+            started = [bool(each.classes) for each in asked]
+            false, seconds = [each.false_starts for each in asked], [each.motion.duration for each in asked]
+            values = values_of(
+                {
+                    f"{whose}_first_right": Ratio(right, one),
+                    f"{whose}_started": Ratio(started, one),
+                    f"{whose}_first_right_of_started": Ratio(right, started),
+                    f"{prefix}delay_s": Percentile([[each.delay] for each in asked if each.right], 50),
+                    f"{prefix}false_per_minute": Ratio(false, seconds, 60),
+                    **_of_unknown(replies.get((f"unknown {whose}", count), []), prefix),
+                }
+            )
+            for name, value in (values | {f"{whose}_asked": len(asked)}).items():
+                figures[name].append(value)
+    return dict(figures)

@@ -101,8 +101,8 @@ def is_recording(path: Path) -> bool:
     """Say whether a file can be read, by its ending or a table's columns."""
     ending = path.suffix.lower()
     if ending in _TABLES:
-        return joint_table.is_joint_table(path)
-    return ending in (*ENDINGS, *FILMS) or utkinect.is_take(path)
+        return utkinect.is_take(path) or joint_table.is_joint_table(path)
+    return ending in (*ENDINGS, *FILMS)
 
 
 def is_systems(path: Path) -> bool:

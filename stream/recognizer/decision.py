@@ -55,8 +55,6 @@ _NEAR_FOR = 0.2
 _SEEN = 0.5
 #: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
 _SMALLEST_GAP = 0.02
-#: The share of unknown movement above which evidence is a surplus.
-_LITTLE = 0.01
 #: The name that stands for "no class".
 _NONE = ""
 
@@ -189,7 +187,7 @@ class Decided(NamedTuple):
     evidence
         The evidence for the guess; None where the comparison does not judge.
     surplus
-        The averaged evidence above a logit that little unknown movement has (`_LITTLE`); None likewise.
+        The averaged evidence above the logit that 1 % of unknown movement has; None likewise.
     """
 
     outcome: Outcome
@@ -276,7 +274,7 @@ class Decision:
             evidence = Evidence.of(distances.judged, classes.index(guess), noise)
             rejection = index.rejection
             known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
-            surplus = self._judgement.average - rejection.threshold_at(_LITTLE)
+            surplus = self._judgement.average - rejection.thresholds.item(0)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and signature.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS

@@ -129,13 +129,14 @@ _OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of o
 
 def summary_counts(output: str) -> dict[str, int]:
     """Read the counts out of the last lines of `kinespace live`."""
-    found = re.search(", ".join(rf"{name} (\d+)" for name in _OF_INPUT), output)
+    said = re.findall(r"\breceived \d+.*", output)
     told = re.search(r"(\d+) answers of (\d+) frames[^,]*, (\d+) windows started again, (\d+) answers not sent", output)
-    assert found
+    assert said
     assert told
-    names = *_OF_INPUT, "answers", "frames", "restarts", "unsent"
-    counts = zip(names, (*found.groups(), *told.groups()), strict=True)
-    return {name: int(number) for name, number in counts}
+    # A count of zero is not said.
+    found = {name: re.search(rf"\b{name} (\d+)", said[-1]) for name in _OF_INPUT}
+    of_input = {name: int(each[1]) if each else 0 for name, each in found.items()}
+    return of_input | dict(zip(("answers", "frames", "restarts", "unsent"), map(int, told.groups()), strict=True))
 
 
 def motion_cues(class_name: str, seconds: float, *, performer: str = "dancer", begin: float = 1.0) -> list[Cue]:

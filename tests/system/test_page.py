@@ -230,8 +230,7 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     performer.away = False
     until(page, "kinespace.performers.get('ann')?.stage.joints")
     page.click("#theme")
-    if for_readme():
-        sees_motion(page, performer, KICK, takes(KICK)[2])
+    sees_motion(page, performer, KICK, takes(KICK)[2])
     picture(page, "page-light.png", folder)
     performer.bob = True
     until(page, "document.querySelector('#notes').textContent.includes('bob: frames refused')")

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[3]
 #: Frames a second, frames until the windows are full, and frames in all.
 RATE, FULL, FRAMES = 120, 250, 300
 #: Most files that a frame passes at a hop, and most returns to a file that was left before.
-MOST_FILES, MOST_RETURNS = 27, 31
+MOST_FILES, MOST_RETURNS = 27, 33
 
 
 def traced() -> list[str]:

@@ -18,11 +18,18 @@ namespace Kinespace
         // Bundles in bundles that are read; kinespace sends one level.
         const int MaxDepth = 4;
 
-        // OSC reserves these characters in addresses, and others do not print: each becomes an underscore.
+        // Letters of any script stay; what OSC reserves, and what does not print, is written as in a URL: a%20b.
         static readonly Regex NotInAddress =
-            new Regex(@"[\uD800-\uDBFF][\uDC00-\uDFFF]|[^!-~]|[#*,/?\[\]{}]", RegexOptions.CultureInvariant);
+            new Regex(@"[ #*,/?\[\]{}%]|[\p{Zs}\p{Zl}\p{Zp}\p{Cc}\p{Cf}\p{Co}\p{Cn}]", RegexOptions.CultureInvariant);
 
-        public static string AddressPart(string name) { return NotInAddress.Replace(name, "_"); }
+        public static string AddressPart(string name) { return NotInAddress.Replace(name, each => Written(each.Value)); }
+
+        static string Written(string text)
+        {
+            var written = new StringBuilder();
+            foreach (byte each in Encoding.UTF8.GetBytes(text)) written.Append('%').Append(each.ToString("X2"));
+            return written.ToString();
+        }
 
         /// <summary>Encodes a message; arguments are texts, whole numbers, floats and doubles.</summary>
         public static byte[] Encode(string address, IEnumerable<object> arguments)

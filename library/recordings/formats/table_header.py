@@ -30,7 +30,8 @@ _TIMES, _SECONDS, _FRAMES, _LABELS, _NO_PLACES = (
     frozenset(WORDS["columns"][kind]) for kind in ("times", "alone", "frames", "labels", "no_places")
 )
 _PERSON = re.compile(
-    r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object)"
+    r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
+    r"pose|detection|character|dancer|entity|avatar)"
     r"( ?(id|ids|idx|index|nr|no|number|name))?|p?id"
 )
 #: Rows above the first frame that may name joints.
@@ -108,11 +109,7 @@ def _of_one(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, No
                 found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
                 units.add((named.groupdict().get("unit") or "").lower())
         whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}
-        others = {
-            joint: None
-            for joint in whole
-            if _NO_PLACES & {*(words_of(joint) or [""])[:: len(words_of(joint)) - 1 or 1]}
-        }
+        others = {joint: None for joint in whole if _NO_PLACES & {*words_of(joint)}}
         if len(whole) - len(others) > len(best[0]):
             best = {joint: axes for joint, axes in whole.items() if joint not in others}, others, units - {""}
     return best

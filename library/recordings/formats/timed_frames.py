@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -26,8 +27,13 @@ _TIE = 1e-6
 FRAME_RATE = 30.0
 #: Seconds of the units in which files count time, by the words for them in a column's name.
 _UNITS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
+_FRAMES = frozenset(WORDS["columns"]["frames"])
 #: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
-_RATES = ((14.0, 500.0), (4.0, 2000.0))
+_RATES = ((14.0, 500.0), (1.0, 1000.0))
+#: Frames per second, at most, of times in ticks of 100 ns that nothing names: a Kinect's.
+_MOST_BY_TICKS = 70.0
+#: Two rates whose logarithms differ by less are alike.
+_NEARLY = 0.1
 #: Times that differ from even ones by less than this share of a frame are even.
 _EVEN = 1e-4
 #: Frames of the grid, at most: a day at 60 frames per second.
@@ -134,13 +140,19 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
     since, assumed = moments - moments[0], rate or FRAME_RATE
     steps = np.diff(since)[np.diff(since) > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
-    named = next((_UNITS[word] for word in words_of(name) if word in _UNITS), None)
-    if step == 1 and named != 1e-3 and (since % 1 == 0).all():
+    words = words_of(name)
+    named = next((_UNITS[word] for word in words if word in _UNITS), None)
+    if step >= 1 and (since % 1 == 0).all() and (_FRAMES & {*words} or (step == 1 and named != 1e-3)):
         return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
+    units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9) if unit]
+    if step and rate and not named:
+        # The unit that gives the rate which is known otherwise.
+        units.sort(key=lambda unit: abs(math.log(rate * step * unit)) > _NEARLY)
     for lowest, highest in _RATES if step else ():
-        for unit in (named, 1.0, 1e-3, 1e-6, 1e-9, 1e-7):
+        for unit in units:
             # A unit that the file names is believed while it is possible at all.
-            if unit and (_RATES[-1][0] if unit == named else lowest) <= 1 / (step * unit) <= highest:
+            least, most = _RATES[-1] if unit == named else (lowest, _MOST_BY_TICKS if unit == 1e-7 else highest)
+            if least <= 1 / (step * unit) <= most:
                 return since * unit, ""
     remark = f"times: {name!r} gives no rate of frames: {assumed:g} frames a second"
     return np.arange(len(since)) / assumed, remark
@@ -166,6 +178,9 @@ def timing(
             notes.append(f"times: none in it: {FRAME_RATE:g} frames a second")
         return None, known or FRAME_RATE
     seconds, remark = seconds_of(moments, name, known)
+    if remark and given:
+        # Frames come as often as the person says, whatever their numbers.
+        seconds = seconds / (float(np.median(np.diff(seconds))) * given or 1.0)
     if remark and not known:
         notes.append(remark)
     if remark or not said or not (np.diff(seconds) > 0).any():

@@ -26,7 +26,11 @@ from kinespace.library.recordings.formats.units import metres_of
 
 def _labels(path: Path, line: str, announced: int) -> list[str]:
     """Read the names of the markers, which stand three tabs apart, or else between any blanks."""
-    tabbed = [label.strip() for label in line.split("\t")[2:] if label.strip()]
+    cells = [label.strip() for label in line.split("\t")[2:]]
+    if any(cells[::3]) and not any((*cells[1::3], *cells[2::3])) and len(cells[::3]) >= announced > 1:
+        # A marker without a name keeps its columns.
+        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3][:announced], 1)]
+    tabbed = [label for label in cells if label]
     spaced = line.split()[2:]
     found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed
     if len(found) < 2:
@@ -76,7 +80,8 @@ def read_clip(
     kind, names, given, heads = (next(lines, "").rstrip("\r\n") for _ in range(4))
     if not kind.startswith("PathFileType"):
         refuse(path, 1, f"expected PathFileType, got {kind[:40]!r}")
-    said = dict(zip(names.split(), given.split(), strict=False))
+    between = "\t" if "\t" in names and "\t" in given else None
+    said = dict(zip(map(str.strip, names.split(between)), map(str.strip, given.split(between)), strict=False))
     announced = said.get("NumMarkers", "")
     labels = _labels(path, heads, int(announced) if re.fullmatch(r"\d{1,3}", announced) else 0)
     columns, values, frames, number = 2 + 3 * len(labels), array("d"), 0, 4

@@ -186,6 +186,17 @@ def _two(column: str, clock: str, ids: tuple[str, str]) -> str:
     )
 
 
+def _beside() -> str:
+    """Put two bodies beside each other, as DeepLabCut does it: scorer, individuals, parts, axes."""
+    heads = [["scorer", *["me"] * 96], ["individuals", *["ann"] * 48, *["bob"] * 48]]
+    heads += [["bodyparts", *(n for n in NAMES * 2 for _ in "xyz")], ["coords", *"xyz" * 32]]
+    rows = [
+        [str(place), *(f"{each:.4f}" for each in (*frame.ravel(), *(frame + 1.5).ravel()))]
+        for place, frame in enumerate(BODY)
+    ]
+    return "".join(",".join(row) + "\n" for row in heads + rows)
+
+
 def _times(scale: float, start: int = 0) -> list[int]:
     return [start + round(time * scale) for time in TIMES.tolist()]
 
@@ -210,6 +221,7 @@ def _tables() -> dict[str, Kind]:
         "times that stand": (table(times=[0.0] * len(BODY)), {"rate": 30.0, "tells": "times"}),
         "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
         "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
+        "two people in columns": (_beside(), {"rate": 30.0, "tells": "Hips again"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people by name": (_two("Performer", "time", ("ann", "佐藤")), {"people": ("ann", "佐藤")}),
         "rotations": (table(more=[(f"Hips_rot_{axis}", 0.5) for axis in "xyz"] + [(f"Hips_q{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips_rot"}),

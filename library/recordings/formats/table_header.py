@@ -136,11 +136,13 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     named = max(above, key=lambda row: len({row[column] for column in ours}), default=None)
     if named is None:
         return None
-    found = dict[str, dict[str, int]]()
+    found, again = dict[str, dict[str, int]](), dict[str, None]()
     for column in ours:
-        found.setdefault(named[column], {}).setdefault(axes[column], column)
+        if found.setdefault(named[column], {}).setdefault(axes[column], column) != column and named[column]:
+            # A second body, say, whose name stands in another row.
+            again[f"{named[column]} again"] = None
     joints = {joint: each for joint, each in found.items() if joint and len(each) == 3}
-    others = {joint: None for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}}
+    others = again | {joint: None for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}}
     joints = {joint: each for joint, each in joints.items() if joint not in others}
     return _header(rows, rows[place], joints, others, units) if len(joints) > 1 else None
 

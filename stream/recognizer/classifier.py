@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any, Self
@@ -169,6 +170,12 @@ class MotionClassifier:
         return Tags("classifier", TargetTags(required=True), classifier_tags=ClassifierTags(), input_tags=rows)
 
     def _clips(self, given: Iterable[Clip | ArrayLike]) -> list[Clip]:
+        for name, least in (("frame_rate", 0.001), ("hop", 0.001), ("timing", 0.0)):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not least <= value < math.inf:
+                raise ValueError(f"{name}: expected a number from {least:g} on, got {value!r}")
+        if isinstance(given, Clip):
+            raise ValueError("X: expected a list of clips, got one Clip")  # noqa: TRY004 - as scikit-learn has it
         skeleton = self.skeleton or hdm05.SKELETON
         return [each if isinstance(each, Clip) else Clip(skeleton, np.asarray(each), self.frame_rate) for each in given]
 

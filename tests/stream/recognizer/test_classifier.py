@@ -121,6 +121,18 @@ def test_mistakes_are_said() -> None:
         classifier.set_params(speed=2)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"), [("hop", 0), ("hop", -1), ("frame_rate", "x"), ("timing", -5.0), ("timing", None)]
+)
+def test_parameters_that_mean_nothing_are_refused(builtin: MotionLibrary, name: str, value: object) -> None:
+    """As scikit-learn has it, when something is learned: the error names the parameter, and what was expected."""
+    motions = builtin.motions[:2]
+    with pytest.raises(ValueError, match=f"{name}: expected a number from "):
+        MotionClassifier().set_params(**{name: value}).fit(motions, ["a", "b"])
+    with pytest.raises(ValueError, match="X: expected a list of clips"):
+        MotionClassifier().fit(motions[0], ["a"])
+
+
 @pytest.mark.slow
 def test_scikit_learn_takes_it() -> None:
     """Its own checks pass, a clone has the same parameters, and it divides clips by person."""

@@ -89,6 +89,14 @@ _SHARED: dict[str, dict[str, Any]] = {
 }
 
 
+def report_path(text: str) -> Path:
+    """Read where a table or a picture is to be written: never over a library or a recording."""
+    path = Path(text)
+    if path.suffix.lower() in (".npz", ".kinerec"):
+        raise argparse.ArgumentTypeError(f"expected a table or a picture, like a.csv or a.png, got {text!r}")
+    return path
+
+
 def several(kind: Callable[[str], object], metavar: str) -> dict[str, Any]:
     """Give what an option is that takes several words, and may be given again."""
     return {"nargs": "+", "action": "extend", "type": kind, "default": [], "metavar": metavar}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, similarity
 from kinespace.stream.outputs.extra import extra
-from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
+from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.harness import print_json, shared_joints
 from kinespace.tools.evaluation.scoring.answer_tables import write_rows
 from kinespace.tools.evaluation.scoring.bootstrap import intervals_of, values_of
@@ -67,9 +67,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = (
         "write a row for each motion and comparison: the two nearest, their inner products, and whether they are right"
     )
-    parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
+    parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
     text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
-    parser.add_argument("--picture", type=Path, metavar="FILE", help=text)
+    parser.add_argument("--picture", type=report_path, metavar="FILE", help=text)
     text = "print a JSON list of all rows, with confusion matrices by class, and nothing else"
     parser.add_argument("--json", action="store_true", help=text)
 

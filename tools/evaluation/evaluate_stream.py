@@ -18,7 +18,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.tools.cli.arguments import add_shared, settings_of, several
+from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.scoring.answer_tables import answer_rows, segment_rows, write_rows
 from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, score_courses
@@ -44,9 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     text = "leave these parts of the signature out, to see their worth"
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
-    parser.add_argument("--answers", type=Path, metavar="CSV", help="write a row for each answer: truth, guess, scores")
     parser.add_argument(
-        "--segments", type=Path, metavar="CSV", help="write a row for each segment: right, named, delays"
+        "--answers", type=report_path, metavar="CSV", help="write a row for each answer: truth, guess, scores"
+    )
+    parser.add_argument(
+        "--segments", type=report_path, metavar="CSV", help="write a row for each segment: right, named, delays"
     )
     add_shared(parser, "--json")
 

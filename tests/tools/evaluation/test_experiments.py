@@ -221,3 +221,11 @@ def test_the_share_of_standing_still_that_begins_a_lesson(monkeypatch: pytest.Mo
     assert stood([motion, still]) == {"stood_begins": 0.0, "stood": 2}
     monkeypatch.setattr(evaluate_teach, "_STAYS", 9.0)
     assert stood([motion]) == {"stood_begins": 1.0, "stood": int(motion.duration) - 1}
+
+
+@pytest.mark.parametrize("options", [["retrieval", "--picture"], ["stream", "--answers"], ["show", "--answers"]])
+def test_no_table_is_written_over_a_library(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """An output named like a library is a mistake."""
+    with pytest.raises(SystemExit):
+        main(["evaluate", *options, "mine.npz"])
+    assert "expected a table or a picture, like a.csv or a.png, got 'mine.npz'" in capsys.readouterr().err

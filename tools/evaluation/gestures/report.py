@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
-from kinespace.tools.cli.arguments import add_shared
+from kinespace.tools.cli.arguments import add_shared, report_path
 from kinespace.tools.evaluation.harness import print_json, written
 from kinespace.tools.evaluation.scoring.answer_tables import write_rows
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
@@ -18,7 +17,7 @@ from kinespace.tools.terminal.tables import print_scores
 def add_report(parser: argparse.ArgumentParser) -> None:
     """Add the options for what is printed and written."""
     text = "write every word said: person, time, kind, class, whether it is right, its segment"
-    parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
+    parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
     add_shared(parser, "--json")
 
 

@@ -10,7 +10,7 @@ with its neighbours, so that a bend may come a little sooner or later (a band of
 way and width say how far each number goes and how far it swings, as unit vectors: the spread beside the directions.
 
 A motion is said where a live window costs less than the motion's limit. The limit comes from what must not be said:
-everyday movement (`everyday`, and the motions called `nothing`), and the other classes' motions.
+everyday movement (`everyday`, and the motions called `nothing`), and halves of two classes' motions put together.
 """
 
 from __future__ import annotations
@@ -63,6 +63,8 @@ _OF_EVERYDAY = 0.7, 0.6
 #: A limit is this share of the least cost of a motion called `nothing`, or of another class; of a whole motion whose
 #: class has several motions less.
 _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
+#: And of a whole motion this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
+_OF_HALVES, _QUANTILE, _DRAWN = 1.05, 0.05, 200
 #: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions less.
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
@@ -248,6 +250,8 @@ class Courses:
         unlike = _of_unwanted(pieces, several, unwanted, counts_for)
         for limit, highest, share, others in zip(limits, _MOST, _OF_EVERYDAY, unlike, strict=True):
             limit[:] = np.minimum(np.minimum(np.where(several, _MOST_CROSSED, highest), others), share * typical)
+        if len(classes) > 1:
+            limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
         counts = _counts(float(seconds.max()))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
         screen, crossed = Screen.of(both.courses), crossed / limits[0]
@@ -482,6 +486,24 @@ def _of_unwanted(
         least = np.where(alike, each.costs(windows), np.inf).min(axis=1, initial=np.inf)
         limit[:] = np.where(several, crossing, _OF_OTHERS) * least
     return limits
+
+
+def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbers:
+    """Give what halves of two classes' motions, put together, cost each motion: a low quantile, shape (motions,)."""
+    draw = np.random.default_rng(0)
+    drawn: list[Numbers] = []
+    steps, half = np.diff(whole, axis=1), POINTS // 2
+    for _ in range(_DRAWN):
+        one = int(draw.integers(len(whole)))
+        other = int(draw.choice(np.flatnonzero(of_class != of_class[one])))
+        path = np.cumsum(
+            np.concatenate([np.zeros((1, whole.shape[2])), steps[one, :half], steps[other, half:]]), axis=0
+        )
+        ways = ways_of(path)
+        drawn.append(at_equal_way(path, ways, np.zeros(1), ways[-1:]))
+    costs = Pieces.of(np.concatenate(drawn)).costs(pieces)
+    quantile: Numbers = np.quantile(costs, _QUANTILE, axis=0)
+    return quantile
 
 
 # --- everyday movement ------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from numbers import Real
 from typing import Any, Self
 
 import numpy as np
@@ -172,7 +173,7 @@ class MotionClassifier:
     def _clips(self, given: Iterable[Clip | ArrayLike]) -> list[Clip]:
         for name, least in (("frame_rate", 0.001), ("hop", 0.001), ("timing", 0.0)):
             value = getattr(self, name)
-            if not isinstance(value, int | float) or not least <= value < math.inf:
+            if not isinstance(value, Real) or not least <= float(value) < math.inf:
                 raise ValueError(f"{name}: expected a number from {least:g} on, got {value!r}")
         if isinstance(given, Clip):
             raise ValueError("X: expected a list of clips, got one Clip")  # noqa: TRY004 - as scikit-learn has it

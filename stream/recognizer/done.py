@@ -148,18 +148,19 @@ class DoneFollower:
 
     def know(self, time: float, class_name: str, evidence: float) -> None:
         """Take in the evidence of the windows that end at a time, for a class, above what everyday movement has."""
-        self._evident.append((time, class_name, evidence))
+        evident = self._evident
+        evident.append((time, class_name, evidence))
+        while evident[0][0] < time - _EVIDENT_FOR:
+            evident.popleft()
 
     def _growth(self) -> NDArray[np.float64]:
         """Say how much wider each motion's limits are by the evidence of the last moments, shape (motions,)."""
-        evident, courses = self._evident, self._courses
-        while evident and evident[0][0] < self.time - _EVIDENT_FOR:
-            evident.popleft()
-        best = dict(sorted((name, each) for _, name, each in evident))
+        courses, since = self._courses, self.time - _EVIDENT_FOR
+        best = dict(sorted((name, each) for time, name, each in self._evident if time >= since))
         most = [_MOST_SEVERAL if name in self._several else _MOST_GROWTH for name in courses.classes]
         growth = np.exp([_GROWTH * best.get(name, -math.inf) for name in courses.classes]).clip(_LEAST_GROWTH, most)
         counts = np.diff(courses.starts, append=len(courses.seconds))
-        return np.repeat(growth if evident else np.ones(len(growth)), counts)
+        return np.repeat(growth if best else np.ones(len(growth)), counts)
 
     def push(self, times: list[float], positions: NDArray[np.float64]) -> Look | None:
         """Take in the body's positions, (frames, joints, 3), metres, at times in seconds; look when a look is due.

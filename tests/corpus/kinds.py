@@ -235,6 +235,7 @@ def _tables() -> dict[str, Kind]:
         "X in capitals": (table(head=lambda name, axis: name + axis.upper()), {}),
         "Position X (mm)": (table(head=lambda name, axis: f"{name} Position {axis.upper()} (mm)", positions=BODY * 1000), {}),
         "x in front": (table(head=lambda name, axis: f"{axis}_{name}"), {}),
+        "short rows": ("".join(line.rsplit(",", 3)[0] + "\n" if 20 < n < 25 else line for n, line in enumerate(table().splitlines(keepends=True))), {"tells": "4 have fewer", "near": 3e-3}),
         "comments": (table(first="# made by a tracker\n# fps: 60\n"), {}),
         "sep=": (table(mark=";", first="sep=;\n"), {}),
         "decimal commas": (table(mark=";").replace(".", ","), {}),

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from io import BytesIO
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -252,14 +252,14 @@ def _whole(
 ) -> Iterator[tuple[int, list[str]]]:
     """Give the rows of frames with their lines, empty fields where some at the end lack; remark on what is odd."""
     blank, short = False, 0
-    for number, row in enumerate(rows, start=begin):
-        if not any(row) or row[0].startswith("#"):
-            blank |= not any(row)
+    for number, (row, after) in enumerate(pairwise(chain(rows, [None])), start=begin):
+        if not row or not any(row) or row[0].startswith("#"):
+            blank |= not row or not any(row)
             continue
         if blank and not is_numbers(row):
             notes.append(f"parts: what stands from line {number} on is left out")
             break
-        if len(row) < needed and number > begin and next(rows, None) is None:
+        if len(row) < needed and number > begin and after is None:
             notes.append(f"frames: the last line, {number}, is cut off and left out")
             break
         if 2 * len(row) < needed:

@@ -31,7 +31,7 @@ _TIMES, _SECONDS, _FRAMES, _LABELS, _NO_PLACES = (
 )
 _PERSON = re.compile(
     r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
-    r"pose|detection|character|dancer|entity|avatar)"
+    r"character|dancer|entity|avatar)"
     r"( ?(id|ids|idx|index|nr|no|number|name))?|p?id"
 )
 #: Rows above the first frame that may name joints.

@@ -131,6 +131,7 @@ def test_parameters_that_mean_nothing_are_refused(builtin: MotionLibrary, name: 
         MotionClassifier().set_params(**{name: value}).fit(motions, ["a", "b"])
     with pytest.raises(ValueError, match="X: expected a list of clips"):
         MotionClassifier().fit(motions[0], ["a"])
+    assert MotionClassifier(frame_rate=np.int64(60), hop=np.float32(0.1)).fit(motions, ["a", "b"]).library_
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Motions that begin, and motions that were really done: once each, at their end, none that was broken off."""
 
 import math
+import tracemalloc
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import itemgetter
@@ -12,7 +13,7 @@ import pytest
 from kinespace.library import NOTHING, MotionLibrary
 from kinespace.library.clip import Clip
 from kinespace.library.signature.own_frame import STEP, size_of
-from kinespace.library.windows.courses import path_of
+from kinespace.library.windows.courses import Courses, path_of
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.stream.recognition import Done, EventKind
@@ -228,6 +229,17 @@ def test_a_class_that_leads_starts_while_its_course_is_near(monkeypatch: pytest.
     monkeypatch.setattr(done, "_NEAR", 1.0)
     assert len(near) > len(started())
     assert all(shown == label for shown, label in near)
+
+
+def test_evidence_is_forgotten_where_nobody_looks(index: WindowIndex) -> None:
+    """A library of postures has no course and no looks: evidence does not grow with the hours."""
+    follower = DoneFollower(Courses.of([]), index.library.skeleton, 6.0)
+    tracemalloc.start()
+    for step in range(20_000):
+        follower.know(step * STEP, SQUAT, 1.0)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown < 200_000
 
 
 def test_stillness_and_a_pause_begin_nothing(index: WindowIndex) -> None:

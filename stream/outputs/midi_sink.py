@@ -58,7 +58,7 @@ class MidiSink(Sink):
         self._file: BinaryIO | None = None
         if place.endswith(".mid"):
             self._name, self._begun, self._ticks = place, time.monotonic(), 0
-            #: The whole track; the bytes of it that are in the file; whether some are not.
+            #: The track's bytes that are not in the file yet, and how many are in it.
             self._track, self._written, self.is_behind = bytearray(), 0, True
             # An unwritable place is said before anybody moves.
             self._file = Path(place).open("wb", buffering=0)  # noqa: SIM115 - open until `close`
@@ -137,12 +137,13 @@ class MidiSink(Sink):
 
     def _write(self) -> None:
         """Write what is new into the file, and only then its length: a program that is killed leaves whole notes."""
-        if self._file is None or not (self.is_behind or self._written < len(self._track)):
+        if self._file is None or not (self.is_behind or self._track):
             return
+        length = self._written + len(self._track)
         try:
             for place, content in (
-                (len(_BEGINNING) + 4 + self._written, self._track[self._written :]),
-                (0, _BEGINNING + struct.pack(">I", len(self._track))),
+                (len(_BEGINNING) + 4 + self._written, self._track),
+                (0, _BEGINNING + struct.pack(">I", length)),
             ):
                 self._file.seek(place)
                 if self._file.write(content) < len(content):
@@ -150,7 +151,8 @@ class MidiSink(Sink):
         except OSError as error:
             self.is_behind, self.notes = True, [f"{self._name}: not all notes are written: {error.strerror}"]
         else:
-            self.is_behind, self.notes, self._written = False, (), len(self._track)
+            self.is_behind, self.notes, self._written = False, (), length
+            self._track.clear()
 
     def close(self) -> None:
         """End all notes; end the file, or close the port."""

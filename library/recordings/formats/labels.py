@@ -125,17 +125,25 @@ def _of_elan(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
 
 def _of_boris(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     """Read the state events: a behaviour of a subject begins with one event and ends with the next."""
-    observed, *others = json.loads("".join(lines))["observations"].values()
+    project = json.loads("".join(lines))
+    observed, *others = project["observations"].values()
+    # Point events last no time: nothing is performed between two of them.
+    points = {each["code"] for each in project.get("behaviors_conf", {}).values() if each["type"].startswith("Point")}
     if others:
         raise LabelError(f"{path}: expected one observation, got {len(others) + 1}")
     begun = dict[tuple[str, str], float]()
     for number, (time, subject, behaviour, *_) in enumerate(sorted(observed["events"], key=lambda event: event[0]), 1):
         since = begun.pop((subject, behaviour), None)
+        if behaviour in points:
+            continue
         if since is None:
             begun[subject, behaviour] = time
         else:
             named = "" if subject == _NOBODY else subject
             yield _segment(path, number, [str(since), str(time)], behaviour, named)
+    if begun:
+        (subject, behaviour), since = begun.popitem()
+        raise LabelError(f"{path}: expected an end of {behaviour!r} of {subject}, which begins at {since} s")
 
 
 _READERS = {".eaf": _of_elan, ".boris": _of_boris}

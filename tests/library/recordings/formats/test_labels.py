@@ -138,6 +138,19 @@ _EVENTS = [[1.25, "ann", "wave", "", ""], [0.5, "ann", "wave", "", ""], [2, "No 
 _BORIS = {"observations": {"one": {"events": [*_EVENTS, [3, "No focal subject", "bow", "", ""]]}}}
 
 
+def _boris(events: list[list[object]]) -> dict[str, object]:
+    """Give a project of BORIS with some events, and a behaviour that lasts no time."""
+    kinds = {"0": {"code": "blink", "type": "Point event"}, "1": {"code": "bow", "type": "State event"}}
+    return {"behaviors_conf": kinds, "observations": {"monday": {"events": events}}}
+
+
+def test_point_events_of_boris_are_no_motions(tmp_path: Path) -> None:
+    """Nothing is performed between two of them."""
+    events = [[1.0, "ann", "blink"], [1.5, "ann", "bow"], [2.0, "ann", "blink"], [3.0, "ann", "bow"]]
+    (tmp_path / "take.boris").write_text(json.dumps(_boris(events)))
+    assert read_labels(tmp_path / "take.boris") == (Segment(1.5, 3.0, "bow", "ann"),)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "further"),
     [("take.eaf", _ELAN, ()), ("take.boris", json.dumps(_BORIS), (Segment(2.0, 3.0, "bow"),))],
@@ -159,6 +172,11 @@ def test_annotations_of_elan_and_boris_are_read(
         ("take.eaf", _ELAN.replace("500", "5000"), "expected 0 <= start < end"),
         ("take.boris", "{}", "expected annotations of ELAN or events of BORIS"),
         ("take.boris", json.dumps({"observations": {"one": {}, "two": {}}}), "expected one observation, got 2"),
+        (
+            "take.boris",
+            json.dumps(_boris([[2.0, "ann", "bow"]])),
+            "expected an end of 'bow' of ann, which begins at 2.0 s",
+        ),
     ],
 )
 def test_annotations_that_make_no_sense_are_refused(tmp_path: Path, name: str, text: str, said: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from kinespace.library.clip import Clip
+from kinespace.library.naming import Naming
 
 #: Joints of a recording, at most: two fingered bodies have some 150.
 MAX_JOINTS = 1000
@@ -15,6 +16,8 @@ MAX_JOINTS = 1000
 _PLACE = re.compile(
     r"(?<=[^\W_])([\W_]+(?i:pos|positions?|translations?|translate|coords?|location)|(?<=[a-z])(Pos|Position|Translate))\Z"
 )
+#: A mark between words.
+_MARK = re.compile(r"[ _\-./]+")
 #: Characters of a joint's name, at most.
 MAX_NAME = 400
 
@@ -71,23 +74,38 @@ def restricted(clip: Clip, wanted: Sequence[str]) -> Clip:
     return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])
 
 
+def people_in(labels: Sequence[str]) -> dict[str, list[int]]:
+    """Give the labels of each person where they have persons' names in front: `ann:Hips`, `person_1_Hips`, `B.Hips`.
+
+    Behind a colon a name must stand twice; behind other marks what is left must name a body for each person. All labels
+    are one person's otherwise, who has no name.
+    """
+    for count in range(4):
+        people, rests = dict[str, list[int]](), dict[str, set[str]]()
+        for place, label in enumerate(labels):
+            front, rest = _cut(label, count) if count else label.rpartition(":")[::2]
+            people.setdefault(front, []).append(place)
+            rests.setdefault(front, set()).add(rest)
+        bodies = count and all(front and Naming().read([*rest]).convention for front, rest in rests.items())
+        if len(people) > 1 and (
+            bodies or (not count and sum(map(len, rests.values())) > len(set().union(*rests.values())))
+        ):
+            return {front: places for front, places in people.items() if len(places) > 1}
+    return {"": [*range(len(labels))]}
+
+
+def _cut(label: str, count: int) -> tuple[str, str]:
+    """Cut a label at so many marks between words."""
+    rest = _MARK.split(label, count)[-1]
+    return label[: len(label) - len(rest)].rstrip(" _-./"), rest
+
+
 def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Leave out the part of each label before a colon (`ann:LHip`), so that two people's joints have the same names.
+    """Leave out the part of each label before a colon (`ann:LHip`), and a word for a position behind it (`LHip_pos`).
 
-    A word for a position behind it (`LHip_pos`) is no part of a name either. Of a name that stands there twice the
-    second gets `_2`, which a remark says.
-
-    Raises
-    ------
-    ValueError
-        Labels of two people would get the same names.
+    Of a name that stands there twice the second gets `_2`, which a remark says.
     """
     names = [plain(_after_colon(label)) for label in few(labels)]
-    if len(set(names)) == len(names):
-        return tuple(names), []
-    people = list(dict.fromkeys(label.rpartition(":")[0] for label in labels))
-    if len(people) > 1 and len(set(labels)) == len(labels):
-        raise ValueError(f"the file has several performers ({', '.join(people)}): choose the joints of one by --joints")
     twice = list(dict.fromkeys(name for name in names if names.count(name) > 1))
     taken, found = {*names}, list[str]()
     for name in names:
@@ -95,7 +113,7 @@ def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
         while (each := name if name not in found else f"{name}_{number}") in found or (each != name and each in taken):
             number += 1
         found.append(each)
-    return tuple(found), [f"twice: {', '.join(twice)}: the second is called {twice[0]}_2"]
+    return tuple(found), [f"twice: {', '.join(twice)}: the second is called {twice[0]}_2"] if twice else []
 
 
 def plain(label: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +36,10 @@ _MOST_BY_TICKS = 70.0
 _NEARLY = 0.1
 #: Times that differ from even ones by less than this share of a frame are even.
 _EVEN = 1e-4
+#: A column of times is passed over for one that goes on more often: it has less than this share of its steps.
+_GOES = 0.9
+#: Steps for each one backwards, at least, where takes follow each other; otherwise the times mean nothing.
+_FALLS = 10
 #: Frames of the grid, at most: a day at 60 frames per second.
 MAX_FRAMES = 24 * 3600 * 60
 
@@ -158,6 +162,21 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
     return np.arange(len(since)) / assumed, remark
 
 
+def clock_of(columns: Mapping[str, NDArray[np.float64]]) -> tuple[str, NDArray[np.float64] | None]:
+    """Give the column of times that goes on, by its name; of two columns that count seconds and their parts the sum."""
+    for name, coarse in columns.items():
+        rises = np.diff(coarse) > 0
+        if not rises.any() or 2 * rises.sum() > len(rises) or (coarse % 1).any() or (np.diff(coarse) < 0).any():
+            continue
+        for part, fine in columns.items():
+            falls = np.diff(fine) < 0
+            if falls.any() and not (falls & ~rises).any() and len(np.unique(fine)) > 2:
+                unit = next((_UNITS[word] for word in words_of(part) if word in _UNITS), 1 / (fine.max() + 1))
+                return f"s of {name}, {part}", coarse - coarse[0] + fine * (unit if fine.max() >= 1 else 1.0)
+    goes = {name: float(np.mean(np.sign(np.diff(each)))) if len(each) > 1 else 0.0 for name, each in columns.items()}
+    return next(((name, columns[name]) for name in goes if goes[name] >= _GOES * max(goes.values())), ("", None))
+
+
 def timing(
     moments: NDArray[np.float64] | None, name: str, said: float, given: float | None, notes: list[str]
 ) -> tuple[NDArray[np.float64] | None, float | None]:
@@ -170,14 +189,17 @@ def timing(
     said, given
         Frames per second as the file's header says (0: it does not), and as a person asks for.
     notes
-        Gets a remark where there are no times, or others than the header says.
+        Gets a remark where there are no times, or odd ones, or others than the header says.
     """
     known = given or said
-    if moments is None or len(moments) < 2 or (known and not (np.diff(moments) >= 0).all()):
+    if moments is None or len(moments) < 2:
         if not known:
             notes.append(f"times: none in it: {FRAME_RATE:g} frames a second")
         return None, known or FRAME_RATE
-    seconds, remark = seconds_of(moments, name, known)
+    paced = _in_order(moments, name.strip(), known, notes)
+    if not isinstance(paced, np.ndarray):
+        return None, paced
+    seconds, remark = seconds_of(paced, name, known)
     if remark and given:
         # Frames come as often as the person says, whatever their numbers.
         seconds = seconds / (float(np.median(np.diff(seconds))) * given or 1.0)
@@ -190,6 +212,28 @@ def timing(
         return seconds, given or said
     notes.append(f"times: the header says {said:g} frames a second, {name.strip()!r} {pace:.4g}: the times count")
     return seconds, given
+
+
+def _in_order(
+    moments: NDArray[np.float64], name: str, known: float | None, notes: list[str]
+) -> NDArray[np.float64] | float:
+    """Give times that do not fall; or the rate of frames, where the times are too coarse or mean nothing."""
+    steps = np.diff(moments)
+    falls, rises, stands = steps < 0, np.flatnonzero(steps > 0), 2 * (steps == 0).sum() > len(steps)
+    if _FALLS * falls.sum() > len(steps) or (stands and len(rises) < 3):
+        if not known:
+            notes.append(f"times: {name!r} gives no rate of frames: {FRAME_RATE:g} frames a second")
+        return known or FRAME_RATE
+    if falls.any():
+        notes.append(f"times: {name!r} starts again behind frame {falls.argmax() + 1}: takes follow each other")
+        moments = moments + np.cumsum(np.append(0, np.where(falls, np.median(steps[rises]) - steps, 0)))
+    if stands:
+        # A clock of whole seconds, say: as many frames as there are between its steps.
+        unit = next((_UNITS[word] for word in words_of(name) if word in _UNITS), 1.0)
+        known = known or float((rises[-1] - rises[0]) / (unit * (moments[rises[-1]] - moments[rises[0]])))
+        notes.append(f"times: {name!r} stands for several frames: {known:g} frames a second")
+        return known
+    return moments
 
 
 def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float | None = None) -> Evened:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
-from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.units import metres_of
 
 #: Parameters of the group POINT in which files list the points that are no positions.
@@ -113,10 +113,10 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     return positions, notes
 
 
-def read_clip(
+def read_clips(
     path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
-) -> Clip:
-    """Read a C3D into a clip.
+) -> list[Clip]:
+    """Read a C3D into a clip for each person that its labels name.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def read_clip(
 
     Returns
     -------
-    The clip: positions (frames, points, 3) in metres, the skeleton without parents.
+    The clips: positions (frames, points, 3) in metres, the skeleton without parents.
 
     Raises
     ------
@@ -165,6 +165,6 @@ def read_clip(
     metres = metres_per_unit or metres_of(unit)
     if unit and metres is None:
         notes.append(f"units: {unit!r} is no unit: the body's size tells it; --unit names it")
-    return clip_of_markers(
+    return clips_of_markers(
         path, [labels[index] for index in kept], positions[:, kept], rate, joints, metres=metres, notes=notes
     )

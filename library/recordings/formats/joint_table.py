@@ -297,7 +297,7 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
             yield line
 
     if mark == " ":
-        return (line.replace('"', "").split() for line in whole())
+        return (line.replace('"', "").lstrip("# ").split() for line in whole())
     return csv.reader(whole(), delimiter=mark, skipinitialspace=True)
 
 
@@ -353,6 +353,9 @@ def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
     header = header_of([*head[:-1], _spread(head[-1], points, "xyz")], first)
     if header is None or (len(header.joints) < 2 and not _labels_in(header, first)):
         return None
+    if 0 in header.free and not header.names[0] and (":" in first[0] or number_of(first[0] or "-") is not None):
+        # An index without a name.
+        header = replace(header, clocks=[*header.clocks, 0], free=[each for each in header.free if each])
     return _Table(header, first, line, points)
 
 
@@ -419,10 +422,13 @@ def _turned(path: Path, table: _Table) -> _Table:
     values = [*head.joints[""]] if head.joints else [each for each in head.free if is_value(head.names[each])]
     if head.joints:
         labels = [next((each for each in labels if len({row[each] for row in rows}) > 1), labels[0])]
-    kept = [*head.clocks]
-    if len({(_label(row, kept), _label(row, labels)) for row in rows}) < len(rows):
-        people = (each for each in (*head.people, *head.free) if each not in labels and head.clocks)
-        kept += islice((c for c in people if len({_label(row, (*kept, *labels, c)) for row in rows}) == len(rows)), 1)
+    # What differs from row to row numbers the rows.
+    clocks = [each for each in head.clocks if 2 * len({row[each] for row in rows}) <= len(rows)]
+    free = [each for each in (*head.people, *head.free) if each not in labels and len({row[each] for row in rows}) > 1]
+    people = [each for each in free if each in head.people]
+    if clocks and not people and len({_label(row, [*clocks, *labels]) for row in rows}) < len(rows):
+        people = [each for each in free if len({_label(row, [*clocks, *labels, each]) for row in rows}) == len(rows)]
+    kept = [*clocks, *people[:1]]
     frames, seen = dict[tuple[int, str], _Frame](), Counter[tuple[str, str]]()
     for line, row in table.rows:
         key, label = _label(row, kept), _label(row, labels)
@@ -430,7 +436,7 @@ def _turned(path: Path, table: _Table) -> _Table:
         frame.places[label] = [row[each] for each in values]
         seen[key, label] += 1
     names = few([*dict.fromkeys(_label(row, labels) for row in rows)])
-    lead = [*(head.names[each] for each in head.clocks), *["person"] * (len(kept) - len(head.clocks))]
+    lead = [*(head.names[each] for each in clocks), *["person"] * len(people[:1])]
     ends = ("_x", "_y", "_z") if head.joints else ("",)
     header = header_of([[*lead, *(f"{name}{end}" for name in names for end in ends)]])
     if header is None:
@@ -439,7 +445,7 @@ def _turned(path: Path, table: _Table) -> _Table:
     # Rows joint by joint, too: frames go by their time, and times that come again follow each other.
     turned = sorted(
         frames.items(),
-        key=lambda each: (each[0][0], *(number_of(cell) or 0.0 for cell in each[1].cells[: len(head.clocks)])),
+        key=lambda each: (each[0][0], *(number_of(cell) or 0.0 for cell in each[1].cells[: len(clocks)])),
     )
     nothing, found = [""] * len(values), _Table(header, turned[0][1].cells, table.begin, notes=table.notes)
     for _, frame in turned:

@@ -123,7 +123,7 @@ def _of_one(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, No
     for way in _WAYS:
         found, units = dict[str, dict[str, int]](), set[str]()
         for place, name in enumerate(row):
-            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().strip("#").strip())):
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
                 found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
                 units.add((named.groupdict().get("unit") or "").lower())
         whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}
@@ -147,7 +147,8 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     size = len(rows[place])
     axes = [name.strip().lower() for name in rows[place]]
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
-    above = [_filled(row, size) for row in rows[:place] if sum(map(bool, row)) > 1]
+    above = [_filled(row, size) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
+    below = below if rows[:place] else []
     kinds = [row for row in above if {"position", "rotation"} & {name.lower() for name in row}]
     bones = any(cell.lower() == "bone" for row in above for cell in row)
     ours = [

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import struct
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
+import ezc3d
 import numpy as np
 from numpy.typing import NDArray
 from written import MOVES, TURNS, Node, bvh_text
@@ -558,6 +561,21 @@ def c3d(  # noqa: PLR0913 - a file may differ in many ways
     )
 
 
+def _theia() -> bytes:
+    """Let ezc3d write what Theia does: a matrix for each segment in place of points."""
+    matrices = np.zeros((4, 4, len(NAMES), len(BODY)))
+    matrices[:] = np.eye(4)[:, :, None, None]
+    matrices[:3, 3] = 1000 * BODY.transpose(2, 1, 0)
+    made = ezc3d.c3d()
+    made["parameters"]["POINT"]["RATE"]["value"], made["parameters"]["POINT"]["UNITS"]["value"] = [RATE], ["mm"]
+    made["data"]["points"], made["data"]["rotations"] = np.ones((4, 0, len(BODY))), matrices
+    for name, value in (("RATE", [RATE]), ("USED", [len(NAMES)]), ("LABELS", list(NAMES))):
+        made.add_parameter("ROTATION", name, value)
+    with tempfile.TemporaryDirectory() as folder:
+        made.write(f"{folder}/theia.c3d")
+        return Path(folder, "theia.c3d").read_bytes()
+
+
 def _c3ds() -> dict[str, Kind]:
     many = np.repeat(BODY[:, :2], 1500, axis=0)
     late, both = _without("LeftHand", np.nan, slice(0, 40)), _without("LeftHand", 0.0)
@@ -581,6 +599,8 @@ def _c3ds() -> dict[str, Kind]:
         "more frames than 16 bits": (c3d(positions=many, labels=NAMES[:2], whole=True, said=65_535), {"tells": "there are 72000", "names": ()}),
         "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
+        "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("A", "B")}),
+        "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip
     return {f"C3D, {name}": Kind("c3d", content, **said) for name, (content, said) in kinds.items()}  # type: ignore[arg-type]

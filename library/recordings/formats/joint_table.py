@@ -133,19 +133,9 @@ def read_clips(
         if len(timed) < 2:
             raise RecordingError(f"{path}: expected at least 2 frames, got {len(timed)}")
         times, rate = timing(None if moments is None else moments[timed], name, head.rate, frame_rate, notes)
-        clips += [
-            replace(clip, actor=person or clip.actor)
-            for clip in clips_of_markers(
-                path,
-                [*head.joints],
-                places[timed] if len(timed) < len(places) else places,
-                rate,
-                joints,
-                times=times,
-                metres=metres_per_unit or head.metres,
-                notes=notes,
-            )
-        ]
+        own, metres = places[timed] if len(timed) < len(places) else places, metres_per_unit or head.metres
+        found = clips_of_markers(path, [*head.joints], own, rate, joints, times=times, metres=metres, notes=notes)
+        clips += [replace(clip, actor=person or clip.actor) for clip in found]
     return clips
 
 
@@ -259,18 +249,16 @@ class _Table:
     def people(self, path: Path, moments: NDArray[np.float64] | None) -> dict[str, NDArray[np.intp]]:
         """Give the rows of each person; RecordingError where bodies stand at one time, and no column tells whose."""
         size = len(self.places())
-        told = {
-            column: np.frombuffer(numbers, np.int64)
-            for column, (texts, numbers) in self.cells.items()
-            if 1 < len(texts) <= size / 2
-        }
+        several = {column: each for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2}
+        told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several.items()}
         column = next((each for each in self.header.people if each in told), None)
         if column is None and moments is not None and not (np.diff(moments) > 0).all():
             pairs = ((each, np.stack([moments, numbers])) for each, numbers in told.items())
             column = next((each for each, pair in pairs if np.unique(pair, axis=1).shape[1] == size), None)
             if column is None and self._has_two_bodies(moments):
-                what = "two bodies at one time: expected a column that tells whose a row is, like person_id"
-                refuse(path, self.begin + 1, what)
+                refuse(
+                    path, self.begin + 1, "two bodies at one time: expected a column that tells whose, like person_id"
+                )
         if column is None:
             return {"": np.arange(size)}
         return {text: np.flatnonzero(told[column] == number) for text, number in self.cells[column][0].items()}
@@ -330,7 +318,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
                 if len(head) > _MAX_HEAD:
                     return
                 continue
-        cells = _spread(row, table.points)
+        cells = _spread(row, table.points) if table.points else row
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         elif 2 * len(cells) < table.needed:
@@ -344,11 +332,13 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
 
 def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
     """Begin a table with its first frame; None where that is no frame, or the rows above name no two joints."""
+    if not head:
+        return None
     parts = [_PART.findall(cell) if len(cell) < _MAX_POINT else [] for cell in row]
     points = [place for place, each in enumerate(parts) if len(each) == 3 and None not in map(number_of, each)]
     points = points if len(points) > 1 else []
     first = _spread(row, points)
-    if not head or not is_numbers(first, named=True):
+    if not is_numbers(first, named=True):
         return None
     header = header_of([*head[:-1], _spread(head[-1], points, "xyz")], first)
     if header is None or (len(header.joints) < 2 and not _labels_in(header, first)):
@@ -361,8 +351,8 @@ def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
 
 def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
     """Find the columns that may name the joint, or the coordinate, that stands in a row; the likeliest one first."""
-    free = [each for each in dict.fromkeys((*head.labels, *head.free, *head.people)) if each < len(first)]
-    free = [each for each in free if "." not in first[each]]
+    there = dict.fromkeys((*head.labels, *head.free, *head.people))
+    free = [each for each in there if each < len(first) and "." not in first[each]]
     texts = [each for each in free if each not in head.people and number_of(first[each]) is None]
     if not head.joints:
         return texts if coordinate_of(_label(first, texts)) else []
@@ -375,17 +365,13 @@ def _label(row: Sequence[str], columns: Sequence[int]) -> str:
 
 def _spread(row: Sequence[str], points: Collection[int], axes: str = "") -> list[str]:
     """Make three fields of each that holds three numbers, or of each that names such a column."""
-    if not points:
-        return list(row)
-    return [
-        each
-        for place, cell in enumerate(row)
-        for each in (
-            [cell]
-            if place not in points
-            else [f"{cell}_{axis}" for axis in axes] or [*_PART.findall(cell), "", "", ""][:3]
-        )
-    ]
+    spread = list[str]()
+    for place, cell in enumerate(row):
+        if place not in points:
+            spread.append(cell)
+        else:
+            spread += [f"{cell}_{axis}" for axis in axes] or [*_PART.findall(cell), "", "", ""][:3]
+    return spread
 
 
 def _read(path: Path) -> _Table:
@@ -437,20 +423,20 @@ def _turned(path: Path, table: _Table) -> _Table:
         seen[key, label] += 1
     names = few([*dict.fromkeys(_label(row, labels) for row in rows)])
     lead = [*(head.names[each] for each in clocks), *["person"] * len(people[:1])]
-    ends = ("_x", "_y", "_z") if head.joints else ("",)
-    header = header_of([[*lead, *(f"{name}{end}" for name in names for end in ends)]])
+    header = header_of(
+        [[*lead, *(name + end for name in names for end in (("_x", "_y", "_z") if head.joints else ("",)))]]
+    )
     if header is None:
         refuse(path, table.begin, f"expected rows of two joints or more, got {', '.join(names[:3])}")
     header = replace(header, rate=head.rate, metres=head.metres)
     # Rows joint by joint, too: frames go by their time, and times that come again follow each other.
-    turned = sorted(
-        frames.items(),
-        key=lambda each: (each[0][0], *(number_of(cell) or 0.0 for cell in each[1].cells[: len(clocks)])),
-    )
-    nothing, found = [""] * len(values), _Table(header, turned[0][1].cells, table.begin, notes=table.notes)
-    for _, frame in turned:
-        row = [*frame.cells, *(each for name in names for each in frame.places.get(name, nothing))]
-        found.take(path, frame.line, row)
+    order = {
+        key: (key[0], *(number_of(cell) or 0.0 for cell in each.cells[: len(clocks)])) for key, each in frames.items()
+    }
+    turned = [frames[key] for key in sorted(frames, key=lambda key: order[key])]
+    nothing, found = [""] * len(values), _Table(header, turned[0].cells, table.begin, notes=table.notes)
+    for frame in turned:
+        found.take(path, frame.line, [*frame.cells, *chain.from_iterable(frame.places.get(n, nothing) for n in names)])
     return found
 
 

@@ -14,7 +14,7 @@ from kinespace.library.naming import Naming
 MAX_JOINTS = 1000
 #: Words for a position behind a joint's name.
 _PLACE = re.compile(
-    r"(?<=[^\W_])([\W_]+(?i:pos|positions?|translations?|translate|coords?|location)|(?<=[a-z])(Pos|Position|Translate))\Z"
+    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coords?|location)|(?<=[a-z])(Pos|Position|Translate))\Z"
 )
 #: A mark between words.
 _MARK = re.compile(r"[ _\-./]+")
@@ -74,30 +74,34 @@ def restricted(clip: Clip, wanted: Sequence[str]) -> Clip:
     return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])
 
 
-def people_in(labels: Sequence[str]) -> dict[str, list[int]]:
-    """Give the labels of each person where they have persons' names in front: `ann:Hips`, `person_1_Hips`, `B.Hips`.
+def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
+    """Give the places of each person's labels, and these without the person: `ann:Hips`, `person_1_Hips`, `Hips.B`.
 
-    Behind a colon a name must stand twice; behind other marks what is left must name a body for each person. All labels
+    Behind a colon a name must stand twice; beside other marks what is left must name a body for each person. All labels
     are one person's otherwise, who has no name.
     """
-    for count in range(4):
-        people, rests = dict[str, list[int]](), dict[str, set[str]]()
+    for count in (0, 1, 2, 3, -1):
+        people = dict[str, dict[int, str]]()
         for place, label in enumerate(labels):
-            front, rest = _cut(label, count) if count else label.rpartition(":")[::2]
-            people.setdefault(front, []).append(place)
-            rests.setdefault(front, set()).add(rest)
-        bodies = count and all(front and Naming().read([*rest]).convention for front, rest in rests.items())
+            person, rest = _cut(label, count) if count else label.rpartition(":")[::2]
+            people.setdefault(person, {})[place] = rest
+        rests = [{*each.values()} for each in people.values()]
+        twice = not count and sum(map(len, rests)) > len(set().union(*rests))
         if len(people) > 1 and (
-            bodies or (not count and sum(map(len, rests.values())) > len(set().union(*rests.values())))
+            twice or (count and all(people) and all(Naming().read([*each]).convention for each in rests))
         ):
-            return {front: places for front, places in people.items() if len(places) > 1}
-    return {"": [*range(len(labels))]}
+            return {person: each for person, each in people.items() if len(each) > 1}
+    return {"": dict(enumerate(labels))}
 
 
 def _cut(label: str, count: int) -> tuple[str, str]:
-    """Cut a label at so many marks between words."""
-    rest = _MARK.split(label, count)[-1]
-    return label[: len(label) - len(rest)].rstrip(" _-./"), rest
+    """Give the part of a label before so many marks between words, or behind the last one (-1), and the other part."""
+    marks = [*_MARK.finditer(label)]
+    if len(marks) < abs(count):
+        return "", label
+    if count < 0:
+        return label[marks[-1].end() :], label[: marks[-1].start()]
+    return label[: marks[count - 1].start()], label[marks[count - 1].end() :]
 
 
 def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:

@@ -56,6 +56,8 @@ _OF_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), 1000.0
 _HALF_DAY = 43_200
 #: Times as large a change between two rows of one time as between two times that shows two bodies.
 _OTHER = 3.0
+#: Bytes of a field that is kept as text, and turned.
+_CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
 #: A number in a field of several, as `[0.1 0.2 0.3]`, and the characters of such a field, at most.
@@ -204,6 +206,7 @@ class _Table:
         """Take in a row."""
         if not self.is_wide:
             self.rows.append((line, row))
+            memory.require(len(self.rows) * len(row) * _CELL, "memory")
             return
         fields = [row[column] for column in self.columns]
         try:

@@ -148,7 +148,7 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
     named = next((_UNITS[word] for word in words if word in _UNITS), None)
     if step >= 1 and (since % 1 == 0).all() and (_FRAMES & {*words} or (step == 1 and named != 1e-3)):
         return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
-    units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9) if unit]
+    units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9, 60.0, 86_400.0) if unit]
     if step and rate and not named:
         # The unit that gives the rate which is known otherwise.
         units.sort(key=lambda unit: abs(math.log(rate * step * unit)) > _NEARLY)

@@ -71,9 +71,8 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     memory.require_numbers(len(positions) * len(kept) * 3)
     clips = list[Clip]()
     for person, own in people_in([labels[index] for index in kept]).items():
-        columns = [kept[each] for each in own]
-        names, twice = short_names([labels[each].removeprefix(person).lstrip(" _-./:") for each in columns])
-        found = _seen(positions[:, columns])
+        names, twice = short_names([*own.values()])
+        found = _seen(positions[:, [kept[each] for each in own]])
         found *= guessed_metres(found, names) if metres is None else metres
         even = Evened(found, frame_rate or 0.0, 0, ()) if times is None else laid(times, found, frame_rate)
         clip = _clip(names, even, (*notes, *twice))

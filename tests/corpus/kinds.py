@@ -422,6 +422,7 @@ def _trcs() -> dict[str, Kind]:
         "seen late": (trc(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
         "decimal commas": (trc().replace(".", ","), {}),
         "a marker without a name": (trc().replace("\tRightLeg\t", "\t\t"), {"lacking": ("RightLeg",)}),
+        "markers without names behind": ("\n".join(line + "\t1\t2\t3" * (n > 5) for n, line in enumerate(trc().splitlines())), {}),
         "an empty unit": (trc(unit=""), {"tells": "units"}),
         "no unit": (trc(unit="?"), {"tells": "units"}),
         "metres, cut to four letters": (trc(unit="mete", positions=BODY), {"near": 6e-3}),

@@ -89,6 +89,10 @@ def read_clips(
         if not line.strip() or (not frames and "x" in line.lower()):
             continue
         fields = _fields(line, columns)
+        if not frames and len(fields) > columns and len(fields) % 3 == 2:
+            # Markers behind those that have names.
+            labels += [f"marker {number}" for number in range(len(labels) + 1, len(fields) // 3 + 1)]
+            columns = len(fields)
         row = [each for each in fields if each is not None]
         if frames and len(row) < columns and not line.endswith(("\n", "\r")):
             notes.append(f"frames: the last line, {number}, is cut off and left out")

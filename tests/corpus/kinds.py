@@ -366,6 +366,15 @@ def _tables() -> dict[str, Kind]:
         "OpenSim": ("me\nversion=1\nnRows=48\nnColumns=49\ninDegrees=no\nendheader\n" + table(mark="\t"), {"ending": "sto"}),
         "OpenSim, three in a field": (_points("{:.4f};{:.4f};{:.4f}", "DataRate=60.000\nDataType=Vec3\nendheader\n").replace(",", "\t").replace(";", ","), {"ending": "sto"}),
         "lists in fields": (_points('"[{:.4f}, {:.4f}, {:.4f}]"'), {}),
+        "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
+        "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
+        "hours, minutes, seconds": (_in_front("hour,minute,second,ms,", lambda _, t: f"10,{59 if t < 0.2 else 0},{int(t + 59.8) % 60},{(t + 59.8) % 1 * 1000:.3f},".replace("10,0,", "11,0,")), {}),
+        "days": (table(clock="datenum", times=[f"{45413.4 + time / 86400:.11f}" for time in TIMES]), {}),
+        "seconds since 1970": (table(clock="timestamp", times=[f"{1.7e9 + time:.4f}" for time in TIMES]), {}),
+        "rows in another order": ("".join(row for n in range(49) for row in [t[n + (n == 9) - (n == 10)]]) if (t := table().splitlines(keepends=True)) else "", {"tells": "another order"}),
+        "a row twice": (table().replace(row := table().splitlines(keepends=True)[9], 2 * row), {}),
+        "frames a second in a comment": ("# 60 fps\n" + table(clock=None), {}),
+        "a word in front": (table(head="joint.{}.{}".format), {}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
     made = {name: Kind(**{"ending": "csv", "content": text.encode(), **said}) for name, (text, said) in texts.items()}  # type: ignore[arg-type]

@@ -22,7 +22,6 @@ from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import chain, islice, pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.format import read_array
@@ -34,7 +33,7 @@ from kinespace.library.recordings.formats.errors import RecordingError, number_o
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
-from kinespace.library.recordings.formats.timed_frames import clock_of, laid, timing
+from kinespace.library.recordings.formats.timed_frames import are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.
@@ -132,23 +131,19 @@ def read_clips(
         notes, timed = list(table.notes), rows if moments is None else rows[np.isfinite(moments[rows])]
         if len(timed) < len(rows):
             notes.append(f"times: {len(rows) - len(timed)} frames without one are left out")
+        if moments is not None and are_shuffled(moments[timed]):
+            notes.append(f"times: rows stand in another order than {name.strip()!r}: sorted")
+            timed = timed[np.argsort(moments[timed], kind="stable")]
         if len(timed) < 2:
             raise RecordingError(f"{path}: expected at least 2 frames, got {len(timed)}")
         times, rate = timing(None if moments is None else moments[timed], name, head.rate, frame_rate, notes)
-        own, metres = places[timed] if len(timed) < len(places) else places, metres_per_unit or head.metres
+        own, metres = places[timed], metres_per_unit or head.metres
         found = clips_of_markers(path, [*head.joints], own, rate, joints, times=times, metres=metres, notes=notes)
         clips += [replace(clip, actor=person or clip.actor) for clip in found]
     return clips
 
 
 def _npz_clip(path: Path, frame_rate: float | None) -> Clip:
-    times, positions, skeleton, performer = _arrays(path)
-    if not np.isfinite(positions).all():
-        raise RecordingError(f"{path}: positions: expected finite metres, got NaN or infinity")
-    return replace(laid(times, positions, frame_rate).clip(skeleton), name=path.stem, actor=performer)
-
-
-def _arrays(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Skeleton, str]:
     try:
         with memory.archive(path) as archive:
             arrays = [read_array(BytesIO(memory.unpacked(archive, name, memory.limit() // 4))) for name in _ARRAYS]
@@ -160,7 +155,9 @@ def _arrays(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Skele
         raise RecordingError(f"{path}: not a table of joints ({error})") from error
     if positions.shape != expected or times.ndim != 1:
         raise RecordingError(f"{path}: expected positions {expected}, got {positions.shape}")
-    return times, positions, skeleton, str(performer)
+    if not np.isfinite(positions).all():
+        raise RecordingError(f"{path}: positions: expected finite metres, got NaN or infinity")
+    return replace(laid(times, positions, frame_rate).clip(skeleton), name=path.stem, actor=str(performer))
 
 
 @dataclass(slots=True)
@@ -303,9 +300,9 @@ def _begun(path: Path, most: int | None = None) -> str | None:
 
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
     """Give each part of a text that is a table of joints when its first frame comes; it gets its rows later."""
-    head, table, blank, line = list[list[str]](), None, False, 0
+    head, named, table, blank, line = list[list[str]](), list[str](), None, False, 0
     for line, (row, after) in enumerate(pairwise(chain(_rows(path, mark, most), [None])), start=1):
-        if not row or not any(row) or (table and row[0].startswith("#")):
+        if not row or not any(row) or (table and (row[0].startswith("#") or row == named)):
             blank |= not row or not any(row)
             continue
         if table and blank and not is_numbers(row, named=not is_numbers(table.first)):
@@ -315,7 +312,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
         if table is None:
             if table := _part(head, row, line):
                 yield table
-                head, blank = [], False
+                head, named, blank = [], head[-1], False
             else:
                 head = [] if is_numbers(row) else [*head, row]
                 if len(head) > _MAX_HEAD:
@@ -396,14 +393,6 @@ def _read(path: Path) -> _Table:
     return table
 
 
-class _Frame(NamedTuple):
-    """A frame of several rows: the first one's line, what they have in common, and each joint's numbers."""
-
-    line: int
-    cells: list[str]
-    places: dict[str, list[str]]
-
-
 def _turned(path: Path, table: _Table) -> _Table:
     """Make a table whose rows are frames of one whose rows are joints or coordinates."""
     head, rows = table.header, [row for _, row in table.rows]
@@ -418,28 +407,27 @@ def _turned(path: Path, table: _Table) -> _Table:
     if clocks and not people and len({_label(row, [*clocks, *labels]) for row in rows}) < len(rows):
         people = [each for each in free if len({_label(row, [*clocks, *labels, each]) for row in rows}) == len(rows)]
     kept = [*clocks, *people[:1]]
-    frames, seen = dict[tuple[int, str], _Frame](), Counter[tuple[str, str]]()
+    frames, seen = dict[tuple[int, str], tuple[int, list[str], dict[str, list[str]]]](), Counter[tuple[str, str]]()
     for line, row in table.rows:
         key, label = _label(row, kept), _label(row, labels)
-        frame = frames.setdefault((seen[key, label], key), _Frame(line, [row[each] for each in kept], {}))
-        frame.places[label] = [row[each] for each in values]
+        *_, places = frames.setdefault((seen[key, label], key), (line, [row[each] for each in kept], {}))
+        places[label] = [row[each] for each in values]
         seen[key, label] += 1
     names = few([*dict.fromkeys(_label(row, labels) for row in rows)])
     lead = [*(head.names[each] for each in clocks), *["person"] * len(people[:1])]
-    header = header_of(
-        [[*lead, *(name + end for name in names for end in (("_x", "_y", "_z") if head.joints else ("",)))]]
-    )
+    ends = ["_x", "_y", "_z"] if head.joints else [""]
+    header = header_of([[*lead, *(name + end for name in names for end in ends)]])
     if header is None:
         refuse(path, table.begin, f"expected rows of two joints or more, got {', '.join(names[:3])}")
     header = replace(header, rate=head.rate, metres=head.metres)
     # Rows joint by joint, too: frames go by their time, and times that come again follow each other.
     order = {
-        key: (key[0], *(number_of(cell) or 0.0 for cell in each.cells[: len(clocks)])) for key, each in frames.items()
+        key: [key[0], *(number_of(c) or 0.0 for c in cells[: len(clocks)])] for key, (_, cells, _) in frames.items()
     }
     turned = [frames[key] for key in sorted(frames, key=lambda key: order[key])]
-    nothing, found = [""] * len(values), _Table(header, turned[0].cells, table.begin, notes=table.notes)
-    for frame in turned:
-        found.take(path, frame.line, [*frame.cells, *chain.from_iterable(frame.places.get(n, nothing) for n in names)])
+    nothing, found = [""] * len(values), _Table(header, turned[0][1], table.begin, notes=table.notes)
+    for line, cells, places in turned:
+        found.take(path, line, [*cells, *chain.from_iterable(places.get(name, nothing) for name in names)])
     return found
 
 

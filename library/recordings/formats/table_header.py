@@ -24,12 +24,17 @@ _WAYS = (
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[xyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
     re.compile(r"(?P<joint>.*[a-z0-9\])])(?P<axis>[XYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
     re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[xyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
+    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-2])[\W_]*"),
 )
+_NUMBERED = str.maketrans("012", "xyz")
 #: An axis alone, in a table whose rows are joints.
-_AXIS = re.compile(r"(?:pos|position|loc|location|coord|world)?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE)
+_AXIS = re.compile(
+    r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
+)
 #: Words of columns (`words.toml`).
-_TIMES, _SECONDS, _FRAMES, _LABELS, _VALUES, _NO_PLACES = (
-    frozenset(WORDS["columns"][kind]) for kind in ("times", "alone", "frames", "labels", "values", "no_places")
+_TIMES, _SECONDS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES = (
+    frozenset(WORDS["columns"][kind])
+    for kind in ("times", "alone", "frames", "labels", "values", "fronts", "no_places")
 )
 _PERSON = re.compile(
     r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
@@ -38,7 +43,11 @@ _PERSON = re.compile(
 )
 #: Rows above the first frame that may name joints.
 _DEEP = 12
-_RATE = re.compile(r"(export |camera )?((data|frame) ?rate|frequency|sampl\w+ (rate|frequency)|fps)\b.*", re.IGNORECASE)
+_RATE = re.compile(
+    r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|rate)\b.*", re.IGNORECASE
+)
+_ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
+_LEADING = re.compile(r"\s*(\d+\.?\d*)")
 _UNIT = re.compile(r"(length )?units?\W*", re.IGNORECASE)
 
 
@@ -124,7 +133,7 @@ def _of_one(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, No
         found, units = dict[str, dict[str, int]](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
-                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
+                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower().translate(_NUMBERED), place)
                 units.add((named.groupdict().get("unit") or "").lower())
         whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}
         others = {joint: None for joint in whole if _NO_PLACES & {*words_of(joint)}}
@@ -199,9 +208,9 @@ def _header(
     frames = [c for c, each in words.items() if each[:1] and each[0] in _FRAMES]
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))
-    rates = [number for name, value in said if _RATE.fullmatch(name) and (number := number_of(value))]
+    rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]
     # Vicon's tables have the rate alone in a row, the nearest one above its part.
-    alone = [number for row in rows if [*filter(None, row)][1:] in ([], ["Hz"]) and (number := number_of(row[0]))]
+    alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
     named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]
     named += [metres_of(units.pop())] if len(units) == 1 else []
     return Header(
@@ -229,9 +238,10 @@ def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
 
 
 def _plain(joints: Mapping[str, Mapping[str, int]]) -> Mapping[str, Mapping[str, int]]:
-    """Leave out words that are no part of a name: those for a position, and FreeMoCap's `body_` before every joint."""
+    """Leave out words that are no part of a name: those for a position, and one for a joint in front of all."""
     names = Counter(map(plain, joints))
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}
-    if all(joint.startswith("body_") for joint in found):
-        return {joint.removeprefix("body_"): axes for joint, axes in found.items()}
+    front = re.match(r"([^\W_]+)[\W_]+", next(iter(found), ""))
+    if front and front[1].lower() in _FRONTS and all(joint.startswith(front[0]) for joint in found):
+        return {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}
     return found

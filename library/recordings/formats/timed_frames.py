@@ -165,16 +165,27 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
 def clock_of(columns: Mapping[str, NDArray[np.float64]]) -> tuple[str, NDArray[np.float64] | None]:
     """Give the column of times that goes on, by its name; of two columns that count seconds and their parts the sum."""
     for name, coarse in columns.items():
-        rises = np.diff(coarse) > 0
+        rises, whole = np.diff(coarse) > 0, next((_UNITS[word] for word in words_of(name) if word in _UNITS), 1.0)
         if not rises.any() or 2 * rises.sum() > len(rises) or (coarse % 1).any() or (np.diff(coarse) < 0).any():
             continue
         for part, fine in columns.items():
             falls = np.diff(fine) < 0
-            if falls.any() and not (falls & ~rises).any() and len(np.unique(fine)) > 2:
+            if falls.any() and not (falls & ~rises).any():
                 unit = next((_UNITS[word] for word in words_of(part) if word in _UNITS), 1 / (fine.max() + 1))
-                return f"s of {name}, {part}", coarse - coarse[0] + fine * (unit if fine.max() >= 1 else 1.0)
-    goes = {name: float(np.mean(np.sign(np.diff(each)))) if len(each) > 1 else 0.0 for name, each in columns.items()}
+                both = (coarse - coarse[0]) * whole + fine * (unit if fine.max() >= 1 else 1.0)
+                others = {each: columns[each] for each in columns if each not in (name, part)}
+                return clock_of({f"s of {name}, {part}": both} | others)
+    goes = {
+        name: abs(float(np.mean(np.sign(np.diff(each))))) if len(each) > 1 else 0.0 for name, each in columns.items()
+    }
     return next(((name, columns[name]) for name in goes if goes[name] >= _GOES * max(goes.values())), ("", None))
+
+
+def are_shuffled(moments: NDArray[np.float64]) -> bool:
+    """Say whether frames stand in another order than their times: some a few frames too late, or all backwards."""
+    steps = np.diff(moments)
+    back = steps[steps < 0]
+    return len(back) > 0 and bool(2 * len(back) > len(steps) or -back.min() < _FALLS * np.median(np.abs(steps)))
 
 
 def timing(
@@ -241,9 +252,11 @@ def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float
 
     Parameters and errors are those of `evened`.
     """
-    steps = np.diff(times)
-    if not len(steps) or not (steps > 0).all():
+    last = np.append(np.diff(times) > 0, True)
+    if len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2:
         return evened(times, positions, rate=rate)
+    times, positions = times[last], positions[last]
+    steps = np.diff(times)
     since = times - times[0]
     mean, rounded = len(steps) / float(since[-1]), next((10.0**-n for n in range(8) if _is_rounded(since, n)), 0.0)
     own = rate or _whole(mean, 1e-6 + rounded / float(since[-1]))
@@ -254,7 +267,8 @@ def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float
 
 def _is_rounded(times: NDArray[np.float64], place: int) -> bool:
     scaled = times * 10.0**place
-    return bool(np.abs(scaled - np.round(scaled)).max() < 1e-3)
+    # Seconds since 1970 are exact to a quarter of a microsecond.
+    return bool(np.abs(scaled - np.round(scaled)).max() < 1e-3 + 5e-7 * 10**place)
 
 
 def _whole(rate: float, slack: float) -> float:

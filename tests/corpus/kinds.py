@@ -337,6 +337,7 @@ def _tables() -> dict[str, Kind]:
         "whole seconds alone": (_in_front("time,", lambda n, _: f"{n // 10},"), {"rate": 10.0, "tells": "stands for several frames"}),
         "two times, the first stands": (_in_front("start time,time_ms,", lambda _, t: f"12.5,{1000 * t:.1f},"), {}),
         "SMPTE": (_in_front("Timecode,", lambda n, _: f"10:00:{(n + 30) // 60:02}:{(n + 30) % 60:02},"), {}),
+        "SMPTE within one second": (_in_front("Timecode,", lambda n, _: f"10:00:01:{n:02},"), {"tells": "60 frames a second"}),
         "SMPTE with ;": (_in_front("Frame,Time,", lambda n, _: f"{n},10:00:{(n + 30) // 60:02};{(n + 30) % 60:02},"), {}),
         "dates of America": (_in_front("timestamp,", lambda _, t: f"05/01/2024 12:59:{59.5 + t if t < 0.5 else 0:09.6f} PM,".replace("12:59:00.000000", f"01:00:{t - 0.5:09.6f}")), {}),
         "dates of Germany": (_in_front("timestamp,", lambda _, t: f"01;05;2024 10:00:{t:09.6f},").replace(",", "|").replace(".", ",").replace(";", "."), {}),

@@ -49,8 +49,8 @@ _CLOCK = re.compile(
     re.IGNORECASE,
 )
 _DATE = re.compile(r"\d+([-./])\d+\1\d+")
-#: SMPTE's frames per second, and the number by which their numbers are divided as they are read.
-_OF_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), 1000.0
+#: SMPTE's frames per second, and where they do not show; and the number by which their numbers are divided at first.
+_OF_SMPTE, _USUAL_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), (30, 60, 120), 1000.0
 #: Seconds after which a clock of twelve hours begins anew.
 _HALF_DAY = 43_200
 #: Times as large a change between two rows of one time as between two times that shows two bodies.
@@ -236,8 +236,13 @@ class _Table:
                 name = f"s of {name}"
                 if clock[4]:
                     frames = np.round(moments % 1 * _SMPTE)
-                    most = float(np.nanmax(frames)) + 1
-                    rate = self.header.rate or next((each for each in _OF_SMPTE if each >= most), most)
+                    most, usual = (
+                        float(np.nanmax(frames)) + 1,
+                        _OF_SMPTE if (np.diff(frames) < 0).any() else _USUAL_SMPTE,
+                    )
+                    rate = self.header.rate or next((each for each in usual if each >= most), most)
+                    if usual == _USUAL_SMPTE and not self.header.rate:
+                        self.notes.append(f"times: SMPTE's within one second: {rate:g} frames a second")
                     moments = np.floor(moments) + frames / rate
                 # The day, or its half, begins anew.
                 days = np.round(np.minimum(np.diff(moments), 0) / -_HALF_DAY)

@@ -71,7 +71,10 @@ def admitting(folder: Path) -> dict[str, object]:
     from cryptography import x509  # noqa: PLC0415 - an extra
 
     known = b"".join(path.read_bytes() for path in sorted(folder.glob(f"*{PUBLIC}")))
-    subjects = [each.subject for each in x509.load_pem_x509_certificates(known)]
+    try:
+        subjects = [each.subject for each in x509.load_pem_x509_certificates(known)]
+    except (ValueError, x509.InvalidVersion) as error:
+        raise ValueError(f"keys: expected certificates in {folder}, got {error}") from error
     names = [str(each.value) for name in subjects for each in name.get_attributes_for_oid(x509.NameOID.COMMON_NAME)]
     everything = {"id": "all", "permission": "allow", "messages": _MESSAGES, "flows": ["ingress", "egress"]}
     access = {

@@ -170,7 +170,10 @@ def _keys_in(path: Path) -> tuple[bytes, bytes]:
     """Read the public key in a file, and the secret key or None."""
     from zmq.auth import load_certificate  # noqa: PLC0415 - as above
 
-    public, secret = load_certificate(path)
+    try:
+        public, secret = load_certificate(path)
+    except IndexError as error:
+        raise ValueError(f"{path}: expected public-key = ..., got no =") from error
     for key in (public, secret):
         if key is not None and not _is_key(key):
             raise ValueError(f"{path}: expected keys of {_KEY_LENGTH} characters, got {len(key)}")

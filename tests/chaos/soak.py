@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import zmq
 from chaos.trial import ended_with, page_of, started
+from chaos.trials import slow
 from numpy.typing import NDArray
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -30,7 +31,7 @@ from kinespace.stream.teaching.memory import REMEMBERED
 from kinespace.tools.bench import crowd
 from kinespace.tools.bench.run import machine
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
-from kinespace.tools.loopback.program import Program
+from kinespace.tools.loopback.program import Place, Program
 
 #: Performers, frames a second of each, and seconds for which each is there and is away: longer than a silence.
 PERFORMERS, FRAME_RATE, THERE, AWAY = 8, 30.0, 4.5, 5.5
@@ -66,16 +67,17 @@ def held(program: Program) -> dict[str, Held]:
 class Stage:
     """The performers, the teacher and the reader of the page, each in a thread, from `begin` to `end`."""
 
-    def __init__(self, port: int, control: str, page: str) -> None:
-        self._port, self._control, self._page = port, control, page
+    def __init__(self, place: Place, control: str, page: str) -> None:
+        self._place, self._control, self._page = place, control, page
         self._positions: NDArray = crowd.positions()[:: round(crowd.FRAME_RATE / FRAME_RATE)]
         self._ended, self._threads = threading.Event(), list[threading.Thread]()
-        self.came = self.taught = self.opened = 0
+        self.came = self.taught = self.opened = self.answers = 0
 
     def begin(self) -> None:
         """Let everything happen."""
         self._ended.clear()
-        works: list[tuple[Callable[..., None], tuple[int, ...]]] = [(self._teach, ()), (self._look_on, ())]
+        once = (self._teach, self._look_on, self._count)
+        works: list[tuple[Callable[..., None], tuple[int, ...]]] = [(each, ()) for each in once]
         works += [(self._perform, (number,)) for number in range(PERFORMERS)]
         self._threads = [threading.Thread(target=work, args=numbers) for work, numbers in works]
         for thread in self._threads:
@@ -93,7 +95,7 @@ class Stage:
         self._ended.wait(number * (THERE + AWAY) / PERFORMERS)
         while not self._ended.is_set():
             self.came += 1
-            with closing(OscFrameSender("127.0.0.1", self._port)) as sender:
+            with closing(OscFrameSender(*self._place.osc)) as sender:
                 sender.announce(Announcement(name, SKELETON.joints))
                 begun = time.monotonic()
                 while (now := time.monotonic()) < begun + THERE and not self._ended.wait(1 / FRAME_RATE):
@@ -115,6 +117,16 @@ class Stage:
                 self._ended.wait(TAUGHT_EVERY / 2)
                 asking.send(b'{"do": "undo"}')
                 self.taught += json.loads(asking.recv())["states"][0]["state"] == "done"
+
+    def _count(self) -> None:
+        """Count the answers."""
+        with zmq.Context() as context, context.socket(zmq.SUB) as answers:
+            answers.connect(self._place.answers)
+            answers.subscribe(b"class/")
+            while not self._ended.is_set():
+                if answers.poll(100):
+                    answers.recv_multipart()
+                    self.answers += 1
 
     def _look_on(self) -> None:
         """Open a page, draw all its messages, close it."""
@@ -138,21 +150,23 @@ def main() -> int:
     """Run it; return the exit status: 1 where something grew, or the program did not end well."""
     parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0, help="in all (default %(default)s)")
+    parser.add_argument("--slow", action="store_true", help="leave the recogniser 15 %% of a core")
     options = parser.parse_args()
     with ExitStack() as opened:
         folder = opened.enter_context(tempfile.TemporaryDirectory())
         arguments = ("--teach", f"{folder}/mine.npz", "--control", "tcp://127.0.0.1:*", "--page", "127.0.0.1:0")
         program = opened.enter_context(started(arguments))
-        port = int(program.expect(r"listening on OSC \S+:(\d+)")[1])
         control = program.expect(r"ZeroMQ (tcp://\S+) \(control\)")[1]
-        stage = Stage(port, control, program.expect(r"page: (http\S+)")[1])
+        stage = Stage(program.place(), control, program.expect(r"page: (http\S+)")[1])
+        if options.slow:
+            threading.Thread(target=slow, args=(program, Path(folder), options.seconds), daemon=True).start()
         found: list[dict[str, Held]] = []
         for seconds in (WARM, options.seconds - WARM - 2 * QUIET):
             stage.begin()
             ending = time.monotonic() + seconds
             while time.monotonic() < ending:
                 time.sleep(min(30.0, ending - time.monotonic()))
-                _say({"after": round(time.monotonic() - ending + seconds), **held(program)})
+                _say({"after": round(time.monotonic() - ending + seconds), "answers": stage.answers, **held(program)})
             stage.end()
             found.append(held(program))
             _say({"nobody": "there", **found[-1]})

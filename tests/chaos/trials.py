@@ -100,7 +100,7 @@ def _stop_and_go(program: Program, _: Path, seconds: float) -> str:
     return ""
 
 
-def _slow(program: Program, _: Path, seconds: float) -> str:
+def slow(program: Program, _: Path, seconds: float) -> str:
     """Give the recogniser 15 ms of each tenth of a second, as a limit of CPU does."""
     ending = time.monotonic() + seconds
     while time.monotonic() < ending:
@@ -179,7 +179,7 @@ TRIALS: tuple[Trial, ...] = (
     Trial("30 % lost, reordered, doubled, 50 ms late", fault=_network),
     Trial("the performer's clock jumps by 1,000 s and back", fault=_late_clock),
     Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
-    Trial("15 % of a core, 20 more performers at 60 Hz", partial(flood, attacks.crowd, 20 * 60), deed=_slow, lasts=2.0),
+    Trial("15 % of a core, 20 more performers at 60 Hz", partial(flood, attacks.crowd, 20 * 60), deed=slow, lasts=2.0),
     Trial("31 strangers, a port each, 500 right frames a second", attacks.many_ports),
     Trial(
         "1,500 performers of one port, 12 frames a second",

@@ -91,6 +91,7 @@ class Program:
 
     def place(self) -> Place:
         """Wait until `live` or `gateway` listens; give its addresses."""
-        pattern = r"listening on OSC (\S+):(\d+)(?:, ZeroMQ ([^\s;]+))?; answering to .*?ZeroMQ ([^\s;,]+)"
+        # A second ZeroMQ address is the one for commands.
+        pattern = r"listening on OSC (\S+):(\d+)(?:, ZeroMQ ([^\s;,]+))?[^;]*; answering to .*?ZeroMQ ([^\s;,]+)"
         host, port, frames, answers = self.expect(pattern).groups()
         return Place((host, int(port)), frames or "", answers)

@@ -91,7 +91,7 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     try:
         lines = list(memory.lines(path, memory.MAX_WITHOUT_MOTION))
         segments = list(_READERS.get(path.suffix.lower(), _segments)(path, lines))
-    except (AttributeError, KeyError, TypeError, ET.ParseError, json.JSONDecodeError) as error:
+    except (AttributeError, IndexError, ET.ParseError, json.JSONDecodeError, *memory.DAMAGE) as error:
         raise LabelError(f"{path}: expected annotations of ELAN or events of BORIS ({error!r})") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise LabelError(f"{path}: expected a CSV, as a spreadsheet can save it ({error})") from error
@@ -119,20 +119,21 @@ def _of_elan(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     for tier in root.iter("TIER"):
         for number, each in enumerate(tier.iter("ALIGNABLE_ANNOTATION"), 1):
             if label := (each.findtext("ANNOTATION_VALUE") or "").strip():
-                times = [str(float(slots[each.attrib[f"TIME_SLOT_REF{end}"]]) / 1000) for end in (1, 2)]
+                # In milliseconds.
+                times = [f"{slots[each.attrib[f'TIME_SLOT_REF{end}']]}e-3" for end in (1, 2)]
                 yield _segment(path, number, times, label, tier.get("PARTICIPANT", ""))
 
 
 def _of_boris(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     """Read the state events: a behaviour of a subject begins with one event and ends with the next."""
     project = json.loads("".join(lines))
-    observed, *others = project["observations"].values()
+    observations = list(project["observations"].values())
     # Point events last no time: nothing is performed between two of them.
     points = {each["code"] for each in project.get("behaviors_conf", {}).values() if each["type"].startswith("Point")}
-    if others:
-        raise LabelError(f"{path}: expected one observation, got {len(others) + 1}")
-    begun = dict[tuple[str, str], float]()
-    for number, (time, subject, behaviour, *_) in enumerate(sorted(observed["events"], key=lambda event: event[0]), 1):
+    if len(observations) != 1:
+        raise LabelError(f"{path}: expected one observation, got {len(observations)}")
+    begun, events = dict[tuple[str, str], float](), sorted(observations[0]["events"], key=lambda event: event[0])
+    for number, (time, subject, behaviour, *_) in enumerate(events, 1):
         since = begun.pop((subject, behaviour), None)
         if behaviour in points:
             continue

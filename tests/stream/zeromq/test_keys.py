@@ -97,6 +97,9 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=r"chmod 600.*got mode 640"):
             Keyring(tmp_path)
         secret.chmod(0o600)
+    (tmp_path / "ben.key").write_text("public-key\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"ben\.key: expected public-key = "):
+        Keyring(tmp_path)
     (tmp_path / "ben.key").write_text('curve\n    public-key = "too short"\n', encoding="utf-8")
     with pytest.raises(ValueError, match="expected keys of 40 characters"):
         Keyring(tmp_path)

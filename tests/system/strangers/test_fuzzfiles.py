@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -25,16 +26,34 @@ from written import written
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.recordings.reader import ENDINGS
+from kinespace.library.windows import remembered
+from kinespace.library.windows.index import usual_weighing
 from kinespace.stream.feeds.preset import builtin_preset
 from kinespace.stream.inputs.recording import kinerec
+from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.workers.certificates import admitting, make_certificate
+from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation.scoring.annotations import write_annotations
+from kinespace.tools.evaluation.scoring.timeline import course_of
+from kinespace.tools.evaluation.takes import Take
 
 pytestmark = pytest.mark.slow
 
 FILES = int(os.environ.get("FILES", "400"))
 #: Seconds for a broken file of some kilobytes on a busy machine, and megabytes, with all that a program imports.
 LONGEST, MOST = 20.0, 150
+#: A layout of one's own, with everything that may stand in one.
+FILMS = """title = "films"
+port = 7000
+[[message]]
+when = "start"
+class = "jump"
+address = "/{performer}/{number}/connect"
+arguments = [1, "{score:.2f} x", 0.5]
+"""
 #: Words that mean something to some reader, or should not.
 TELLING = (
     *(b"", b"\0", b"nan", b"-1", b"1e999", b"9" * 5000, b"[" * 3000, b"x" * 70_000, b"\n", b"\r", b"\t"),
@@ -53,6 +72,19 @@ def _made(ending: str, name: str = "") -> Callable[[Path], Path]:
 def _text(name: str, text: str) -> Callable[[Path], Path]:
     def write(folder: Path) -> Path:
         (folder / name).write_text(text, encoding="utf-8")
+        return folder / name
+
+    return write
+
+
+def _annotated(name: str) -> Callable[[Path], Path]:
+    """Write what was said of a take."""
+
+    def write(folder: Path) -> Path:
+        take = Take(stick_clips(takes=1, frames=20)[0], (Segment(0, 0.03, "a"), Segment(0.03, 0.06, "b")))
+        answer = Recognition("p", 0.03, Outcome.NAMED, ("a",), np.ones(1), 0.1)
+        said = course_of(take, take.clip.times, [answer], classes=("a",), known=("a",))
+        write_annotations(folder / name, [said])
         return folder / name
 
     return write
@@ -79,12 +111,68 @@ def _raw(folder: Path) -> Path:
     return folder / "take.kinerec"
 
 
+def _windows(folder: Path) -> Path:
+    """Keep some numbers as those of opened windows are kept."""
+    assert _remembered(folder / "windows" / "any") == 2
+    return next((folder / "windows").iterdir())
+
+
+def _remembered(path: Path) -> int:
+    """Give 0 when what is kept is read, 2 when it is computed again."""
+    builtin, kept, anew = MotionLibrary.builtin(), ((1, "a", np.arange(3.0)), {"b": 0.5}), list[int]()
+
+    def compute() -> tuple[object, ...]:
+        anew.append(1)
+        return kept
+
+    with mock.patch.object(remembered, "cache_folder", return_value=path.parents[1]):
+        found = remembered.remembered(builtin, usual_weighing(builtin), ("a",), compute)
+    assert repr(found) == repr(kept)
+    if anew:
+        print("computed again", file=sys.stderr)  # noqa: T201 - as a program says that it refuses a file
+    return 2 * len(anew)
+
+
+def _own_keys(name: str) -> Callable[[Path], Path]:
+    """Make keys and a certificate; give the file that is broken."""
+
+    def make(folder: Path) -> Path:
+        make_keys(folder / "keys", "ann")
+        make_certificate(folder / "keys", "ann")
+        return folder / "keys" / name
+
+    return make
+
+
+def _admitted(path: Path) -> int:
+    try:
+        admitting(path.parent)
+    except (OSError, ValueError) as error:
+        print(str(error)[:300].partition("\n")[0], file=sys.stderr)  # noqa: T201 - as a program says it
+        return 2
+    return 0
+
+
 def _info(path: Path) -> list[str]:
     return ["info", str(path), "--json"]
 
 
-#: By kind: a good file, and the arguments of a program that reads it beside the other good files.
-KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str]]]] = {
+def _built(path: Path) -> list[str]:
+    return ["build", "take.bvh", "--labels", str(path), "-o", "made.npz", "--overwrite"]
+
+
+def _with_keys(path: Path) -> list[str]:
+    """Let `live` read keys, and end because its library is missing."""
+    return ["live", "--keys", str(path.parent), "--library", "gone.npz"]
+
+
+def _laid_out(path: Path) -> list[str]:
+    """Let `live` read a layout, and end because it may not publish to everybody."""
+    return ["live", "--osc-in", "127.0.0.1:0", "--out", str(path), "--zmq-out", "tcp://0.0.0.0:9321"]
+
+
+#: By kind: a good file, and the arguments of a program that reads it beside the other good files, or a reader's status.
+KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]]] = {
     **{f".{ending}": (_made(ending), _info) for ending in ("bvh", "c3d", "trc", "csv", "amc")},
     **{f".{ending}": (_made("csv", f"take.{ending}"), _info) for ending in ("tsv", "txt")},
     ".npz": (_converted, _info),
@@ -96,17 +184,24 @@ KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str]]]] = {
     ),
     "labels": (
         _text("labels.csv", "start_s,end_s,label,performer\n0,0.03,a,\n0.03,0.06,b,\n"),
-        lambda path: ["build", "take.bvh", "--labels", str(path), "-o", "made.npz", "--overwrite"],
+        _built,
     ),
     "exported labels": (
         _text("labels.txt", "0.00\t0.03\ta\n0.03\t0.06\tb\n"),
-        lambda path: ["build", "take.bvh", "--labels", str(path), "-o", "made.npz", "--overwrite"],
+        _built,
     ),
+    "annotations of ELAN": (_annotated("labels.eaf"), _built),
+    "events of BORIS": (_annotated("labels.boris"), _built),
     "names": (
         _text("names.toml", 'title = "Mine"\nsides = ["L", "R"]\n[joints]\nhips = "root"\n"*Knee" = "*tibia"\n'),
         lambda path: ["info", "take.bvh", "--names", str(path), "--json"],
     ),
     "preset": (_text("preset.toml", builtin_preset("vmc").text), lambda path: ["feeds", str(path)]),
+    "layout": (_text("films.toml", FILMS), _laid_out),
+    "public key": (_own_keys("ann.key"), _with_keys),
+    "secret key": (_own_keys("ann.key_secret"), _with_keys),
+    "certificate": (_own_keys("ann.pem"), _admitted),
+    "opened windows": (_windows, _remembered),
     "table of takes": (
         _text("takes.csv", "file,subject,contains,perhaps\ngone.bvh,ann,squat,\n"),
         lambda path: ["evaluate", "stream", "--takes", str(path)],
@@ -197,12 +292,14 @@ def test_no_file_ends_in_a_traceback(
     make, arguments = KINDS[name]
     path = make(tmp_path)
     kept = path.read_bytes()
+    capsys.readouterr()
     statuses, before = list[int](), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for number, content in enumerate(mutants(name, kept, FILES // len(KINDS) + 1, seed=len(name))):
         path.write_bytes(content)
         began = time.process_time()
         try:
-            statuses.append(main(arguments(path)))
+            asked = arguments(path)
+            statuses.append(asked if isinstance(asked, int) else main(asked))
             err = capsys.readouterr().err
             assert statuses[-1] in (0, 2)
             # What is odd about a body that could be read is remarked, a line each.

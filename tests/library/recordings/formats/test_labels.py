@@ -170,7 +170,11 @@ def test_annotations_of_elan_and_boris_are_read(
         ("take.eaf", "<a", "expected annotations of ELAN or events of BORIS"),
         ("take.eaf", _ELAN.replace('"b"', '"c"', 1), "expected annotations of ELAN or events of BORIS"),
         ("take.eaf", _ELAN.replace("500", "5000"), "expected 0 <= start < end"),
+        ("take.eaf", _ELAN.replace("500", "half"), "could not convert string to float"),
         ("take.boris", "{}", "expected annotations of ELAN or events of BORIS"),
+        ("take.boris", "[" * 100_000, "expected annotations of ELAN or events of BORIS"),
+        ("take.boris", json.dumps(_boris([[]])), "expected annotations of ELAN or events of BORIS"),
+        ("take.boris", '{"observations": {}}', "expected one observation, got 0"),
         ("take.boris", json.dumps({"observations": {"one": {}, "two": {}}}), "expected one observation, got 2"),
         (
             "take.boris",

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
+#: Metres from the origin beyond which a joint is a mistake; squares of smaller numbers never overflow.
+MAX_DISTANCE = 1e8
+
 
 def as_numbers(positions: object) -> NDArray[np.float64]:
     """Give positions in lists or in an array of any real numbers as doubles; ValueError for others."""
@@ -88,8 +91,8 @@ class Clip:
         joints = len(self.skeleton.joints)
         if self.positions.ndim != 3 or self.positions.shape[1:] != (joints, 3) or not len(self.positions):
             raise ValueError(f"positions: expected (frames, {joints}, 3), got {self.positions.shape}")
-        if not np.isfinite(self.positions).all():
-            raise ValueError(f"positions: expected finite metres, got NaN or infinity in clip {self.name!r}")
+        if not (np.abs(self.positions) < MAX_DISTANCE).all():
+            raise ValueError(f"positions: expected finite metres, got NaN, infinity or more in clip {self.name!r}")
         rate = self.frame_rate
         if not (isinstance(rate, Real) and np.isfinite(rate) and rate > 0):
             raise ValueError(f"frame_rate: expected a positive number of frames per second, got {rate!r}")

@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinespace.library.clip import as_numbers
+from kinespace.library.clip import MAX_DISTANCE, as_numbers
 
 #: The longest performer's name; a longer one is a sender's mistake and would make every answer's address long.
 MAX_PERFORMER_LENGTH = 64
 #: Characters in a joint's name, at most.
 MAX_JOINT_LENGTH = 400
-#: Metres from the origin beyond which a joint is a sender's mistake; squares of smaller numbers never overflow.
-MAX_DISTANCE = 1e8
 _MAX_DISTANCE_SQUARE = MAX_DISTANCE**2
 _FLOATS = np.dtype(np.float32), np.dtype(np.float64)
 

@@ -82,6 +82,8 @@ def _mean_covariance(motions: Iterable[NDArray[np.float64]], body: Body) -> NDAr
     scatter = []
     for rows in motions:
         mean = rows.mean(axis=0)
+        if not body.size(mean) > 0:
+            raise ValueError("positions: expected a body, got a motion with all joints in one place")
         scatter.append(((rows - mean) / (body.size(mean) * np.sqrt(len(rows)))).astype(np.float32))
     stacked = np.concatenate(scatter)
     covariance: NDArray[np.float64] = (stacked.T @ stacked).astype(np.float64) / len(scatter)

@@ -7,6 +7,7 @@ are admitted. `zmq.auth` makes, reads and checks them, so that every other progr
 from __future__ import annotations
 
 import os
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -185,7 +186,7 @@ def _is_key(key: bytes) -> bool:
 
     try:
         return len(z85.decode(key)) == 32
-    except (KeyError, ValueError, OverflowError):
+    except (KeyError, ValueError, OverflowError, struct.error):
         return False
 
 

@@ -141,12 +141,12 @@ def test_positions_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
         Clip(STICK, np.zeros(shape), 120.0)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300])
 def test_positions_that_are_not_finite_are_refused(value: float) -> None:
     """One coordinate that is not a number of metres spoils the clip, which is named."""
     positions = np.zeros((9, 6, 3))
     positions[8, 5, 2] = value
-    with pytest.raises(ValueError, match="positions: expected finite metres, got NaN or infinity in clip 'kick'"):
+    with pytest.raises(ValueError, match="positions: expected finite metres, got NaN, infinity or more in clip 'kick'"):
         Clip(STICK, positions, 120.0, name="kick")
 
 

@@ -10,9 +10,12 @@ from kinespace.library import Clip, Reading, read_recordings
 from kinespace.library.naming import summary
 from kinespace.library.windows.oddities import remarks
 from kinespace.tools.terminal.console import note, progress
+from kinespace.tools.terminal.tables import shortened
 
 #: Remarks of each kind on what was read otherwise than it stands in a file, at most.
 _MAX_SAID = 10
+#: Characters of one, at most.
+_LONGEST = 280
 
 
 class NameNotes:
@@ -33,7 +36,7 @@ class NameNotes:
             kind, most = remark.partition(":")[0], _MAX_SAID if remark in clip.notes else 1
             self._said[kind] += 1
             if self._said[kind] <= most:
-                note(f"{clip.name}: {remark}")
+                note(shortened(f"{clip.name}: {remark}", _LONGEST))
             elif self._said[kind] == _MAX_SAID + 1:
                 note(f"{clip.name}: {remark}; no more of this kind ({kind}) is said")
         return clip

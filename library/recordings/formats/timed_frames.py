@@ -30,6 +30,8 @@ _UNITS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() fo
 _FRAMES = frozenset(WORDS["columns"]["frames"])
 #: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
 _RATES = ((14.0, 500.0), (1.0, 1000.0))
+#: Steps of times that are smaller are a moment in no unit.
+_LEAST_STEP = 1e-12
 #: Frames per second, at most, of times in ticks of 100 ns that nothing names: a Kinect's.
 _MOST_BY_TICKS = 70.0
 #: Two rates whose logarithms differ by less are alike.
@@ -142,7 +144,7 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
     Seconds from the first frame, and a remark; empty where the times are what they seem to be.
     """
     since, assumed = moments - moments[0], rate or FRAME_RATE
-    steps = np.diff(since)[np.diff(since) > 0]
+    steps = np.diff(since)[np.diff(since) > _LEAST_STEP]
     step = float(np.median(steps)) if len(steps) else 0.0
     words = words_of(name)
     named = next((_UNITS[word] for word in words if word in _UNITS), None)

@@ -95,6 +95,8 @@ def test_few_moving_pairs_make_few_directions(body: Body) -> None:
     basis = Basis.learned([[still]], body)
     assert (np.count_nonzero(basis.weights), basis.directions.shape[1]) == (2, 2)
     assert basis.share == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="expected a body, got a motion with all joints in one place"):
+        Basis.learned([[0 * still]], body)
 
 
 # --- body -------------------------------------------------------------------------------------------------------------

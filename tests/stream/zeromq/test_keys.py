@@ -100,9 +100,10 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
     (tmp_path / "ben.key").write_text("public-key\n", encoding="utf-8")
     with pytest.raises(ValueError, match=r"ben\.key: expected public-key = "):
         Keyring(tmp_path)
-    (tmp_path / "ben.key").write_text('curve\n    public-key = "too short"\n', encoding="utf-8")
-    with pytest.raises(ValueError, match="expected keys of 40 characters"):
-        Keyring(tmp_path)
+    for key in ("too short", "#" * 40):
+        (tmp_path / "ben.key").write_text(f'curve\n    public-key = "{key}"\n', encoding="utf-8")
+        with pytest.raises(ValueError, match="expected keys of 40 characters"):
+            Keyring(tmp_path)
 
 
 def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:

@@ -62,6 +62,9 @@ def test_milliseconds_are_detected_by_the_time_between_frames(tmp_path: Path) ->
     """A column of milliseconds is read as seconds: no body is filmed once in ten seconds."""
     text = csv_table(("a", "b"), WALK[:5, :2], rate=0.05).replace("time", "timestamp")
     assert table(tmp_path, text).frame_rate == 50
+    # Times that are none, because they hardly differ.
+    rows = "".join(f"{number * 5e-324},0,1,{number},0,0,1\n" for number in range(5))
+    assert table(tmp_path, "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + rows).frame_rate == 30
 
 
 def test_freemocap_has_no_times_and_millimetres(tmp_path: Path) -> None:

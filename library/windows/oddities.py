@@ -43,7 +43,7 @@ def remarks(clip: Clip) -> Iterator[str]:
     looks = clip.positions[:: -(-clip.frames // _LOOKS)]
     known = [place for place, name in enumerate(hdm05.SKELETON.joints) if name in joints]
     if len(known) < MIN_JOINTS:
-        yield unknown_names(joints, hdm05.SKELETON.joints)
+        yield unknown_names(joints, hdm05.SKELETON.joints) or f"joints: {len(joints)}, expected {MIN_JOINTS} at least"
     else:
         skeleton = hdm05.SKELETON.restricted_to(known)
         ends = np.array([(child, parent) for child, parent in enumerate(skeleton.parents) if parent >= 0])

@@ -38,7 +38,7 @@ from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import interval
 from kinespace.tools.evaluation.takes import Sources, distinct, read_takes
 from kinespace.tools.terminal.console import console, progress
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.output_path import require_place_for_report
 from kinespace.tools.terminal.tables import counted, print_scores, shortened, table_of
 
 _COLUMNS = (
@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the paper's experiment and print the results; return the exit status."""
     for output in filter(None, (options.answers, options.picture)):
-        require_place_for(output)
+        require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
     clips = _motions(options)
     labels, ways = Labels.of_clips(clips), _ways(clips, options.signature)

@@ -27,7 +27,7 @@ from kinespace.tools.evaluation.scoring.stream_tables import print_persons, prin
 from kinespace.tools.evaluation.scoring.timeline import Course, course_of
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.output_path import require_place_for_report
 
 _Values = dict[str, float | None]
 
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Replay takes, score the answers, and print the results; return the exit status."""
     for file in filter(None, (options.answers, options.segments)):
-        require_place_for(file)
+        require_place_for_report(file, options)
     asked, classes = harness.asked_of(options)
     annotates = options.answers and is_annotation(options.answers, len(asked))
     by_person = options.resample == "persons"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 import errno
 import os
+from itertools import chain
 from pathlib import Path
 
 from kinespace.library.motion_library.library_file import locked
+from kinespace.library.recordings.formats.labels import labels_beside
 
 
 def require_place_for(output: Path, *, overwrite: bool = True) -> None:
@@ -39,3 +42,14 @@ def require_place_for(output: Path, *, overwrite: bool = True) -> None:
         raise FileExistsError(f"{output}: exists already; --overwrite writes over it")
     with locked(output):
         pass
+
+
+def require_place_for_report(output: Path, options: argparse.Namespace) -> None:
+    """As `require_place_for`; and refuse (FileExistsError) a file that is read by way of another option."""
+    require_place_for(output)
+    real, given = output.resolve(), [*vars(options).values()]
+    for each in chain(given, *(option for option in given if isinstance(option, list))):
+        if isinstance(each, Path) and each is not output and real.exists():
+            place = each.resolve()
+            if real.is_relative_to(place) or real in labels_beside(place):
+                raise FileExistsError(f"{output}: expected another place for what is written: it is read with {each}")

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 MOTIONS = MotionLibrary.builtin().motions
 
 
+def test_few_joints_are_said() -> None:
+    """Two joints of known names make no body."""
+    few = MOTIONS[0].restricted_to(MOTIONS[0].skeleton.joints[:2])
+    assert "joints: 2, expected 5 at least" in remarks(few)
+
+
 def _kinds(clip: Clip) -> list[str]:
     return [each.partition(":")[0] for each in remarks(clip)]
 

@@ -57,6 +57,8 @@ REFUSED = {
     "stream {clips} --skeleton octopus": "--skeleton: expected one of",
     "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
     "stream {takes} --protocol leave-one-take-out --answers x.eaf": "expected one take in a file of ELAN, got 3",
+    "stream {takes} --protocol leave-one-take-out --answers {takes}/ann_01.amc": "it is read with",
+    "stream {takes}/ann_01.amc --segments {takes}/ann_01.csv": "it is read with",
     "peers {takes}": "expected motions of two persons or more, got none",
     "faults --protocol library": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",

@@ -11,6 +11,7 @@ from kinespace.tools.evaluation.scoring.answer_tables import write_rows
 from kinespace.tools.evaluation.scoring.bootstrap import Ratio
 from kinespace.tools.evaluation.scoring.stream_tables import rests_on
 from kinespace.tools.evaluation.scoring.words import COLUMNS, Heard, score_words, word_rows
+from kinespace.tools.terminal.output_path import require_place_for_report
 from kinespace.tools.terminal.tables import print_scores
 
 
@@ -37,6 +38,7 @@ def report(
     }
     so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
+        require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))
     if options.json:
         print_json({**scores, "so_far": so_far, **(further or {}), **basis})

@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import EventKind
 from kinespace.tools.evaluation.scoring.timeline import Course
+from kinespace.tools.terminal.console import printable
 
 #: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
 TIERS = ("started", "done", "performed")
@@ -37,8 +38,8 @@ def _tiers(course: Course) -> dict[str, list[Segment]]:
         for event in answer.events:
             if event.kind is EventKind.START:
                 begun[event.label] = event.time
-            elif event.label in begun and event.time > begun[event.label]:
-                started.append(Segment(begun.pop(event.label), event.time, event.label))
+            elif event.time > (since := begun.pop(event.label, event.time)):
+                started.append(Segment(since, event.time, event.label))
         if answer.done:
             done.append(Segment(max(answer.done.start, 0.0), answer.done.end, answer.done.label))
     last = float(course.times[-1])
@@ -55,7 +56,8 @@ def _elan(courses: Sequence[Course]) -> str:
     ET.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
     order, count = ET.SubElement(root, "TIME_ORDER"), 0
     for name, segments in _tiers(course).items():
-        tier = ET.SubElement(root, "TIER", LINGUISTIC_TYPE_REF="motion", TIER_ID=name, PARTICIPANT=course.person)
+        person = printable(course.person)
+        tier = ET.SubElement(root, "TIER", LINGUISTIC_TYPE_REF="motion", TIER_ID=name, PARTICIPANT=person)
         for segment in segments:
             slots = []
             for seconds in (segment.start, segment.end):
@@ -65,7 +67,7 @@ def _elan(courses: Sequence[Course]) -> str:
             place = ET.SubElement(ET.SubElement(tier, "ANNOTATION"), "ALIGNABLE_ANNOTATION", ANNOTATION_ID=f"a{count}")
             for number, slot in enumerate(slots, 1):
                 place.set(f"TIME_SLOT_REF{number}", slot)
-            ET.SubElement(place, "ANNOTATION_VALUE").text = segment.label
+            ET.SubElement(place, "ANNOTATION_VALUE").text = printable(segment.label)
     ET.SubElement(
         root, "LINGUISTIC_TYPE", LINGUISTIC_TYPE_ID="motion", TIME_ALIGNABLE="true", GRAPHIC_REFERENCES="false"
     )

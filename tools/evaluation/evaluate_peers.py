@@ -75,6 +75,8 @@ def run(options: argparse.Namespace) -> int:
     if len(persons) < 2 or "" in persons:
         named = ", ".join(filter(None, persons)) or "none"
         raise ValueError(f"TAKE: expected motions of two persons or more, got {named}; --actor-in says where they are")
+    if len(classes := {clip.class_name for clip in clips}) < 2:
+        raise ValueError(f"TAKE: expected motions of two classes or more, got {', '.join(classes)}")
     methods = {"kinespace": Method(MotionClassifier, list, learns_whole=True)} | ({} if options.alone else _peers())
     rows = [
         {"method": name, **_scored(methods[name], clips, persons)}
@@ -83,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         harness.print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
         return 0
-    whose = f"{counted(len(clips), 'motion')} of {len({clip.class_name for clip in clips})} classes"
+    whose = f"{counted(len(clips), 'motion')} of {len(classes)} classes"
     caption = f"{whose}; each of {len(persons)} persons left out; turned: whole, each body turned and placed at random"
     print_scores(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption)
     return 0

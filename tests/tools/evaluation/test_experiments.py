@@ -59,6 +59,7 @@ REFUSED = {
     "stream {takes} --protocol leave-one-take-out --answers x.eaf": "expected one take in a file of ELAN, got 3",
     "stream {takes} --protocol leave-one-take-out --answers {takes}/ann_01.amc": "it is read with",
     "stream {takes}/ann_01.amc --segments {takes}/ann_01.csv": "it is read with",
+    "peers {clips} --map bendLeft=bendRight raiseBoth=bendRight --alone": "two classes or more, got bendRight",
     "peers {takes}": "expected motions of two persons or more, got none",
     "faults --protocol library": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",

@@ -92,14 +92,12 @@ class Program:
 def started(
     *arguments: object, environment: dict[str, str] | None = None, at: Path = ROOT, begins: Sequence[object] = _COMMAND
 ) -> Iterator[Program]:
-    """Start `kinespace` with some arguments, unannounced; a program that still runs at the end is killed."""
-    if arguments[0] in ("live", "gateway") and "--announce" not in arguments:
-        arguments = (arguments[0], "--no-announce", *arguments[1:])
+    """Start `kinespace` with some arguments; a program that still runs at the end is killed."""
     with tempfile.TemporaryDirectory() as folder:
         output, errors = Path(folder) / "output", Path(folder) / "errors"
         with output.open("wb") as out, errors.open("wb") as err:
             surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200", **(environment or {})}
-            command = [*map(str, begins), *(str(each) for each in arguments if each != "--announce")]
+            command = [*map(str, begins), *map(str, arguments)]
             process = subprocess.Popen(
                 command, cwd=at, env=surroundings, stdin=subprocess.DEVNULL, stdout=out, stderr=err
             )

@@ -85,7 +85,7 @@ def _answered(program: Path) -> None:
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as answers:
         answers.bind(("127.0.0.1", 0))
         answers.settimeout(_PATIENCE)
-        ends = ("--osc-in", f"127.0.0.1:{port}", "--osc-out", answers.getsockname()[1], "--no-announce")
+        ends = ("--osc-in", f"127.0.0.1:{port}", "--osc-out", answers.getsockname()[1])
         with _running(program, "live", "--plain", *ends), _running(program.with_name("python"), "-c", SEND, port):
             while b"/motion/me/label" not in answers.recv(2000):
                 pass

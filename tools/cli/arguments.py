@@ -75,11 +75,6 @@ _SHARED: dict[str, dict[str, Any]] = {
     },
     "--library": {"type": Path, "metavar": "FILE", "help": f"a motion library (default: {BUILT_IN})"},
     "--json": {"action": "store_true", "help": "print JSON and nothing else (.github/docs/json.md says what)"},
-    "--no-announce": {
-        "dest": "announce",
-        "action": "store_false",
-        "help": "announce nothing by mDNS, and look for no program that does (it needs kinespace[discovery])",
-    },
     "--overwrite": {"action": "store_true", "help": "write over an existing file (default: refuse)"},
     "--actor-in": {
         "choices": [each.value for each in ActorIn],

@@ -12,7 +12,7 @@ from kinespace.tools.cli.main import PROGRAMS
 #: others show their options.
 ARGUMENTS = {
     "live": (
-        "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz --announce",
+        "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
         "listening on(.|\n)*WebSocket",
     ),
     "gateway": ("--osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --listen tcp/127.0.0.1:0", "listening on"),

@@ -11,7 +11,6 @@ import pytest
 import shtab
 from programs import ROOT
 
-from kinespace.tools.announcing import finding
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main, whole_parser
 from kinespace.tools.programs.recordings import info
 
@@ -126,12 +125,8 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
-def test_wrong_arguments_end_with_2(
-    arguments: str, message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wrong_arguments_end_with_2(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A wrong program, option, value or name ends with 2 and one line that names it, and with its neighbours."""
-    # Nobody is looked for on the network, for which a second and a half would be waited.
-    monkeypatch.setattr(finding, "announced", lambda *_: [])
     try:
         status = main(arguments.split())
     except SystemExit as ended:

@@ -9,14 +9,13 @@ from contextlib import AbstractContextManager, ExitStack, closing
 from pathlib import Path
 from typing import NamedTuple
 
-from kinespace.library.naming import hdm05
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.feed_source import FeedSource
 from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
-from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
+from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.written_layout import WrittenLayout
@@ -24,8 +23,6 @@ from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.packet import Networks
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.announcing.announcer import Announcer
-from kinespace.tools.announcing.finding import is_possible, named
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.choice import one_of
 from kinespace.tools.page.process import PagePlan, Plan
@@ -75,7 +72,7 @@ def open_ends(
         native = [("--osc-out", f"native={options.osc_out}")] if options.osc_out else []
         for option, out in [*native, *(("--out", each) for each in options.out)]:
             with opening(option):
-                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission, options))))
+                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission))))
                 _require_no_loop(receivers, sinks[-1])
         if options.zmq_out:
             with opening("--zmq-out"):
@@ -143,43 +140,25 @@ def _source(
     return source
 
 
-def _layout_sink(
-    text: str, receivers: Sequence[_AnyReceiver], admission: Admission, options: argparse.Namespace
-) -> Sink:
-    """Open NAME or FILE.toml, perhaps with =HOST:PORT, =sender:PORT or the name of a program that announces itself."""
+def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
+    """Open NAME or FILE.toml, perhaps with =HOST:PORT or =sender:PORT."""
     name, _, target = text.partition("=")
     if name == LSL and not target:
         return LslSink()
     if name == MIDI:
         return MidiSink(target)
-    place = None
     if name.endswith(".toml"):
         layout: Layout = WrittenLayout(Path(name))
     else:
-        try:
-            layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL, MIDI))]()
-        except ValueError as error:
-            layout, place = NativeLayout(), _announced("" if target else name, error, options)
+        layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL, MIDI))]()
     if target.partition(":")[0] != "sender":
-        try:
-            place = place or (host_and_port(target) if target else ("127.0.0.1", layout.port))
-        except ValueError as error:
-            place = _announced(target, error, options)
+        place = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(layout, osc.OscSender(*place))
     by_osc = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     if not by_osc:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
     return ReplySink(layout, by_osc[0], port, admission)
-
-
-def _announced(name: str, mistake: ValueError, options: argparse.Namespace) -> tuple[str, int]:
-    """Find the program that announces itself by a name; where none does, the text was a mistake."""
-    if not (name and options.announce):
-        raise mistake
-    found = named(name, mistake)
-    say(f"--out: {found}")
-    return found.host, found.port
 
 
 def _require_no_loop(receivers: Sequence[_AnyReceiver], sink: Sink) -> None:
@@ -249,18 +228,6 @@ def open_servers(
         networks = tuple(map(str, _and_here(_networks(options))))
         clients = SocketPlan(options.ws, sender.address, frames.address, options.keys, options.ws_origin, networks)
         yield Served(clients, [ZmqSink(sender)], frames, [])
-
-
-def open_announcer(options: argparse.Namespace, sources: Sequence[Source], classes: Sequence[str]) -> list[Announcer]:
-    """Announce the port on which our own messages come in by OSC, if that is possible and wanted."""
-    ours = [each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver)]
-    if not (options.announce and ours) or options.feed or not is_possible():
-        return []
-    from kinespace.tools.announcing.announcer import Announcer  # noqa: PLC0415 - slow to load
-    from kinespace.tools.announcing.description import Known  # noqa: PLC0415 - as above
-
-    known = Known(len(hdm05.SKELETON.joints), classes, teaches=bool(getattr(options, "teach", None)))
-    return [Announcer(ours[0].address[:2], known, _and_here(_networks(options)))]
 
 
 def open_controls(

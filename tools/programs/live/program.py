@@ -59,8 +59,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--sender")
     text = (
         f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
-        f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies; in place of NAME "
-        "or HOST:PORT the name that a program announces by mDNS"
+        f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies"
     )
     parser.add_argument("--out", type=names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text)
     text = (
@@ -80,7 +79,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--overwrite")
     text = "publish bodies on --zmq-out, for kinespace page elsewhere"
     parser.add_argument("--bodies", action="store_true", help=text)
-    add_shared(parser, "--page", "--no-announce")
+    add_shared(parser, "--page")
     text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
     parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
     text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"

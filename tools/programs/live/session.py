@@ -32,7 +32,6 @@ from kinespace.tools.cli.preset import preset_named
 from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.live.endpoints import (
     Served,
-    open_announcer,
     open_controls,
     open_ends,
     open_senders,
@@ -79,8 +78,6 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring)
         senders = open_senders(options, sources)
-        # Last: threads that nothing else ends.
-        announcers = open_announcer(options, sources, (lessons or performers).classes)
         opened.pop_all()
     listeners = [lessons] if lessons else []
     if options.bodies:
@@ -90,7 +87,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         Service(
             performers,
             [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
-            [*sinks, shown, *chain(*(each.sinks for each in served)), *announcers, *listeners, *supervisors()],
+            [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,
@@ -109,7 +106,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
         listening += ", also for /motion/teach" if lessons and preset else ""
         say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
-        for server in (*servers, *announcers):
+        for server in servers:
             say(f"{server.name}: {server.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()

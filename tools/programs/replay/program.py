@@ -18,7 +18,6 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs.recording.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.announcing.finding import recogniser
 from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_reading, add_shared, not_negative, positive, reading_of
 from kinespace.tools.feeding import packets
@@ -40,8 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("clips", nargs="*", type=Path, metavar="CLIP|CLASS", help=text)
     add_reading(parser)
-    text = f"send OSC there (default: {OSC_IN}; where nobody has this port, the kinespace live that announces itself)"
-    parser.add_argument("--osc", metavar="HOST:PORT", help=text)
+    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default: {OSC_IN})")
     text = "publish on ZeroMQ instead; connects, put @ before it to bind"
     parser.add_argument("--zmq", metavar="ENDPOINT", help=text)
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
@@ -54,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help=text)
     parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
-    add_shared(parser, "--no-announce", "--json")
+    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -81,8 +79,9 @@ def run(options: argparse.Namespace) -> int:
             raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen")
     with ExitStack() as opened:
         keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
+        osc_to = options.osc or (None if zmq_to else OSC_IN)
         if is_raw:
-            return packets.replay(places[0], _senders(opened, _osc_to(options), zmq_to, keyring), options)
+            return packets.replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
         recordings = recordings_in(places, reading)
         pieces = pieces_of(recordings, reading, options)
         with progress_console.status("Reading"):
@@ -92,7 +91,6 @@ def run(options: argparse.Namespace) -> int:
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
-        osc_to = _osc_to(options)
         sender = [*_senders(opened, osc_to, zmq_to, keyring).values()][-1]
         exchange = Exchange(sender, listener, announcement, zmq_to.address if zmq_to else osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
@@ -103,14 +101,6 @@ def run(options: argparse.Namespace) -> int:
             exchange.play(progress(played, "Sending", None))
         in_vain = exchange.reached_nobody
     return 1 if in_vain or (listener and not exchange.answered) else 0
-
-
-def _osc_to(options: argparse.Namespace) -> str | None:
-    """Give the address that OSC goes to; looked for once all else is right."""
-    given: str | None = options.osc
-    if given or options.zmq:
-        return given
-    return recogniser(OSC_IN) if options.announce else OSC_IN
 
 
 def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:

@@ -177,15 +177,6 @@ def camera_models(camera_extra: None) -> Path:
 
 
 @pytest.fixture(scope="session")
-def browser_models() -> None:
-    """Be sure of what a browser needs to find bodies, which `make` fetches once for this user."""
-    if not models.browser_has_models():
-        if shutil.which("npm") is None:
-            pytest.skip("no npm here, whose package a browser's camera needs")
-        _without(models.MISSING_BROWSER, "the models")
-
-
-@pytest.fixture(scope="session")
 def demo_film(camera_models: Path) -> Path:
     """Give every second picture of Sports2D's demonstration film (BSD-3), 640 pixels wide: 115 pictures in 7.7 s.
 

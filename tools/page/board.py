@@ -301,7 +301,7 @@ class Board:
             self.number += 1
             self._control = _Noted(control, self.number)
 
-    def news(self, seen: int, now: float, replies: Sequence[object] = (), camera: object = None) -> bytes:
+    def news(self, seen: int, now: float, replies: Sequence[object] = ()) -> bytes:
         """Encode all that is newer than a number: bytes of JSON (u32), the JSON, spaces up to a multiple of 4, bodies.
 
         Parameters
@@ -312,12 +312,8 @@ class Board:
             Seconds on our clock.
         replies
             Replies to the page's commands.
-        camera
-            What is known of the page's own camera.
         """
         shown: dict[str, object] = {"number": self.number, "now": now, "replies": [*replies]}
-        if camera:
-            shown["camera"] = camera
         for name in ("here", "classes", "status", "control"):
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:

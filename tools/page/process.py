@@ -14,14 +14,12 @@ from typing import ClassVar, Self
 from urllib.parse import urlsplit
 
 from kinespace.stream.service.child_process import Child, leave_signals_to_parent
-from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
+from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.page.link import Subscription, ask_control
 
 #: Seconds after which a process that is to end is killed.
 _MAX_END = 5.0
-
-_NO_FRAMES = "no camera here: start kinespace live with --page, or kinespace page with --frames"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +60,6 @@ class PagePlan(Plan):
         The ZeroMQ endpoint on which a recogniser publishes.
     control
         The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
-    frames
-        The ZeroMQ endpoint at which the recogniser takes the frames of pages' cameras; None: it takes none.
     keys
         Folder of the keys of all ZeroMQ; None for none.
     """
@@ -71,24 +67,19 @@ class PagePlan(Plan):
     name = "page"
     source: str
     control: str | None = None
-    frames: str | None = None
     keys: Path | None = None
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Serve browsers."""
-        from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
         from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
         from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
 
-        gate = Gate.for_host(host_and_port(self.address)[0], "" if self.frames else _NO_FRAMES)
+        gate = Gate.for_host(host_and_port(self.address)[0])
         with ExitStack() as opened:
             keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
             subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
             control = partial(ask_control, _to(self.control), keyring) if self.control else None
-            cameras = None
-            if self.frames:
-                cameras = Cameras(opened.enter_context(closing(ZmqSender(_to(self.frames), keyring))).send)
-            PageServer(subscription, control, gate, cameras).serve(self.address, "page", started, wants_end)
+            PageServer(subscription, control, gate).serve(self.address, "page", started, wants_end)
 
 
 def _to(address: str) -> Endpoint:

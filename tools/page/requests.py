@@ -16,8 +16,6 @@ import msgspec
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-from kinespace.tools.camera import models
-
 #: Bytes of a message from a page, at most.
 MAX_MESSAGE = 4096
 #: The path of the WebSocket.
@@ -27,23 +25,17 @@ _TYPES = {
     "css": "text/css; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
     "svg": "image/svg+xml; charset=utf-8",
-    # A browser compiles while it reads, if the type is this and no more.
-    "wasm": "application/wasm",
 }
-_BYTES = "application/octet-stream"
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self' ws://{host}; "
-    "worker-src {worker}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-#: The camera's worker, alone in that it may compile, and its policy.
-WORKER = "pose-worker.js"
-_WORKER_POLICY = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; connect-src 'self'"
 _Short = Annotated[str, msgspec.Meta(max_length=256)]
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 
 
 class Message(msgspec.Struct, forbid_unknown_fields=True):
-    """A message of a page: the number of its last drawing, a command, or a body.
+    """A message of a page: the number of its last drawing, or a command.
 
     Attributes
     ----------
@@ -51,13 +43,10 @@ class Message(msgspec.Struct, forbid_unknown_fields=True):
         The number of the message that has been drawn.
     ask
         A command for the control socket.
-    body
-        A body that its camera sees, still to be read (`cameras.Landmarks`).
     """
 
     ack: _Count | None = None
     ask: Annotated[dict[_Short, _Short | float | bool], msgspec.Meta(max_length=8)] | None = None
-    body: msgspec.Raw = msgspec.Raw()
 
 
 _read = msgspec.json.Decoder(Message).decode
@@ -69,7 +58,7 @@ def read_message(text: str | bytes) -> Message:
     Raises
     ------
     ValueError
-        It is no text, too long, no JSON, or holds anything but one of the three.
+        It is no text, too long, no JSON, or holds anything but one of the two.
     """
     if not isinstance(text, str) or len(text) > MAX_MESSAGE:
         raise ValueError(f"message: expected text of at most {MAX_MESSAGE} characters, got {len(text)} of another kind")
@@ -77,8 +66,8 @@ def read_message(text: str | bytes) -> Message:
         message = _read(text)
     except RecursionError as error:
         raise ValueError("message: expected flat JSON") from error
-    if (message.ack is not None) + (message.ask is not None) + bool(message.body) != 1:
-        raise ValueError("message: expected one of ack, ask and body")
+    if (message.ack is None) == (message.ask is None):
+        raise ValueError("message: expected one of ack and ask")
     return message
 
 
@@ -92,22 +81,19 @@ class Gate:
         The secret that a page must show to open its WebSocket; empty on an address that only this machine reaches.
     names
         Names of this machine, besides its addresses, under which a browser may ask for the page.
-    no_camera
-        Why pages cannot send what their cameras see; empty if they can.
     """
 
     token: str = ""
     names: frozenset[str] = frozenset({"localhost"})
-    no_camera: str = ""
 
     @classmethod
-    def for_host(cls, host: str, no_camera: str = "") -> Gate:
+    def for_host(cls, host: str) -> Gate:
         """Ask for a token where other machines can reach us."""
         try:
             alone = ipaddress.ip_address(host).is_loopback
         except ValueError:
             alone = host == "localhost"
-        return cls("" if alone else secrets.token_urlsafe(16), frozenset({"localhost", host.lower()}), no_camera)
+        return cls("" if alone else secrets.token_urlsafe(16), frozenset({"localhost", host.lower()}))
 
     def answer(self, target: str, headers: Mapping[str, str]) -> Response | None:
         """Answer an HTTP request; None opens a WebSocket.
@@ -127,7 +113,7 @@ class Gate:
             return refusal(403, "this name is not ours")
         path, _, query = target.partition("?")
         if path != SOCKET:
-            return static_file(path, host, self.no_camera)
+            return static_file(path, host)
         if headers.get("origin") != f"http://{host}":
             return refusal(403, "not our page")
         return self.checked(parse_qs(query).get("token", [""])[0])
@@ -153,24 +139,14 @@ class Gate:
         return True
 
 
-def static_file(path: str, host: str, no_camera: str = "") -> Response:
-    """Give a file of the page by its path; only files of `static/` itself, and those of the camera."""
+def static_file(path: str, host: str) -> Response:
+    """Give a file of the page by its path; only files of `static/` itself."""
     name = path.removeprefix("/") or "index.html"
-    why_not = no_camera or ("" if models.browser_has_models() else models.MISSING_BROWSER)
-    if name in (WORKER, *models.BROWSER) and why_not:
-        return refusal(404, why_not)
-    kind = _TYPES.get(name.rpartition(".")[2], _BYTES)
-    if name in models.BROWSER:
-        try:
-            return response(200, models.browser_file(name), kind)
-        except (OSError, ValueError) as error:
-            return refusal(404, str(error))
+    kind = _TYPES.get(name.rpartition(".")[2])
     file = resources.files("kinespace.tools.page") / "static" / name
-    if kind == _BYTES or "/" in name or "\\" in name or not file.is_file():
+    if kind is None or "/" in name or "\\" in name or not file.is_file():
         return refusal(404, "no such file")
-    worker = "'none'" if why_not else "'self'"
-    policy = _WORKER_POLICY if name == WORKER else _POLICY.format(host=host, worker=worker)
-    return response(200, file.read_bytes(), kind, {"Content-Security-Policy": policy})
+    return response(200, file.read_bytes(), kind, {"Content-Security-Policy": _POLICY.format(host=host)})
 
 
 _GUARDS = {

@@ -18,7 +18,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from kinespace.tools.page.board import Board
-from kinespace.tools.page.cameras import Cameras, PageCamera
 from kinespace.tools.page.link import Subscription
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message, refusal
 from kinespace.tools.page.serving import ClientServer
@@ -31,21 +30,20 @@ MAX_PAGES = 16
 _PACE = 1 / 35
 #: Replies that wait for a page, at most.
 MAX_REPLIES = 8
-#: Seconds that a page may take for the handshake, or for a file: a network of the camera has 6 MB.
+#: Seconds that a page may take for the handshake, or for a file.
 _MAX_OPENING = 20.0
 _NO_CONTROL = "start kinespace live with --teach FILE to teach from here"
 _NO_REPLY = "the recogniser does not reply"
 
 
 class _Page:
-    """One open page: the newest entry that it has seen, the number of its last message, replies to send, its camera."""
+    """One open page: the newest entry that it has seen, the number of its last message, replies to send."""
 
     def __init__(self) -> None:
         self.ready, self.woken = asyncio.Event(), asyncio.Event()
         self.ready.set()
         self.woken.set()
         self.seen = self.sent = 0
-        self.camera = PageCamera()
         #: The newest: a page that draws nothing gets no further ones.
         self.replies: deque[dict[str, Any]] = deque(maxlen=MAX_REPLIES)
 
@@ -67,19 +65,15 @@ class PageServer(ClientServer):
         Asks the recogniser's control socket, and gives the reply, None without one; None: pages only look.
     gate
         Decides which browsers may see the page.
-    cameras
-        Takes what pages' cameras see; None: it is dropped.
     """
 
     scheme = "http"
     limits = {"max_size": MAX_MESSAGE, "max_queue": 4, "open_timeout": _MAX_OPENING}  # noqa: RUF012 - never changed
 
-    def __init__(
-        self, subscription: Subscription, control: Control | None, gate: Gate, cameras: Cameras | None = None
-    ) -> None:
+    def __init__(self, subscription: Subscription, control: Control | None, gate: Gate) -> None:
         super().__init__(subscription, gate)
         self.board = Board()
-        self._control, self._cameras = control, cameras
+        self._control = control
         self._pages: set[_Page] = set()
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
@@ -126,9 +120,6 @@ class PageServer(ClientServer):
                 message = read_message(text)
                 if message.ack is not None:
                     page.acknowledged(message.ack)
-                if message.body and self._cameras:
-                    others = {each.camera.performer for each in self._pages if each is not page}
-                    self._cameras.take(page.camera, message.body, self._clock(), others)
                 if message.ask is not None:
                     reply = await self._ask(message.ask)
                     # Only now: other messages take the page's replies along while this one is asked.
@@ -152,9 +143,7 @@ class PageServer(ClientServer):
                 page.woken.clear()
                 replies = [*page.replies]
                 page.replies.clear()
-                message = self.board.news(
-                    page.seen, self._clock(), replies, page.camera.shown() if page.camera.due else None
-                )
+                message = self.board.news(page.seen, self._clock(), replies)
                 page.sent = self.board.number
                 page.ready.clear()
                 await connection.send(message)

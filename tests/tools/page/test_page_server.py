@@ -12,7 +12,6 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
-from kinespace.tools.page.cameras import Cameras
 from kinespace.tools.page.requests import MAX_MESSAGE, Gate
 from kinespace.tools.page.server import MAX_PAGES, MAX_REPLIES, PageServer
 
@@ -28,8 +27,6 @@ class Published:
         self._ours, self._theirs = socket.socketpair()
         self._waiting: list[list[bytes]] = []
         self.bodies = False
-        #: What pages' cameras sent.
-        self.frames: list[list[bytes]] = []
 
     def fileno(self) -> int:
         """Give a file number that becomes readable."""
@@ -90,8 +87,7 @@ class Served:
 async def serving(control: FakeControl | None = None) -> AsyncIterator[Served]:
     """Run a server on a port that the system chooses."""
     published, addresses, ended = Published(), asyncio.Queue[str](), list[bool]()
-    gate, cameras = Gate(), Cameras(published.frames.append)
-    server = PageServer(published, control and control.ask, gate, cameras)  # type: ignore[arg-type]  # stand-ins
+    server = PageServer(published, control and control.ask, Gate())  # type: ignore[arg-type]  # stand-ins
     running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
     try:
         yield Served(published, control, await asyncio.wait_for(addresses.get(), PATIENCE))
@@ -185,29 +181,6 @@ def test_replies_do_not_pile_up_for_a_page_that_draws_nothing() -> None:
                 await page.send(json.dumps({"ask": {"do": "undo", "number": number}}))
             news = await drawn_until(page, news, "replies")
             assert len(news["replies"]) == MAX_REPLIES
-
-    run(test())
-
-
-def test_two_pages_cameras_are_two_performers() -> None:
-    """Their bodies become frames; a bad one is counted and told, and the page stays open."""
-    places = [[number / 40, (number * 7 % 33) / 40, (number * 5 % 33) / 40] for number in range(33)]
-    sent = {"camera": "0123456789abcdef", "at": 1.5, "places": places}
-
-    async def test() -> None:
-        async with serving() as served, served.page() as page, served.page() as other:
-            news = {page: await told(page), other: await told(other)}
-            assert "camera" not in news[page]
-            await page.send(json.dumps({"body": {}}))
-            # A copied tab has the same secret.
-            for each in (page, other):
-                await each.send(json.dumps({"body": sent}))
-                # The server has read it when it answers what was sent after it.
-                await each.send(json.dumps({"ask": {"do": "undo"}}))
-                news[each] = await drawn_until(each, news[each], "replies")
-            assert news[page]["camera"] == {"performer": "browser", "sent": 1, "unreadable": 1, "fast": 0, "little": 0}
-            performers = {topic for topic, *_ in served.published.frames}
-            assert performers == {b"frame/browser/", b"frame/browser-2/"}
 
     run(test())
 

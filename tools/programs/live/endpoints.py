@@ -50,7 +50,7 @@ def open_ends(
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
     """Open the addresses and the recording; after a failure the open addresses are closed again.
 
-    `browsers` are the receivers of pages' cameras and of WebSocket clients, whose frames are our own whatever the feed.
+    `browsers` are the receivers of WebSocket clients, whose frames are our own whatever the feed.
     """
     networks = _networks(options)
     if getattr(options, "camera", None) or getattr(options, "lsl_in", None):
@@ -207,7 +207,7 @@ class Served(NamedTuple):
 
     plan: Plan
     sinks: list[Sink]
-    frames: zeromq.ZmqReceiver
+    frames: list[zeromq.ZmqReceiver]
     requests: list[RequestSource]
 
 
@@ -216,18 +216,18 @@ def open_servers(
 ) -> Iterator[Served]:
     """Prepare the page, which may give commands, and the server of WebSocket clients where they are asked for."""
     if options.page:
-        sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
+        sender = zeromq.ZmqSender(_HERE, keyring)
         requests = [RequestSource(_HERE, (), keyring)] if commands else []
         control = requests[0].address if requests else None
-        page = PagePlan(options.page, sender.address, control, frames.address, options.keys)
-        yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], frames, requests)
+        page = PagePlan(options.page, sender.address, control, options.keys)
+        yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], [], requests)
     if options.ws:
         from kinespace.tools.websocket.server import SocketPlan  # noqa: PLC0415 - slow to load
 
         sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
         networks = tuple(map(str, _and_here(_networks(options))))
         clients = SocketPlan(options.ws, sender.address, frames.address, options.keys, options.ws_origin, networks)
-        yield Served(clients, [ZmqSink(sender)], frames, [])
+        yield Served(clients, [ZmqSink(sender)], [frames], [])
 
 
 def open_controls(

@@ -71,10 +71,12 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making
         # Before the sockets are open: no packet is to wait until the page runs.
         served, servers = list[Served](), list[Any]()
         for each in open_servers(options, keyring, performers, commands=lessons is not None):
-            _close_in(opened, [*each.sinks, each.frames, *each.requests])
+            _close_in(opened, [*each.sinks, *each.frames, *each.requests])
             served.append(each)
             servers.append(PageProcess(each.plan, say))
-        sources, sinks, kept = open_ends(options, preset, keyring, admission, [each.frames for each in served])
+        sources, sinks, kept = open_ends(
+            options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
+        )
         _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring)
         senders = open_senders(options, sources)

@@ -1,20 +1,28 @@
-"""A gateway: frames go to the workers that have their performers by Zenoh, and the workers' answers come back.
+"""A gateway: frames go to worker processes of this machine that have their performers, and answers come back.
 
-It keeps the last seconds of each performer's frames. When a worker comes or goes, another one is shown these, and goes
-on: no worker knows that there are others.
+It keeps the last seconds of each performer's frames. When a worker dies, hangs or comes, another one is shown these,
+and goes on: no worker knows that there are others. They talk by ZeroMQ, on an endpoint of this machine; each worker has
+a name that nobody else knows.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+import multiprocessing
+import secrets
+import sys
+import tempfile
 import time
-import uuid
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from multiprocessing.reduction import ForkingPickler
+from typing import Any, NamedTuple
 
 import msgspec
+import zmq
 
 from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import hdm05
@@ -28,13 +36,10 @@ from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.limits import needed_lead, usual_sensitivity
 from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts, remember
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
+from kinespace.stream.service.child_process import signals_held
 from kinespace.stream.status import InputCounts
-from kinespace.stream.workers import terms as agreed
-from kinespace.stream.workers import wire
-from kinespace.stream.workers.bus import Inbox, joined, unreached
-from kinespace.stream.workers.terms import Terms
-from kinespace.stream.workers.track import Track
-from kinespace.stream.workers.wire import Answers, FormatError, Orders, Report, decode, encode, key, last_of
+from kinespace.stream.workers.wire import Orders, Report, SentFrame, decode_answers, encode
+from kinespace.stream.workers.worker import Terms, work
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
 MAX_SILENT = 0.8
@@ -44,43 +49,143 @@ _STOPPED = 0.4
 _MAX_ENDING = 0.5
 #: Seconds without an answer after which a performer makes room for a newcomer.
 _UNHEARD = 1.0
+#: Seconds in which a new worker must be ready, and in which one that was left out must come back before it is killed.
+MAX_START, _MAX_ABSENT = 60.0, 2.0
+#: Seconds between two starts of a worker that ends soon after it was started.
+_PAUSE = 1.0
+#: Seconds of frames that another worker is shown before those that it answers: the longest window.
+HISTORY = 2.0
+#: Seconds after which a frame that nobody has answered is only shown: it took so long until the worker was missed.
+DUE = 1.5
+#: Seconds after which the joints are sent again: a message may be lost.
+_JOINTS_EVERY = 1.0
 
 
-class _Member:
-    """A worker that works for this gateway: the way to it, when its last message came, its reports."""
+class Kept(NamedTuple):
+    """A frame that was sent: its number among the performer's frames, when its packet came, and its message."""
 
-    def __init__(self, sends: Any, report: Report) -> None:  # noqa: ANN401 - Zenoh's
-        self.sends, self.report, self.newest = sends, report, time.monotonic()
-        self.messages = self.reports = 0
+    number: int
+    arrival: float
+    sent: SentFrame
 
-    def send(self, frames: list[wire.SentFrame]) -> None:
-        """Send frames; Zenoh drops them if the way is full."""
-        self.messages += 1
-        self.sends.put(encode(Orders(frames=frames, number=self.messages, at=time.monotonic())))
+
+@dataclass(slots=True)
+class Track:
+    """The frames of a performer that were sent to workers, and the answers that came back.
+
+    Attributes
+    ----------
+    newest, heard
+        When the newest frame came, and when an answer; before the first answer when the performer came.
+    decision
+        Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
+    worker
+        The worker that answers; empty for none.
+    number, answered
+        The numbers of the newest frame and of the last one answered; 0 for none.
+    """
+
+    newest: float
+    heard: float
+    decision: Decision
+    worker: str = ""
+    number: int = 0
+    answered: int = 0
+    _answered_at: float = 0.0
+    _joints: tuple[str, ...] | None = None
+    _joints_due: float = 0.0
+    _kept: deque[Kept] = field(default_factory=deque)
+
+    def send(self, frame: Frame, joints: tuple[str, ...] | None) -> SentFrame:
+        """Make the message of the newest frame; it has the joints from time to time."""
+        sent, now = SentFrame.of(frame), self.newest
+        if joints != self._joints or now >= self._joints_due:
+            sent.joints, self._joints, self._joints_due = joints, joints, now + _JOINTS_EVERY
+        sent.begins = not self.number
+        self.number += 1
+        self._kept.append(Kept(self.number, now, sent))
+        while self._kept[0].arrival < now - HISTORY - DUE:
+            self._kept.popleft()
+        return sent
+
+    def accept(self, answer: Recognition, classes: Sequence[str]) -> tuple[Recognition, float] | None:
+        """Take in an answer; give it with its events, and the arrival of its frame.
+
+        Parameters
+        ----------
+        answer
+            The answer of the performer's worker.
+        classes
+            The classes now; an answer by others, after an exchange, starts no motion.
+
+        Returns
+        -------
+        None for an answer that is no news: its frame was answered before, or is unknown.
+        """
+        for kept in reversed(self._kept):
+            if kept.number <= self.answered:
+                return None
+            if kept.sent.time == answer.time:
+                break
+        else:
+            return None
+        self.answered, self._answered_at, self.heard = kept.number, kept.arrival, self.newest
+        decide = self.decision.events if answer.classes == classes else self.decision.ends
+        return replace(answer, events=decide(answer)), kept.arrival
+
+    def is_owed(self, hop: float) -> bool:
+        """Whether a frame that was sent will still be answered."""
+        return bool(self.answered) and self.newest - self._answered_at >= hop
+
+    def end(self) -> Event | None:
+        """End the motion that goes on."""
+        return self.decision.end(self._kept[-1].sent.time) if self._kept else None
+
+    def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
+        """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
+        begun = self.decision.going_on
+        ended = self.end() if begun and begun.label not in classes else None
+        begun = self.decision.going_on
+        self.decision = Decision(lead, begun and replace(begun, index=classes.index(begun.label)))
+        return ended
+
+    def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
+        """Give the frames that another worker is shown, and those that it answers."""
+        since = self._answered_at - HISTORY if self.answered else 0.0
+        kept = [each for each in self._kept if each.arrival >= since]
+        seen = [each.sent for each in kept if each.number <= self.answered or each.arrival < now - DUE]
+        due = [each.sent for each in kept[len(seen) :]]
+        for first in (seen or due)[:1]:
+            (seen or due)[0] = msgspec.structs.replace(first, begins=True, joints=joints)
+        return seen, due
+
+
+@dataclass(slots=True)
+class _Worker:
+    """A worker's process: when it was started, and since when it is not ready; its last report, and when that came."""
+
+    process: Any
+    begun: float
+    absent_from: float
+    report: Report | None = None
+    newest: float = 0.0
+    reports: int = 0
 
 
 class Gateway:
-    """Takes the place of `Performers`; its workers may run on other machines.
+    """Takes the place of `Performers`.
 
     Parameters
     ----------
-    session
-        An open session of Zenoh; closed by `source.close`.
+    count
+        How many workers.
     library
         Motions to compare with.
     terms
         For the recognisers.
-    connect
-        The endpoints to which the session connects.
-    show
-        Prints a line for a person: a worker has come, leaves, or is gone.
-    pack
-        Writes a library for workers, which must read it alike.
 
     Attributes
     ----------
-    name
-        The gateway's name, another at every start.
     terms
         The terms now.
     source
@@ -89,67 +194,57 @@ class Gateway:
         Gets each answer, and for how many seconds its frame has waited for it.
     outdated
         Answers that were not passed on: of former workers, or to performers who have left.
-    unread
-        Workers' messages and answers that could not be read.
     unsent
-        Frames that no worker got, because there was none.
+        Frames that no worker got, because there was none, or because it takes none.
+
+    Raises
+    ------
+    ChildProcessError
+        A worker ended before it was ready.
+    TimeoutError
+        A worker was not ready within a minute.
     """
 
-    def __init__(  # noqa: PLR0913 - three by position
-        self,
-        session: Any,  # noqa: ANN401 - Zenoh's
-        library: MotionLibrary | WindowIndex,
-        terms: Terms,
-        *,
-        connect: Sequence[str] = (),
-        show: Callable[[str], None] = lambda _: None,
-        pack: Callable[[MotionLibrary | WindowIndex], bytes] = agreed.file_of,
-    ) -> None:
-        import zenoh  # noqa: PLC0415 - an extra
-
-        self._zenoh: Any = zenoh
-        self._pack, self.terms = pack, terms
+    def __init__(self, count: int, library: MotionLibrary | WindowIndex, terms: Terms) -> None:
+        self.terms = terms
         self._know(library, terms.classes)
         self.most, self.silence = terms.most, terms.silence
-        self.name = uuid.uuid4().hex[:12]
-        self.inbox = Inbox()
         self.source = GatewaySource(self)
         self.publish: Callable[[Recognition, float], None] = lambda *_: None
-        self.outdated = self.unread = self.unsent = 0
-        self._session, self._connect, self._show = session, connect, show
+        self.outdated = self.unsent = 0
         self._tracks: dict[str, Track] = {}
         self._newcomers = Newcomers(self.most)
         # A sender may announce its joints once, so announcements are kept through a silence.
         self._announced: dict[str, tuple[str, ...]] = {}
-        self._ended, self._gone = list["Event"](), list[str]()
-        #: The workers whose tokens are there, and those of them that work.
-        self._there, self._members = set[str](), dict[str, _Member]()
+        self._ended, self._gone = list[Event](), list[str]()
+        #: The processes by their names; those that recognise have sent a report.
+        self._workers: dict[str, _Worker] = {}
+        self._numbers = itertools.count(1)
         #: The counts of workers that have ended.
         self._past = Report(PerformerCounts())
         self._no_room = self._dropped = self._lost = 0
-        self._last_lost, self._joined, self._looked = "", set[str](), time.monotonic()
-        live = session.liveliness()
-        self._declared = [
-            session.declare_queryable(key(self.name, "terms"), lambda query: _reply(query, encode(self.terms))),
-            session.declare_queryable(key(self.name, "library"), lambda query: _reply(query, self._packed)),
-            session.declare_subscriber(
-                f"{key(self.name, 'back')}/*",
-                lambda sample: self.inbox.put(self._take_in, last_of(sample), bytes(sample.payload)),
-            ),
-            live.declare_subscriber(
-                f"{wire.WORKERS}/*",
-                lambda sample: self.inbox.put(self._see, last_of(sample), sample.kind == zenoh.SampleKind.PUT),
-                history=True,
-            ),
-            live.declare_token(f"{wire.GATEWAYS}/{self.name}"),
-        ]
+        self._last_lost, self._looked = "", time.monotonic()
+        with ExitStack() as opened:
+            # Only this user can open the folder. Windows has no such sockets.
+            folder = opened.enter_context(tempfile.TemporaryDirectory(prefix="kinespace-"))
+            context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+            opened.callback(context.destroy, linger=0)
+            self.socket = context.socket(zmq.ROUTER)
+            self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
+            self.socket.bind("tcp://127.0.0.1:*" if sys.platform == "win32" else f"ipc://{folder}/gateway")
+            self._place = str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+            opened.callback(self._kill_all)
+            for _ in range(count):
+                self._start(time.monotonic())
+            self._wait_until_ready()
+            self._opened = opened.pop_all()
 
     def _know(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         motions = library.library if isinstance(library, WindowIndex) else library
-        self._skeleton, self._packed = motions.skeleton, self._pack(library)
+        self._skeleton, self._packed = motions.skeleton, bytes(ForkingPickler.dumps(library))
         self._usual_sensitivity, self._lead = usual_sensitivity(motions), needed_lead(motions, self.settings)
         self.classes = tuple(order) or motions.classes
-        self.terms = msgspec.structs.replace(self.terms, classes=tuple(order), digest=agreed.digest_of(self._packed))
+        self.terms = self.terms._replace(classes=tuple(order))
 
     # --- as `Performers` ---
 
@@ -175,19 +270,19 @@ class Gateway:
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity soon."""
-        self.terms = msgspec.structs.replace(self.terms, settings=replace(self.settings, sensitivity=share))
-        self._send_all(Orders(changed=True))
+        self.terms = self.terms._replace(settings=replace(self.settings, sensitivity=share))
+        self._tell_all(bytes(ForkingPickler.dumps(None)))
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library soon; end the motions whose class it lacks."""
         self._know(library, order)
-        self._send_all(Orders(changed=True))
+        self._tell_all(self._packed)
         return [event for each in self._tracks.values() if (event := each.exchange(self.classes, self._lead))]
 
     @property
     def reported(self) -> Report:
         """The sums of all that workers have counted."""
-        return _summed([self._past, *(member.report for member in self._members.values())])
+        return _summed([self._past, *self._reports])
 
     @property
     def counts(self) -> PerformerCounts:
@@ -213,8 +308,7 @@ class Gateway:
 
     def _told(self, what: str) -> dict[str, str]:
         """Give what workers tell of performers."""
-        reports = [getattr(member.report, what) for member in self._members.values()]
-        return {name: text for told in reports for name, text in told.items()}
+        return {name: text for each in self._reports for name, text in getattr(each, what).items()}
 
     def carried(self, name: str) -> None:
         """Give nothing: no worker tells which joints carry an answer, because nearly nobody asks."""
@@ -262,7 +356,7 @@ class Gateway:
         until, hop = time.monotonic() + _MAX_ENDING, self.settings.hop
         while time.monotonic() < until and any(each.is_owed(hop) for each in self._tracks.values() if each.worker):
             time.sleep(0.001)
-            self.inbox.deal()
+            self.read()
         return [*self._ended, *(event for each in self._tracks.values() if (event := each.end()))]
 
     def push_all(
@@ -273,7 +367,7 @@ class Gateway:
         newest_only: bool = False,  # noqa: ARG002 - as `Performers`; the workers see for themselves what has waited
     ) -> list[Recognition | None]:
         """Send frames to their workers, in order; their answers go to `publish` later."""
-        for_worker: dict[str, list[wire.SentFrame]] = {}
+        for_worker: dict[str, list[SentFrame]] = {}
         for event in events:
             if isinstance(event, Frame):
                 self._route(event, arrival, for_worker)
@@ -283,12 +377,13 @@ class Gateway:
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
         for worker, frames in for_worker.items():
-            self._members[worker].send(frames)
+            if not self._send(worker, encode(Orders(frames, at=time.monotonic()))):
+                self.unsent += len(frames)
         return [None] * len(events)
 
     # --- performers ---
 
-    def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[wire.SentFrame]]) -> None:
+    def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[SentFrame]]) -> None:
         """Add a frame to those of the worker that answers it, if there is room for its performer."""
         if (track := self._track(frame.performer, arrival)) is None:
             self._no_room += 1
@@ -330,12 +425,35 @@ class Gateway:
     @property
     def ready(self) -> list[str]:
         """The workers that recognise."""
-        return [*self._members]
+        return [name for name, each in self._workers.items() if each.report]
+
+    @property
+    def _reports(self) -> list[Report]:
+        return [each.report for each in self._workers.values() if each.report]
+
+    def _start(self, now: float) -> None:
+        name = f"{next(self._numbers)} {secrets.token_hex(16)}"
+        process = multiprocessing.get_context("spawn").Process(target=work, args=(name, self._place), daemon=True)
+        # An interrupt after the start and before the assignment would leave a process that nobody ends.
+        with signals_held():
+            process.start()
+            self._workers[name] = _Worker(process, now, now + MAX_START)
+
+    def _wait_until_ready(self) -> None:
+        until = time.monotonic() + MAX_START
+        while len(self.ready) < len(self._workers):
+            ended = [name for name, each in self._workers.items() if not each.process.is_alive()]
+            if ended:
+                raise ChildProcessError(f"worker {_named(ended[0])} ended before it was ready")
+            if time.monotonic() > until:
+                raise TimeoutError(f"the workers were not ready within {MAX_START:g} s")
+            time.sleep(0.005)
+            self.read()
 
     def _load(self) -> dict[str, int]:
         """Count the performers of each worker."""
         counts = Counter(each.worker for each in self._tracks.values())
-        return {worker: counts[worker] for worker in self._members}
+        return {worker: counts[worker] for worker in self.ready}
 
     def _balance(self, now: float) -> None:
         """Give each performer without a worker to the one with the fewest, and one performer of the one with most."""
@@ -352,115 +470,106 @@ class Gateway:
             track.worker = least = min(load, key=load.__getitem__)
             load[least] += 1
             seen, due = track.past(self._announced.get(name), now)
-            self._send(least, Orders(due, seen))
+            self._send(least, encode(Orders(due, seen)))
 
-    def _send(self, worker: str, orders: Orders) -> None:
-        """Send a message that is not dropped."""
-        congestion = self._zenoh.CongestionControl.BLOCK
-        self._session.put(key(self.name, "to", worker), encode(orders), congestion_control=congestion)
+    def _send(self, worker: str, *parts: bytes) -> bool:
+        """Send a message to a worker; say whether there is room on the way to it."""
+        try:
+            self.socket.send_multipart([worker.encode(), *parts], zmq.NOBLOCK)
+        except zmq.ZMQError:
+            return False
+        return True
 
-    def _send_all(self, orders: Orders) -> None:
-        for worker in self._members:
-            self._send(worker, orders)
+    def _tell_all(self, library: bytes) -> None:
+        """Tell all workers of another library, and of the terms."""
+        for worker in self.ready:
+            self._send(worker, b"", library, bytes(ForkingPickler.dumps(self.terms)))
 
-    def _see(self, worker: str, is_there: bool) -> None:  # noqa: FBT001 - a sample's kind
-        """Note a worker's token, which vanishes with its process."""
-        if is_there:
-            self._there.add(worker)
-        else:
-            self._there.discard(worker)
-            self._drop(worker, "is gone")
-
-    def _drop(self, worker: str, why: str, *, is_lost: bool = True) -> None:
+    def _drop(self, worker: str, why: str) -> None:
         """Give the performers of a worker to others; keep its counts."""
-        if member := self._members.pop(worker, None):
-            member.sends.undeclare()
-            self._past = _summed([self._past, member.report])
-            if is_lost:
-                self._lost, self._last_lost = self._lost + 1, f"worker {worker} {why}"
-            self._say(worker, why)
+        each = self._workers[worker]
+        if each.report:
+            self._past, each.report = _summed([self._past, each.report]), None
+            self._lost, self._last_lost = self._lost + 1, f"worker {_named(worker)} {why}"
             for track in self._tracks.values():
                 track.worker = "" if track.worker == worker else track.worker
             self._balance(time.monotonic())
 
-    def _take_in(self, worker: str, message: bytes) -> None:
-        """Read a worker's message."""
-        try:
-            back = decode(Answers, message)
-        except FormatError:
-            self.unread += 1
-            return
-        member = self._members.get(worker)
-        if member is None and back.report and worker in self._there and not back.report.leaves:
-            self._welcome(worker, back.report)
-        elif member:
-            member.newest, member.report = time.monotonic(), back.report or member.report
-            member.reports += back.report is not None
-        for answer in back.answers:
-            self._accept(worker, answer)
-        if back.report and back.report.leaves:
-            self._there.discard(worker)
-            self._drop(worker, "leaves", is_lost=False)
+    def read(self) -> None:
+        """Read the messages that have come."""
+        while True:
+            try:
+                name, message = self.socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            worker, now = name.decode(errors="replace"), time.monotonic()
+            each = self._workers.get(worker)
+            if each and not message:
+                # Its first word: it needs the library.
+                self._send(worker, b"", self._packed, bytes(ForkingPickler.dumps(self.terms)))
+            elif each:
+                back = decode_answers(message)
+                each.newest, each.report = now, back.report or each.report
+                each.reports += back.report is not None
+                for answer in back.answers:
+                    self._accept(worker, answer, now)
 
-    def _accept(self, worker: str, answer: Recognition) -> None:
+    def _accept(self, worker: str, answer: Recognition, now: float) -> None:
         """Pass on an answer, if it is its performer's worker's, and news."""
         track = self._tracks.get(answer.performer)
-        if not _is_whole(answer):
-            self.unread += 1
-        elif track and track.worker == worker and (accepted := track.accept(answer, self.classes)):
+        if track and track.worker == worker and (accepted := track.accept(answer, self.classes)):
             recognition, arrival = accepted
-            self.publish(recognition, max(time.monotonic() - arrival, 0.0))
+            self.publish(recognition, max(now - arrival, 0.0))
         else:
             self.outdated += 1
-
-    def _welcome(self, worker: str, report: Report) -> None:
-        congestion = self._zenoh.CongestionControl.DROP
-        sends = self._session.declare_publisher(key(self.name, "to", worker), congestion_control=congestion)
-        self._members[worker] = _Member(sends, report)
-        self._say(worker, "works")
-
-    def _say(self, worker: str, what: str) -> None:
-        new = joined(self._session, self._joined)
-        self._show(f"worker {worker} {what}; workers: {len(self.ready)}{'; joined: ' * bool(new)}{', '.join(new)}")
 
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
         counts = {
             "frames that no worker took": self.unsent,
-            "messages of workers that cannot be read": self.unread,
             "answers of former workers or to frames answered before": self.outdated,
         }
         lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
-        places = unreached(self._session, self._connect)
-        far = [f"not reached: {', '.join(places)}"] if places else []
-        counted = [f"{count} {what}" for what, count in counts.items() if count]
-        return [f"workers of gateway {self.name}: {len(self.ready)}", *far, *counted, *lost]
+        return [f"workers: {len(self.ready)}", *(f"{count} {what}" for what, count in counts.items() if count), *lost]
 
     def tend(self, now: float) -> None:
-        """Read messages; drop the workers that do not report; move a performer if a worker has too many."""
-        self.inbox.deal()
-        if now - self._looked > _STOPPED:
-            for member in self._members.values():
-                member.newest = max(member.newest, now - MAX_SILENT / 2)
-        self._looked = now
-        for worker in [name for name, member in self._members.items() if now - member.newest > MAX_SILENT]:
-            self._drop(worker, "does not report")
+        """Read messages; drop workers that do not report, kill those that hang, start others; move a performer."""
+        self.read()
+        was_stopped, self._looked = now - self._looked > _STOPPED, now
+        for name, each in [*self._workers.items()]:
+            each.newest = max(each.newest, now - MAX_SILENT / 2) if was_stopped else each.newest
+            alive = each.process.is_alive()
+            if each.report and not (alive and now - each.newest <= MAX_SILENT):
+                self._drop(name, "does not report" if alive else "is gone")
+            if each.report:
+                each.absent_from = now
+            elif now - each.absent_from > _MAX_ABSENT:
+                each.process.kill()
+            # A worker that ends at its start is not started without pause.
+            if not alive and now - each.begun > _PAUSE:
+                del self._workers[name]
+                self._start(now)
         self._balance(now)
 
     def settle(self) -> None:
         """Wait for the workers' next reports, which count all that they have answered, for a second at most."""
-        before, until = {name: member.reports for name, member in self._members.items()}, time.monotonic() + 1.0
-        while any(member.reports == before.get(name) for name, member in self._members.items()):
+        before, until = {name: each.reports for name, each in self._workers.items()}, time.monotonic() + 1.0
+        while any(each.reports == before.get(name) for name, each in self._workers.items()):
             if time.monotonic() > until:
                 return
             time.sleep(0.005)
-            self.inbox.deal()
+            self.read()
+
+    def _kill_all(self) -> None:
+        for each in self._workers.values():
+            each.process.kill()
+            each.process.join()
+        self._workers.clear()
 
     def close(self) -> None:
-        """Leave Zenoh; without effect a second time."""
-        self._session.close()
-        self.inbox.close()
+        """End the workers; without effect a second time."""
+        self._opened.close()
 
 
 class GatewaySource:
@@ -470,20 +579,20 @@ class GatewaySource:
     lag = waited = 0.0
     patience = math.inf
     tended_within = TENDING
+    has_put_aside = False
 
     def __init__(self, gateway: Gateway) -> None:
-        self.gateway, self.pollable = gateway, gateway.inbox
+        self.gateway = gateway
 
     @property
-    def has_put_aside(self) -> bool:
-        """Whether messages wait for which the loop was not woken; none ever does."""
-        return False
+    def pollable(self) -> object:
+        """The socket."""
+        return self.gateway.socket
 
     @property
     def counts(self) -> InputCounts:
         """Counts of what was dropped on the way to recognisers."""
-        total = self.gateway.reported
-        return InputCounts(stale=total.stale, missing=total.missing)
+        return InputCounts(stale=self.gateway.reported.stale)
 
     @property
     def notes(self) -> list[str]:
@@ -492,7 +601,7 @@ class GatewaySource:
 
     def take(self, arrival: float) -> None:  # noqa: ARG002 - as any source
         """Read the messages that have come; they hold no frames."""
-        self.gateway.inbox.deal()
+        self.gateway.read()
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Look after the workers."""
@@ -500,13 +609,13 @@ class GatewaySource:
         return ()
 
     def close(self) -> None:
-        """Leave Zenoh."""
+        """End the workers."""
         self.gateway.close()
 
 
-def _reply(query: Any, answer: bytes) -> None:  # noqa: ANN401 - Zenoh's
-    with query:
-        query.reply(query.key_expr, answer)
+def _named(worker: str) -> str:
+    """Give a worker's number."""
+    return worker.partition(" ")[0]
 
 
 def _summed(reports: Sequence[Report]) -> Report:
@@ -516,23 +625,4 @@ def _summed(reports: Sequence[Report]) -> Report:
         counts.recognizers.add(each.counts.recognizers)
         counts.other_joints += each.counts.other_joints
         counts.opening += each.counts.opening
-    return Report(counts, stale=sum(each.stale for each in reports), missing=sum(each.missing for each in reports))
-
-
-def _is_whole(given: Recognition) -> bool:
-    """Say whether an answer has a score for each class, names none but these, and its numbers are finite."""
-    classes, progress, evidence, done, seen = len(given.classes), given.progress, given.evidence, given.done, given.seen
-    numbers = (
-        *(given.time, given.ended_at or 0.0, given.movement, given.eigenvector_score, given.share, given.gap),
-        *((progress.phase, progress.scrub, progress.speed, progress.amplitude, progress.sure) if progress else ()),
-        *((*evidence.distances, *evidence.leads, evidence.noise) if evidence else ()),
-        *((done.start, done.duration, done.score, done.speed, done.amplitude) if done else ()),
-        *((seen.score, seen.seconds) if seen else ()),
-        *given.scores.tolist(),
-    )
-    named = all(each is None or each.class_name in given.classes for each in (progress, seen))
-    named = named and (done is None or given.classes[done.index : done.index + 1] == (done.label,))
-    # The only class of a library leads infinitely.
-    is_known = named and not math.isnan(given.lead) and all(map(math.isfinite, numbers))
-    is_known = is_known and 0 < classes == len(given.scores)
-    return is_known and 0 <= (given.guess or 0) < classes and -1 <= given.so_far < classes
+    return Report(counts, stale=sum(each.stale for each in reports))

@@ -1,7 +1,6 @@
 """`kinespace bench`: run parts, and print their tables or their figures.
 
-Times every step, the way over sockets, and workers that come and go, on real motions. scale needs pip
-install kinespace[cluster]. Everything takes ten minutes.
+Times every step, the way over sockets, and workers that die or hang, on real motions. Everything takes ten minutes.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
 """`kinespace bench scale`: the delay that workers add, the performers that they hold, and the cost of losing one.
 
-Sender and listener are this process. `kinespace live`, `gateway` and `work` run as a person starts them, frames come by
-OSC, and answers by ZeroMQ, which carry their frame's time. How many performers a core holds follows from the time for
-which the processes use a core, so that the crowd can be small enough for the machine.
+Sender and listener are this process. `kinespace live` runs as a person starts it, frames come by OSC, and answers by
+ZeroMQ, which carry their frame's time. How many performers a core holds follows from the time for which the processes
+use a core, so that the crowd can be small enough for the machine.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import os
 import signal
-import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -79,52 +79,36 @@ class Run(NamedTuple):
 
 
 class Stage:
-    """`live`, or a gateway and its workers, with a sender of frames to it and a listener to its answers.
+    """`live`, perhaps with workers, with a sender of frames to it and a listener to its answers.
 
     Parameters
     ----------
     opened
-        Ends the programs, and closes the sockets.
-    command
-        The words after `kinespace`.
+        Ends the program, and closes the sockets.
     workers
-        The number of workers of a gateway.
+        Their number; 0 for none.
     """
 
-    def __init__(self, opened: ExitStack, *command: str, workers: int = 0) -> None:
-        self._opened, self.workers, self._port = opened, list[Program](), _free_port()
-        listen = ["--listen", f"tcp/{_LOOPBACK}:{self._port}"] if workers else []
-        self._command = (*command, *listen, "--plain", "--performers", f"{10 * CROWD}")
-        self.main = self._begun(f"{_LOOPBACK}:0", f"tcp://{_LOOPBACK}:*")
-        self._place = self.main.place()
-        self.sender = opened.enter_context(closing(OscFrameSender(*self._place.osc)))
-        self.listener = opened.enter_context(closing(Listener(ZmqReceiver(Endpoint(self._place.answers, bind=False)))))
-        for _ in range(workers):
-            self.add_worker()
-        if workers:
-            self.main.expect(f"; workers: {workers}\n")
+    def __init__(self, opened: ExitStack, workers: int = 0) -> None:
+        ends = ("--osc-in", f"{_LOOPBACK}:0", "--zmq-out", f"tcp://{_LOOPBACK}:*")
+        many = ("--workers", f"{workers}") if workers else ()
+        self.main = opened.enter_context(Program("live", *many, "--plain", "--performers", f"{10 * CROWD}", *ends))
+        place = self.main.place()
+        self.sender = opened.enter_context(closing(OscFrameSender(*place.osc)))
+        self.listener = opened.enter_context(closing(Listener(ZmqReceiver(Endpoint(place.answers, bind=False)))))
         # The first status says that this subscriber is known.
         until = time.perf_counter() + _MAX_START
         while not any(each.packet[0] == b"status/" for each in self.listener.listen_until(time.perf_counter())):
             if time.perf_counter() > until:
                 raise TimeoutError(f"no status came within {_MAX_START:g} s")
 
-    def _begun(self, osc_in: str, zmq_out: str) -> Program:
-        return self._opened.enter_context(Program(*self._command, "--osc-in", osc_in, "--zmq-out", zmq_out))
-
-    def add_worker(self) -> None:
-        """Start a worker."""
-        self.workers.append(self._opened.enter_context(Program("work", "--connect", f"tcp/{_LOOPBACK}:{self._port}")))
-
-    def begin_again(self) -> None:
-        """Kill the gateway, and start it at the same addresses."""
-        self.main.process.kill()
-        self.main.process.wait()
-        self.main = self._begun("{}:{}".format(*self._place.osc), self._place.answers)
+    def signal(self, number: int) -> None:
+        """Send a signal to one of the workers."""
+        os.kill(_workers(self.main)[0], number)
 
     def play(self, feed: Feed, *, at_once: bool = False, happen: Callable[[], object] = lambda: None) -> Run:
         """Play a feed of which something happens in the middle."""
-        processes = [self.main.process.pid, *_children(self.main), *(each.process.pid for each in self.workers)]
+        processes = [self.main.process.pid, *_workers(self.main)]
         before, cues = list(map(core_seconds, processes)), feed.cues(at_once=at_once)
         middle = len(feed.frames) / FRAME_RATE / 2
         played = play(_with(happen, middle, cues), self.sender, self.listener)
@@ -139,17 +123,11 @@ def _with(happen: Callable[[], object], moment: float, cues: Sequence[Cue]) -> I
     yield from (cue for cue in cues if cue.due >= moment)
 
 
-def _children(program: Program) -> list[int]:
-    """Give the processes that a program has started, as Linux lists them; none elsewhere."""
+def _workers(program: Program) -> list[int]:
+    """Give the worker processes that a program has started, as Linux lists them; none elsewhere."""
     children = Path(f"/proc/{program.process.pid}/task").glob("*/children")
-    return [int(number) for each in children for number in each.read_text(encoding="ascii").split()]
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((_LOOPBACK, 0))
-        port: int = probe.getsockname()[1]
-        return port
+    numbers = [int(number) for each in children for number in each.read_text(encoding="ascii").split()]
+    return [each for each in numbers if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
 
 
 def run_of(feed: Feed, played: Played, middle: float, core_us: Sequence[float]) -> Run:
@@ -194,44 +172,31 @@ def _pauses(feed: Feed) -> dict[tuple[str, float], float]:
     return pauses
 
 
-#: The events in the middle of a run with a gateway and three workers.
-HAPPENINGS: dict[str, Callable[[Stage], object]] = {
-    "kill": lambda stage: stage.workers[0].process.kill(),
-    "hang": lambda stage: stage.workers[0].process.send_signal(signal.SIGSTOP),
-    "leave": lambda stage: stage.workers[0].process.terminate(),
-    "join": Stage.add_worker,
-    "gateway": Stage.begin_again,
-}
+#: The events in the middle of a run with three workers.
+HAPPENINGS: dict[str, int] = {"kill": signal.SIGKILL, "hang": signal.SIGSTOP}
 FIGURES = (
-    *("added_p50_ms", "added_p99_ms", "performers_per_core_ratio", "workers_speedup"),
+    *("added_p50_ms", "added_p99_ms", "workers_speedup"),
     *(f"{what}_gap_s" for what in HAPPENINGS),
     *("lost_events", "false_events"),
 )
 
 
-def run_with(
-    feed: Feed,
-    *command: str,
-    workers: int = 0,
-    at_once: bool = False,
-    happen: Callable[[Stage], object] = lambda _: None,
-) -> Run:
-    """Play a feed to programs as `Stage` starts them; in its middle something happens."""
+def run_with(feed: Feed, workers: int = 0, *, at_once: bool = False, happen: int = 0) -> Run:
+    """Play a feed to `live`; in its middle a worker gets a signal."""
     with ExitStack() as opened:
-        stage = Stage(opened, *command, workers=workers)
-        return stage.play(feed, at_once=at_once, happen=lambda: happen(stage))
+        stage = Stage(opened, workers)
+        return stage.play(feed, at_once=at_once, happen=partial(stage.signal, happen) if happen else lambda: None)
 
 
 def measure(plan: Plan) -> Measured:
-    """Run a crowd alone and with workers of which one comes or goes, and a crowd whose frames come at once."""
+    """Run a crowd alone and with workers of which one dies or hangs, and a crowd whose frames come at once."""
     feed, many = (Feed.of(positions(), performers, plan.seconds) for performers in (plan.crowd, CROWD))
     plays: dict[str, Callable[[], Run]] = {
-        "live": partial(run_with, feed, "live"),
-        "two workers": partial(run_with, feed, "gateway", workers=2),
-        **{what: partial(run_with, feed, "gateway", workers=3, happen=each) for what, each in HAPPENINGS.items()},
-        "live, at once": partial(run_with, many, "live", at_once=True),
-        "live --workers 2, at once": partial(run_with, many, "live", "--workers", "2", at_once=True),
-        "one worker, at once": partial(run_with, many, "gateway", workers=1, at_once=True),
+        "live": partial(run_with, feed),
+        "two workers": partial(run_with, feed, 2),
+        **{what: partial(run_with, feed, 3, happen=each) for what, each in HAPPENINGS.items()},
+        "live, at once": partial(run_with, many, at_once=True),
+        "two workers, at once": partial(run_with, many, 2, at_once=True),
     }
     runs = {name: run() for name, run in progress(plays.items(), "Scale", len(plays))}
     return Measured(_figures(runs), [_table(runs, plan.crowd)])
@@ -240,15 +205,12 @@ def measure(plan: Plan) -> Measured:
 def _figures(runs: dict[str, Run]) -> dict[str, float]:
     alone, spread = runs["live"], runs["two workers"]
     held = {name: performers_a_core(run.core_us) for name, run in runs.items()}
-    # A gateway that begins again sends the start of motions that go on again.
-    counted = [run for name, run in runs.items() if name != "gateway"]
     return {
         **{f"added_p{percent}_ms": spread.percentile(percent) - alone.percentile(percent) for percent in (50, 99)},
-        "performers_per_core_ratio": held["one worker, at once"] / held["live, at once"],
-        "workers_speedup": held["live --workers 2, at once"] / held["live, at once"],
+        "workers_speedup": held["two workers, at once"] / held["live, at once"],
         **{f"{what}_gap_s": runs[what].gap for what in HAPPENINGS},
-        "lost_events": sum(run.lost_events for run in counted),
-        "false_events": sum(run.false_events for run in counted),
+        "lost_events": sum(run.lost_events for run in runs.values()),
+        "false_events": sum(run.false_events for run in runs.values()),
     }
 
 

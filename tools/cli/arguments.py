@@ -42,7 +42,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "--keys": {
         "type": Path,
         "metavar": "DIR",
-        "help": "accept only those whose .key (ZeroMQ) or .pem (Zenoh, tls/...) is there: kinespace keys makes them",
+        "help": "accept by ZeroMQ only those whose .key is there: kinespace keys makes them",
     },
     "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
     "--page": {

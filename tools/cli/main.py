@@ -24,8 +24,6 @@ Programs = Mapping[str, tuple[str, str]]
 PROGRAMS: Programs = {
     "demo": ("programs.demo", "play motions into a recogniser on this machine, with the built-in library alone"),
     "live": ("programs.live.program", "recognise a feed"),
-    "gateway": ("programs.gateway", "receive feeds and answer, and let workers on other machines recognise"),
-    "work": ("programs.work", "recognise performers for gateways"),
     "camera": ("programs.camera.program", "find bodies in a camera's or a film's pictures, and send their joints"),
     "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
     "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),

@@ -49,22 +49,6 @@ def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest
     assert secret.read_bytes() == before
 
 
-def test_what_is_missing_is_made(tmp_path: Path) -> None:
-    """A certificate beside older keys, keys beside a certificate; another's public half is never written over."""
-    pytest.importorskip("cryptography")
-    names = ("ann.key", "ann.key_secret", "ann.pem", "ann.pem_secret")
-    keys = ["keys", "ann", "--keys", str(tmp_path)]
-    assert main(keys) == 0
-    for gone, status in ((names[2:], 0), (names[:2], 0), (names[2:3], 2), ((), 2)):
-        for name in gone:
-            (tmp_path / name).unlink()
-        before = {each.name: each.read_bytes() for each in tmp_path.iterdir()}
-        assert main(keys) == status
-        after = {each.name: each.read_bytes() for each in tmp_path.iterdir()}
-        assert before.items() <= after.items()
-        assert len(after) == (4 if status == 0 else len(before))
-
-
 @pytest.mark.skipif(os.name != "posix", reason="other systems have other rights")
 @pytest.mark.parametrize("name", ["", "ann.key", "stage.key"])
 def test_where_anybody_may_add_keys_nobody_is_let_in(tmp_path: Path, name: str) -> None:

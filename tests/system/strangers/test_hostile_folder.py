@@ -15,7 +15,6 @@ ARGUMENTS = {
         "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
         "listening on(.|\n)*WebSocket",
     ),
-    "gateway": ("--osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --listen tcp/127.0.0.1:0", "listening on"),
     "record": ("a.kinerec --osc-in 127.0.0.1:0", "recording"),
     "demo": ("squat1Reps", ""),
     "listen": ("127.0.0.1:0 --seconds 0.5", ""),

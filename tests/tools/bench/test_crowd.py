@@ -59,25 +59,21 @@ def test_answers_are_compared_with_one_process(played: NDArray[np.float32]) -> N
 def test_answers_come_to_the_end(what: str, played: NDArray[np.float32]) -> None:
     """From `live`, and past a worker that is killed."""
     feed = Feed.of(played, 2, 2.0)
-    if what == "nothing":
-        run = scale.run_with(feed, "live")
-    else:
-        pytest.importorskip("zenoh")
-        run = scale.run_with(feed, "gateway", workers=3, happen=scale.HAPPENINGS[what])
+    run = scale.run_with(feed) if what == "nothing" else scale.run_with(feed, 3, happen=scale.HAPPENINGS[what])
     assert run.lags.size
     assert math.isfinite(run.gap)
 
 
 def test_the_figures_of_scale_follow_from_its_runs() -> None:
-    """Every figure has its name; a gateway's own events do not count."""
+    """Every figure has its name."""
     names = ["live", "two workers", *scale.HAPPENINGS]
-    names += ["live, at once", "live --workers 2, at once", "one worker, at once"]
+    names += ["live, at once", "two workers, at once"]
     runs = {name: scale.Run(np.full(9, 0.001 * k), k / 10, 0, 1, 2, 10.0 * k, 5.0) for k, name in enumerate(names, 1)}
     figures = scale._figures(runs)  # noqa: SLF001 - the published figures
     assert set(figures) == set(scale.FIGURES)
     assert figures["added_p99_ms"] == pytest.approx(1.0)
-    assert (figures["kill_gap_s"], figures["gateway_gap_s"]) == (0.3, 0.7)
-    assert (figures["workers_speedup"], figures["performers_per_core_ratio"]) == pytest.approx((8 / 9, 8 / 10))
-    assert (figures["lost_events"], figures["false_events"]) == (9, 18)
+    assert (figures["kill_gap_s"], figures["hang_gap_s"]) == (0.3, 0.4)
+    assert figures["workers_speedup"] == pytest.approx(5 / 6)
+    assert (figures["lost_events"], figures["false_events"]) == (6, 12)
     drawn = scale._table(runs, 12)  # noqa: SLF001 - as above
     assert drawn.row_count == len(names)

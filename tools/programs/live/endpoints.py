@@ -53,7 +53,7 @@ def open_ends(
     `browsers` are the receivers of WebSocket clients, whose frames are our own whatever the feed.
     """
     networks = _networks(options)
-    if getattr(options, "camera", None) or getattr(options, "lsl_in", None):
+    if options.camera or options.lsl_in:
         networks = _and_here(networks)
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
@@ -101,7 +101,7 @@ def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list
         As `tools.programs.camera.process.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
     """
     senders: list[AbstractContextManager[object]] = []
-    if camera := getattr(options, "camera", None):
+    if camera := options.camera:
         from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
         from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
 
@@ -111,7 +111,7 @@ def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list
         )
         say(f"camera: {process.opened}")
         senders.append(process)
-    if stream := getattr(options, "lsl_in", None):
+    if stream := options.lsl_in:
         from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
 
         feed = LslFeed(stream, *_own_port(sources))

@@ -17,7 +17,6 @@ from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
-from kinespace.tools.programs.live.recognisers import Making, in_this_process, in_workers
 from kinespace.tools.programs.live.session import recognise
 from kinespace.tools.terminal.console import log_as
 
@@ -29,27 +28,6 @@ WS = "127.0.0.1:9313"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    add_shared_arguments(parser)
-    text = "spread performers over processes (default: none)"
-    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
-    text = "watch a camera, a film or a stream, as kinespace camera does"
-    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
-    add_shared(parser, "--people", "--show", "--size")
-    parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
-    text = "let people teach motions by showing them, and keep them there"
-    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
-    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
-    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
-    text = "taught motions may be done by either side (default: with --camera)"
-    parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
-    text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
-    parser.add_argument("--loud-lessons", action="store_true", help=text)
-    text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
-    parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
-
-
-def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options that `kinespace gateway` has, too."""
     add_shared(parser, "--osc-in", "--zmq-in")
     text = f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)"
     parser.add_argument("--osc-out", metavar="[HOST:]PORT", help=text)
@@ -86,10 +64,26 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
+    text = "spread performers over processes (default: none)"
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
+    text = "watch a camera, a film or a stream, as kinespace camera does"
+    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
+    add_shared(parser, "--people", "--show", "--size")
+    parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
+    text = "let people teach motions by showing them, and keep them there"
+    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
+    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
+    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
+    text = "taught motions may be done by either side (default: with --camera)"
+    parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
+    text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
+    parser.add_argument("--loud-lessons", action="store_true", help=text)
+    text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
+    parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
 
 
-def run(options: argparse.Namespace, make: Making | None = None) -> int:
-    """Run the program with these options; return the exit status. `make` makes recognisers elsewhere."""
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
     if options.log:
         log_as(options.log)
     if not (options.osc_in or options.zmq_in or options.feed):
@@ -97,7 +91,7 @@ def run(options: argparse.Namespace, make: Making | None = None) -> int:
     if not (options.osc_out or options.zmq_out or options.out):
         options.osc_out = OSC_OUT
     with Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        return recognise(options, keyring, make or (in_workers if options.workers else in_this_process))
+        return recognise(options, keyring)
 
 
 def workers(text: str) -> int:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
@@ -22,46 +21,28 @@ from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.console import say
 
-if TYPE_CHECKING:
-    # Only where there are workers.
-    from kinespace.stream.workers.local import LocalGateway
-
 #: A library, perhaps opened already.
 Known = MotionLibrary | WindowIndex
-#: Makes recognisers by the options, the joints that senders do not name, and the order of the classes.
-Making = Callable[[argparse.Namespace, Known, SentJoints, Sequence[str]], Recognising]
 
 #: In place of a library: only taught motions are known.
 _NO_LIBRARY = Path("none")
 
 
-def in_this_process(
-    options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]
-) -> Recognising:
-    """Make recognisers that the service's own loop calls."""
-    settings, views = settings_of(options), BackgroundViews()
-    return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
-
-
-def in_workers(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str]) -> LocalGateway:
-    """Make recognisers in processes of their own."""
-    from kinespace.stream.workers.local import LocalGateway  # noqa: PLC0415 - only where there are workers
-    from kinespace.stream.workers.terms import Terms  # noqa: PLC0415 - as above
-
+def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:
+    """Make recognisers that the service's own loop calls, or that work in processes of their own."""
     settings = settings_of(options)
+    if not options.workers:
+        views = BackgroundViews()
+        return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
+    from kinespace.stream.workers.gateway import Gateway  # noqa: PLC0415 - only where there are workers
+    from kinespace.stream.workers.worker import Terms  # noqa: PLC0415 - as above
+
     if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
         library = opened(library)
-    terms = Terms(
-        settings=settings,
-        most=options.performers,
-        assumed=joints.assumed,
-        naming=options.naming,
-        classes=tuple(classes),
-    )
-    return LocalGateway(options.workers, library, terms)
+    return Gateway(options.workers, library, Terms(settings, options.performers, joints, tuple(classes)))
 
 
-def recognisers(options: argparse.Namespace, preset: Preset | None, make: Making) -> tuple[Recognising, Lessons | None]:
+def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Recognising, Lessons | None]:
     """Make the recognisers, and the lessons if people may teach."""
     library, naming = options.library, naming_of(options)
     nothing = library == _NO_LIBRARY
@@ -81,10 +62,10 @@ def recognisers(options: argparse.Namespace, preset: Preset | None, make: Making
         motions = fitted(motions, "--joints", joints)
     sent = SentJoints(joints, naming)
     if options.teach:
-        lessons = _lessons(options, None if nothing else motions, sent, make)
+        lessons = _lessons(options, None if nothing else motions, sent)
         return lessons.performers, lessons
     _require_room_for(motions, settings_of(options))
-    return make(options, motions, sent, ()), None
+    return _made(options, motions, sent), None
 
 
 def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
@@ -108,14 +89,14 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     return shared
 
 
-def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints, make: Making) -> Lessons:
+def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints) -> Lessons:
     """Open the taught library."""
 
     def performers(index: WindowIndex, classes: Sequence[str]) -> Recognising:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = replace(sent, assumed=sent.assumed if covers else ())
         _require_room_for(index, settings_of(options))
-        return make(options, index, joints, classes)
+        return _made(options, index, joints, classes)
 
     # People before a camera seldom think of their sides.
     either_side = bool(options.camera) if options.either_side is None else options.either_side

@@ -37,7 +37,7 @@ from kinespace.tools.programs.live.endpoints import (
     open_senders,
     open_servers,
 )
-from kinespace.tools.programs.live.recognisers import Making, recognisers
+from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.programs.live.supervisor import supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons
@@ -55,12 +55,12 @@ _REDRAWS = 5
 MAX_CONNECTIONS = 16_384
 
 
-def recognise(options: argparse.Namespace, keyring: Keyring | None, make: Making) -> int:
+def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     _allow_many_connections()
     settings, record = settings_of(options), options.record
     preset = _checked(options, settings)
-    performers, lessons = recognisers(options, preset, make)
+    performers, lessons = recognisers(options, preset)
     # What workers send is read as a source is.
     from_workers = [source] if (source := getattr(performers, "source", None)) else []
     in_lines = options.plain or options.log or not console.is_terminal
@@ -148,7 +148,7 @@ def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
     """Refuse options that need others, and files that cannot be written; give the preset of the feed."""
-    if getattr(options, "control", None) and not options.teach:
+    if options.control and not options.teach:
         raise ValueError("--control: expected --teach with it")
     if options.teach and settings.signature is LiveSignature.PAPER:
         raise ValueError("--teach: expected --signature windows with it, got paper")
@@ -164,7 +164,7 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
     for file in written:
         require_place_for(file, overwrite=options.overwrite)
     # `--overwrite` is no leave to write over what this program reads or teaches.
-    named = [Path(each) for each in (getattr(options, "teach", None), options.library, options.feed) if each]
+    named = [Path(each) for each in (options.teach, options.library, options.feed) if each]
     files = Counter(each.resolve() for each in (*written, *{*named}))
     for file in (each for each in written if files[each.resolve()] > 1):
         raise ValueError(f"{file}: expected a file for each purpose, got one for several")

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--osc-in", "--zmq-in", "--keys", "--open", "--overwrite")
     parser.add_argument("--seconds", type=positive, help="seconds to record (default: until Ctrl-C)")
     # A recording has no answers, and lets everybody in.
-    parser.set_defaults(osc_out=None, zmq_out=None, out=(), allow_from=(), sender="")
+    parser.set_defaults(osc_out=None, zmq_out=None, out=(), allow_from=(), sender="", camera=None, lsl_in=None)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -26,8 +26,7 @@ from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, PATIENCE, Overload, Taken
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import Asked
-from kinespace.stream.teaching.notices import State, Step
+from kinespace.stream.teaching.commands import Asked, State, Step
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0

@@ -19,8 +19,7 @@ from kinespace.library.teaching.movement import (
     StretchFinder,
     stillness_of,
 )
-from kinespace.stream.teaching.commands import Hold, Teach
-from kinespace.stream.teaching.notices import State, Step
+from kinespace.stream.teaching.commands import Hold, State, Step, Teach
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0

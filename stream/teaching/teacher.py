@@ -19,11 +19,9 @@ from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Stretch,
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import Command
+from kinespace.stream.teaching.commands import UNDONE, Changed, Command, Notice, State, Step, Taught, Tried
 from kinespace.stream.teaching.lesson import AT_WILL, HeldLesson, Lesson, Recorded
-from kinespace.stream.teaching.memory import REMEMBERED, Memory, Remembered
-from kinespace.stream.teaching.named import NamedMotion, NamedMotions
-from kinespace.stream.teaching.notices import UNDONE, Changed, Notice, State, Step, Taught, Tried
+from kinespace.stream.teaching.memory import REMEMBERED, Memory, NamedMotion, NamedMotions, Remembered
 
 #: Seconds without a frame after which a performer counts as absent, as long as the recognisers keep a performer.
 _GONE = 5.0

@@ -24,10 +24,10 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
-from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.inputs.decoder import FeedDecoder
+from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc.frames import _performer_in as remembered  # its size cannot be seen from outside
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
@@ -35,7 +35,7 @@ from kinespace.stream.recognition import Answer, Done, Event, EventKind, Outcome
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.zeromq import FormatError
 from kinespace.stream.zeromq import answers as zeromq_answers
-from kinespace.stream.zeromq.bodies import decode_body, encode_body
+from kinespace.stream.zeromq.answers import decode_body, encode_body
 from kinespace.stream.zeromq.frames import Packed, decode_packed
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)

@@ -19,7 +19,7 @@ from kinespace.stream.recognizer.settings import (
     SENSITIVITY_ONE,
     SENSITIVITY_OWN,
 )
-from kinespace.tools.cli.choice import meant
+from kinespace.tools.cli.values import meant
 
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
@@ -206,8 +206,8 @@ def naming_of(parsed: argparse.Namespace) -> Naming:
 
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
-    from kinespace.stream.inputs.recording.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
-    from kinespace.tools.cli.preset import preset_named  # noqa: PLC0415 - as above
+    from kinespace.stream.inputs.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
+    from kinespace.tools.cli.presets import preset_named  # noqa: PLC0415 - as above
 
     if path.suffix.lower() in FILMS:
         from kinespace.tools.camera.joints import film_clip  # noqa: PLC0415 - as above

@@ -15,7 +15,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
-from kinespace.tools.cli.choice import meant
+from kinespace.tools.cli.values import meant
 
 #: Module, below `kinespace.tools`, and line of help of each program, by name.
 Programs = Mapping[str, tuple[str, str]]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, similarity
-from kinespace.stream.outputs.extra import extra
+from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.harness import print_json, shared_joints
 from kinespace.tools.evaluation.scoring.answer_tables import write_rows
@@ -38,7 +38,7 @@ from kinespace.tools.evaluation.scoring.stream_score import basis_of
 from kinespace.tools.evaluation.scoring.stream_tables import interval
 from kinespace.tools.evaluation.takes import Sources, distinct, read_takes
 from kinespace.tools.terminal.console import console, progress
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import require_place_for
 from kinespace.tools.terminal.tables import counted, print_scores, shortened, table_of
 
 _COLUMNS = (

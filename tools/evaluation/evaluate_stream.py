@@ -26,7 +26,7 @@ from kinespace.tools.evaluation.scoring.stream_tables import print_persons, prin
 from kinespace.tools.evaluation.scoring.timeline import Course, course_of
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import require_place_for
 
 _Values = dict[str, float | None]
 

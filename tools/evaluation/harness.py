@@ -19,9 +19,9 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli import arguments
+from kinespace.tools.cli.presets import joints_of
 from kinespace.tools.evaluation.scoring.protocols import Protocol, folds_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
-from kinespace.tools.feeding.joint_sets import joints_of
 from kinespace.tools.terminal.console import note
 
 #: Seconds before a moment that must lie in a segment for the moment to count as inside it.

@@ -37,7 +37,7 @@ from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.faults import noisy
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import require_place_for
 from kinespace.tools.terminal.tables import print_scores
 
 #: Seconds between two windows that take part in learning.

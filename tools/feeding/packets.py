@@ -10,7 +10,7 @@ from contextlib import suppress
 from itertools import count
 from pathlib import Path
 
-from kinespace.stream.inputs.recording.kinerec import RawFile, RawPacket
+from kinespace.stream.inputs.kinerec import RawFile, RawPacket
 from kinespace.tools.feeding.feed import FrameSender, Pace, lost_at
 from kinespace.tools.terminal.console import progress, say
 

@@ -16,7 +16,7 @@ from kinespace.stream import osc, zeromq
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.tools.cli.interruption import check_interrupted
+from kinespace.tools.cli.entry import check_interrupted
 from kinespace.tools.feeding.feed import Cue, Packet
 
 #: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.

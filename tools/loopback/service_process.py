@@ -13,8 +13,8 @@ from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import arguments_of
+from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, ZmqFrameSender
 from kinespace.tools.loopback import echo
 from kinespace.tools.loopback.answers import Receiver

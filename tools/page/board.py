@@ -17,8 +17,8 @@ import msgspec
 
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.recognition import GONE, EventKind
-from kinespace.stream.teaching.notices import UNDONE, Step
-from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
+from kinespace.stream.teaching.commands import UNDONE, Step
+from kinespace.stream.zeromq.answers import BodyHeader, decode_body
 from kinespace.tools.terminal.live_table import counted, promise, said_of
 
 #: Performers that are shown, at most; further ones are counted.

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 from kinespace.stream.service.child_process import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.link import Subscription, ask_control
 
 #: Seconds after which a process that is to end is killed.

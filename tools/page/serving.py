@@ -10,7 +10,7 @@ from typing import Any
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
-from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.page.link import Subscription
 from kinespace.tools.page.requests import Gate
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import argparse
 import threading
 
-from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import PAGE, add_shared
-from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.process import PagePlan
 from kinespace.tools.terminal.console import say
 

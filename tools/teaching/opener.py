@@ -15,8 +15,8 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import EventKind
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.teaching import Changed, Notice, State, Step, Teacher
+from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.memory import Remembered
-from kinespace.stream.teaching.notices import Tried
 
 #: Seconds between two answers when an example is tried on the last minutes: enough to count what is said.
 _TRIED_EVERY = 0.1

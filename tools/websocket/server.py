@@ -21,7 +21,7 @@ from websockets.http11 import Request, Response
 
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.link import Subscription
 from kinespace.tools.page.process import Plan
 from kinespace.tools.page.requests import Gate, refusal

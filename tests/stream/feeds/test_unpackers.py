@@ -7,7 +7,6 @@ import pytest
 from golden import bundle, message
 
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.unpackers import (
     UNPACKERS,
     ChannelUnpacker,
@@ -15,6 +14,7 @@ from kinespace.stream.feeds.unpackers import (
     unpack_xsens,
     unpack_zigsim,
 )
+from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError
 
 

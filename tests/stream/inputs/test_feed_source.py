@@ -11,7 +11,7 @@ from golden import message
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.preset import AskedMessage, Preset, parse_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.inputs.feed_source import SILENCE, FeedSource, is_due, packets_for_sender
+from kinespace.stream.inputs.source import SILENCE, FeedSource, is_due, packets_for_sender
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 

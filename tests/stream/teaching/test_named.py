@@ -4,8 +4,8 @@ from test_teacher import Stage
 from kinespace.library.teaching.examples import Check
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.teaching import State, Step, Taught, commands
-from kinespace.stream.teaching.named import NamedMotions
-from kinespace.stream.teaching.notices import Tried
+from kinespace.stream.teaching.commands import Tried
+from kinespace.stream.teaching.memory import NamedMotions
 from kinespace.stream.teaching.teacher import OFFER
 
 

@@ -9,9 +9,9 @@ from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Example, Roster
 from kinespace.stream.frame import Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
 from kinespace.stream.teaching.memory import Memory
-from kinespace.stream.teaching.notices import Tried
 from kinespace.stream.teaching.teacher import OFFER
 
 RATE = 60.0

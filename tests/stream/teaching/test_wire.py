@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from kinespace.stream.osc.packet import decode_packet, encode_bundle, encode_message
 from kinespace.stream.teaching import State, Step, Taught, commands, wire
-from kinespace.stream.teaching.commands import CommandError
-from kinespace.stream.teaching.notices import Tried
+from kinespace.stream.teaching.commands import CommandError, Tried
 
 TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
 

@@ -21,8 +21,8 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.tools.cli.main import main
+from kinespace.tools.cli.presets import joints_in_order, joints_of
 from kinespace.tools.feeding.feed import Cue
-from kinespace.tools.feeding.joint_sets import joints_in_order, joints_of
 
 # --- restricted -------------------------------------------------------------------------------------------------------
 

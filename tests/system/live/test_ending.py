@@ -12,8 +12,8 @@ from programs import LOOPBACK, PATIENCE, free_udp_port, live, motion_cues, start
 
 from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.inputs.feed_source import FeedSource
-from kinespace.tools.cli import interruption
+from kinespace.stream.inputs.source import FeedSource
+from kinespace.tools.cli import entry as interruption
 from kinespace.tools.feeding.feed import Pace
 
 pytestmark = pytest.mark.slow

@@ -17,7 +17,7 @@ from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc, zeromq
-from kinespace.stream.inputs.recording import kinerec as rawfile
+from kinespace.stream.inputs import kinerec as rawfile
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 

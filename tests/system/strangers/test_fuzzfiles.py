@@ -27,7 +27,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.reader import ENDINGS
 from kinespace.stream.feeds.preset import builtin_preset
-from kinespace.stream.inputs.recording import kinerec
+from kinespace.stream.inputs import kinerec
 from kinespace.tools.cli.main import main
 
 pytestmark = pytest.mark.slow

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.values import host_and_port
 
 
 @pytest.mark.parametrize(

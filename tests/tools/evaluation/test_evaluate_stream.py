@@ -16,11 +16,11 @@ from kinespace.library.recordings import ActorIn
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.main import main
+from kinespace.tools.cli.presets import joints_of
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.harness import shared_joints
 from kinespace.tools.evaluation.scoring.timeline import Course
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
-from kinespace.tools.feeding.joint_sets import joints_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

@@ -18,17 +18,17 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Admitted, Announcement, Frame
+from kinespace.stream.inputs import commands as requests
+from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Event, EventKind, Recognition
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
 from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
-from kinespace.stream.teaching.notices import Tried
+from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.teaching import requests
 from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.teaching.lessons import ClassPlaces
 from kinespace.tools.teaching.opener import Change, RosterOpener
-from kinespace.tools.teaching.requests import RequestSource
 
 PATIENCE = 60.0
 #: Endings of the names of joints that a body of 20 joints lacks.

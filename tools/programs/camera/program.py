@@ -8,10 +8,10 @@ from pathlib import Path
 
 from kinespace.tools.camera.models import fetched
 from kinespace.tools.cli.arguments import OSC_IN, add_shared
-from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.programs.camera.session import CameraPlan, watch
 from kinespace.tools.terminal.console import say
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import require_place_for
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ from kinespace.tools.camera.bodies import Bodies, Seen
 from kinespace.tools.camera.film import Film, Picture
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import models_at
-from kinespace.tools.cli.address import host_and_port, opening
+from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
 from kinespace.tools.programs.camera.show import Show
 

@@ -15,7 +15,7 @@ from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Self
 
-from kinespace.tools.cli.address import host_and_port
+from kinespace.tools.cli.values import host_and_port
 
 #: Seconds after which a browser gets the last picture again: so one that has left is noticed.
 _AGAIN = 1.0

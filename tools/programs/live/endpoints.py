@@ -12,22 +12,20 @@ from typing import NamedTuple
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.commands import CommandReader
-from kinespace.stream.inputs.feed_source import FeedSource
-from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
+from kinespace.stream.inputs.commands import CommandReader, RequestSource
+from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
+from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
+from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
-from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.packet import Networks
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.cli.choice import one_of
+from kinespace.tools.cli.values import host_and_port, one_of, opening
 from kinespace.tools.page.process import PagePlan, Plan
 from kinespace.tools.programs.live.unread import Unread
-from kinespace.tools.teaching.requests import RequestSource
 from kinespace.tools.terminal.console import say
 
 #: The addresses of all of a machine's networks, and of the machine itself.

@@ -15,8 +15,8 @@ from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, S
 from kinespace.stream.service.background_opener import BackgroundViews
 from kinespace.stream.service.loop import Recognising
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
-from kinespace.tools.cli.choice import meant
-from kinespace.tools.feeding.joint_sets import joints_in_order
+from kinespace.tools.cli.presets import joints_in_order
+from kinespace.tools.cli.values import meant
 from kinespace.tools.teaching.beginning import open_lessons
 from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.console import say

@@ -18,7 +18,7 @@ from rich.live import Live
 
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission
-from kinespace.stream.inputs.feed_source import FeedSource
+from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
@@ -27,8 +27,8 @@ from kinespace.stream.service.loop import Service
 from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, settings_of
-from kinespace.tools.cli.interruption import stop_on_signals
-from kinespace.tools.cli.preset import preset_named
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.presets import preset_named
 from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.live.endpoints import (
     Served,
@@ -42,8 +42,8 @@ from kinespace.tools.programs.live.supervisor import supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.console import console, say
+from kinespace.tools.terminal.files import require_place_for
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
-from kinespace.tools.terminal.output_path import require_place_for
 
 if TYPE_CHECKING:
     # Only where there are workers.

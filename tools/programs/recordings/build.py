@@ -41,8 +41,7 @@ from kinespace.tools.cli.arguments import (
     several,
 )
 from kinespace.tools.terminal.console import progress, say
-from kinespace.tools.terminal.named_joints import NameNotes
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import NameNotes, require_place_for
 from kinespace.tools.terminal.tables import counted
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.

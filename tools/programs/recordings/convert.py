@@ -24,13 +24,12 @@ from kinespace.library.motion_library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds import Preset
-from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile
-from kinespace.stream.inputs.recording.takes import events_of, ordered_frames, seen_in
+from kinespace.stream.inputs.kinerec import ENDING, RawFile
+from kinespace.stream.inputs.takes import events_of, ordered_frames, seen_in
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
-from kinespace.tools.cli.preset import preset_named
+from kinespace.tools.cli.presets import preset_named
 from kinespace.tools.terminal.console import printable, progress, say
-from kinespace.tools.terminal.named_joints import NameNotes
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import NameNotes, require_place_for
 from kinespace.tools.terminal.tables import csv_text
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.

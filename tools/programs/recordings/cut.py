@@ -15,8 +15,7 @@ from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
 from kinespace.tools.terminal.console import progress, say
-from kinespace.tools.terminal.named_joints import NameNotes
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import NameNotes, require_place_for
 from kinespace.tools.terminal.tables import csv_text
 
 COLUMNS = ("start_s", "end_s", "label", "performer")

@@ -22,13 +22,13 @@ from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.index import opened
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.inputs.recording import decoded
-from kinespace.stream.inputs.recording.kinerec import ENDING, RawFile, RawPacket
+from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
+from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.joints.kinds import TITLES, kinds_of
 from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
-from kinespace.tools.cli.preset import preset_named
+from kinespace.tools.cli.presets import preset_named
 from kinespace.tools.terminal.console import progress, say
-from kinespace.tools.terminal.named_joints import read_with_notes
+from kinespace.tools.terminal.files import read_with_notes
 from kinespace.tools.terminal.tables import print_scores
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.

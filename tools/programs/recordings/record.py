@@ -17,14 +17,14 @@ import zmq
 from rich.status import Status
 
 from kinespace.stream.inputs import Admission, Source
-from kinespace.stream.inputs.recording import RawWriter, source_name
+from kinespace.stream.inputs.kinerec import RawWriter, source_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
-from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.programs.live.endpoints import open_ends
 from kinespace.tools.terminal.console import progress_console, say
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import require_place_for
 
 #: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100

@@ -16,10 +16,10 @@ from pathlib import Path
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement
-from kinespace.stream.inputs.recording.kinerec import ENDING
+from kinespace.stream.inputs.kinerec import ENDING
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_reading, add_shared, not_negative, positive, reading_of
+from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding import packets
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, ZmqFrameSender, piece_cues
 from kinespace.tools.loopback.answers import Listener

@@ -14,7 +14,7 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.skeleton import Skeleton
 from kinespace.tools.cli.arguments import BUILT_IN, class_at
 from kinespace.tools.feeding.feed import Piece
-from kinespace.tools.terminal.named_joints import NameNotes
+from kinespace.tools.terminal.files import NameNotes
 from kinespace.tools.terminal.tables import counted
 
 

@@ -11,15 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from kinespace.stream.inputs.recording import Recorder, kinerec
-from kinespace.stream.inputs.recording.kinerec import (
+from kinespace.stream.inputs.kinerec import (
     RawFile,
     RawFileError,
     RawHeader,
     RawPacket,
     RawWriter,
+    Recorder,
     encode_header,
     encode_packet,
+    kinerec,
 )
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")

@@ -19,8 +19,7 @@ import numpy as np
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.library.windows import remembered
-from kinespace.stream.inputs.recording import RawFile, RawWriter
-from kinespace.stream.inputs.recording.kinerec import RawPacket
+from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter
 from kinespace.stream.outputs.midi_sink import MidiSink
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.zeromq.keys import make_keys

@@ -12,8 +12,8 @@ from programs import PATIENCE, ghost_cues
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Frame
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.inputs import OscDecoder
+from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.inputs.source import Source
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.tools.programs.live.unread import Unread, _lacking

@@ -17,7 +17,7 @@ from recorded import JOINTS
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
+from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.packets import cut

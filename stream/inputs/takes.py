@@ -17,12 +17,11 @@ from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds import Preset
-from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.preset import builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.inputs.decoder import Decoder, OscDecoder, ZmqDecoder
-from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket
+from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder, ZmqDecoder
+from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket
 from kinespace.stream.packet import Sender
 
 #: Seconds after the last packet at which frames that are still open are closed: longer than any frame waits.

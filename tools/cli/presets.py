@@ -1,12 +1,32 @@
-"""Sets of joints by name: the library's joints that a product's feed has."""
+"""Presets and sets of joints as people name them."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from kinespace.library.naming import spelling
 from kinespace.library.recordings.formats import utkinect
-from kinespace.stream.feeds import builtin_names, builtin_preset
-from kinespace.tools.cli.choice import one_of
-from kinespace.tools.cli.preset import preset_named
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
+from kinespace.tools.cli.values import one_of
+
+#: The ending of a user's own preset.
+_ENDING = ".toml"
+
+
+def preset_named(text: str) -> Preset:
+    """Load a preset by its name, or from a user's file, which ends in .toml.
+
+    Raises
+    ------
+    ValueError
+        There is none of that name, or something in the file is wrong; the message begins with `--feed` or the file.
+    OSError
+        The file cannot be read.
+    """
+    if text.casefold().endswith(_ENDING):
+        return load_preset(Path(text))
+    return builtin_preset(one_of("--feed", text, builtin_names(), f" or a {_ENDING} file"))
+
 
 #: Joint sets that no preset has: the joints of Kinect 1's own tools.
 _FURTHER = {"kinect20": tuple(name for name in utkinect.SKELETON.joints if name != "Spine")}

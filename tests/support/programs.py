@@ -23,7 +23,7 @@ from kinespace.stream import Frame, osc, zeromq
 from kinespace.stream.recognition import Answer
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, Packet, without_pause
 from kinespace.tools.loopback.answers import Listener, answer_in
-from kinespace.tools.loopback.service_process import Transport
+from kinespace.tools.loopback.service import Transport
 
 #: A line on what is odd about a body or a file that could be read (`library.windows.oddities.remarks`, `Clip.notes`).
 REMARK = re.compile(

@@ -27,7 +27,7 @@ import zmq
 from numpy.typing import NDArray
 
 from kinespace.tools.camera import film, models
-from kinespace.tools.programs.camera import session
+from kinespace.tools.programs import camera as session
 from kinespace.tools.terminal.console import say
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))

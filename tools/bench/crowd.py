@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
@@ -124,3 +125,29 @@ def core_seconds(process_id: int) -> float:
 def performers_a_core(core_us: float) -> float:
     """Give how many performers one core holds when each of their frames takes `core_us` microseconds."""
     return 1e6 / FRAME_RATE / core_us if core_us else math.nan
+
+
+class Plan(NamedTuple):
+    """How long and how much is played: seconds of each run over sockets, and the number of performers of scale."""
+
+    seconds: float
+    crowd: int
+
+
+class Measured(NamedTuple):
+    """The results of a part: its figures by name, NaN for a figure that was not measured, and its tables."""
+
+    figures: dict[str, float]
+    tables: list[Table]
+
+
+def rounded(value: float) -> float | int | None:
+    """Keep four digits, because more would be noise; None for NaN and infinity."""
+    if isinstance(value, int):
+        return value
+    return float(f"{value:.4g}") if math.isfinite(value) else None
+
+
+def shown(value: float, digits: int = 0) -> str:
+    """Write a number with some digits after the point; a dash for a number that was not measured."""
+    return "-" if math.isnan(value) else f"{value:,.{digits}f}"

@@ -12,7 +12,7 @@ import platform
 
 from kinespace.library import compiled
 from kinespace.tools.bench import scale, sockets, stages
-from kinespace.tools.bench.report import Plan, rounded
+from kinespace.tools.bench.crowd import Plan, rounded
 from kinespace.tools.cli.arguments import add_shared, count, positive
 from kinespace.tools.terminal.console import console, say
 

@@ -29,16 +29,18 @@ from kinespace.tools.bench.crowd import (
     CROWD,
     FRAME_RATE,
     Feed,
+    Measured,
+    Plan,
     Played,
     core_seconds,
     performers_a_core,
     play,
     positions,
+    shown,
 )
-from kinespace.tools.bench.report import Measured, Plan, shown
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 from kinespace.tools.loopback.answers import Listener
-from kinespace.tools.loopback.program import Program
+from kinespace.tools.loopback.service import Program
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of
 

@@ -7,10 +7,19 @@ from contextlib import closing
 from typing import get_args
 
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play, positions
-from kinespace.tools.bench.report import Measured, Plan, shown
+from kinespace.tools.bench.crowd import (
+    CROWD,
+    Feed,
+    Measured,
+    Plan,
+    core_seconds,
+    performers_a_core,
+    play,
+    positions,
+    shown,
+)
 from kinespace.tools.loopback.answers import Listener, answer_in
-from kinespace.tools.loopback.service_process import BackgroundService, Transport
+from kinespace.tools.loopback.service import BackgroundService, Transport
 from kinespace.tools.programs import latency
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of

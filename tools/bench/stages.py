@@ -16,8 +16,7 @@ from rich.table import Table
 from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.tools.bench.crowd import FRAME_RATE, endless, positions
-from kinespace.tools.bench.report import Measured, Plan
+from kinespace.tools.bench.crowd import FRAME_RATE, Measured, Plan, endless, positions
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.tables import table_of
 

@@ -28,7 +28,7 @@ from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, clip_cues
 from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, Received, answer_in, expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService, Transport
+from kinespace.tools.loopback.service import BackgroundService, Transport
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.live_table import score_shown
 from kinespace.tools.terminal.tables import table_of

@@ -23,7 +23,7 @@ from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
 from kinespace.tools.loopback.answers import AnswerMatcher, Listener, Received, answer_in, expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService, Transport
+from kinespace.tools.loopback.service import BackgroundService, Transport
 from kinespace.tools.terminal.console import console
 from kinespace.tools.terminal.tables import table_of
 

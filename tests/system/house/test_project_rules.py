@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -24,12 +23,11 @@ CORE += (
     "stream/inputs/decoder.py",
     "stream/inputs/detection.py",
     "stream/packet.py",
-    "stream/inputs/recording/takes.py",
+    "stream/inputs/takes.py",
 )
 CORE += tuple(
     f"stream/feeds/{name}.py"
     for name in (
-        "decoder",
         "frame_assembler",
         "kinematics",
         "message_reader",
@@ -37,10 +35,6 @@ CORE += tuple(
     )
 )
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "selectors", "multiprocessing", "logging"}
-#: Files and folders in one folder beside its `__init__.py`, at most: a newcomer reads the list at a glance. Folders of
-#: presets are lists.
-MAX_ENTRIES = 14
-LISTS = {"presets", "conventions"}
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
 TEXT = {".py", ".md", ".toml", ".txt", ".yml", ".yaml", ".cfg", ".svg", ".sh", ".csv", ""}
@@ -118,15 +112,6 @@ def test_the_drawing_shows_the_rooms() -> None:
     assert drawn <= folders
     assert folders - mirrored <= drawn
     assert set(re.findall(r"\w+\.py(?=\s)", drawing)) <= {path.name for path in paths}
-
-
-def test_rooms_are_small() -> None:
-    """No folder of the packages and the tests has more than `MAX_ENTRIES` files and folders."""
-    tops = (*PACKAGES, "tests")
-    paths = {path.relative_to(ROOT) for path in project_files()}
-    entries = {above for path in paths for above in (path, *path.parents) if above.parts and above.parts[0] in tops}
-    rooms = Counter(entry.parent for entry in entries if len(entry.parts) > 1 and entry.name != "__init__.py")
-    assert {str(room): count for room, count in rooms.items() if count > MAX_ENTRIES and room.name not in LISTS} == {}
 
 
 def test_no_recording_and_no_large_file_is_kept() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.tools.bench.report import Measured, shown
+from kinespace.tools.bench.crowd import Measured, shown
 from kinespace.tools.bench.stages import COSTS
 from kinespace.tools.terminal.console import console, progress
 from kinespace.tools.terminal.tables import table_of

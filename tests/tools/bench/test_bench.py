@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from kinespace.tools.bench import sockets, stages
-from kinespace.tools.bench.crowd import endless
-from kinespace.tools.bench.report import rounded, shown
+from kinespace.tools.bench.crowd import endless, rounded, shown
 from kinespace.tools.bench.stages import in_turns
 from kinespace.tools.cli.main import main
 

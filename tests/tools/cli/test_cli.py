@@ -12,7 +12,7 @@ import shtab
 from programs import ROOT
 
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main, whole_parser
-from kinespace.tools.programs.recordings import info
+from kinespace.tools.programs import info
 
 
 def fails_with(monkeypatch: pytest.MonkeyPatch, error: BaseException, module: ModuleType = info) -> None:

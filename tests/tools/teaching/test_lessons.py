@@ -27,8 +27,7 @@ from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taugh
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.teaching.beginning import open_lessons
-from kinespace.tools.teaching.lessons import ClassPlaces
-from kinespace.tools.teaching.opener import Change, RosterOpener
+from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener
 
 PATIENCE = 60.0
 #: Endings of the names of joints that a body of 20 joints lacks.

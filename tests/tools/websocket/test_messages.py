@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import ZmqDecoder
 from kinespace.stream.zeromq import answers
-from kinespace.tools.websocket.messages import as_text, packed
+from kinespace.tools.page.websocket import as_text, packed
 
 
 def _decoded(message: str | bytes) -> tuple[ZmqDecoder, list[object]]:

@@ -12,7 +12,7 @@ from websockets.typing import Origin
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.page.requests import Gate
-from kinespace.tools.websocket.server import answer
+from kinespace.tools.page.websocket import answer
 
 #: A page of another site that may connect.
 EDITOR = "https://editor.p5js.org"

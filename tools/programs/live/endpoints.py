@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import ipaddress
+import os
+import socket
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +24,7 @@ from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.packet import Networks
 from kinespace.stream.service.loop import Recognising
+from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.values import host_and_port, one_of, opening
 from kinespace.tools.page.process import PagePlan, Plan
@@ -96,12 +99,11 @@ def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list
     Raises
     ------
     ImportError, OSError, ValueError
-        As `tools.programs.camera.process.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
+        As `tools.programs.camera.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
     """
     senders: list[AbstractContextManager[object]] = []
     if camera := options.camera:
-        from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
-        from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
+        from kinespace.tools.programs.camera import CameraPlan, CameraProcess  # noqa: PLC0415 - where there is a camera
 
         place = "{}:{}".format(*_own_port(sources))
         process = CameraProcess(
@@ -220,7 +222,7 @@ def open_servers(
         page = PagePlan(options.page, sender.address, control, options.keys)
         yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], [], requests)
     if options.ws:
-        from kinespace.tools.websocket.server import SocketPlan  # noqa: PLC0415 - slow to load
+        from kinespace.tools.page.websocket import SocketPlan  # noqa: PLC0415 - slow to load
 
         sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
         networks = tuple(map(str, _and_here(_networks(options))))
@@ -242,3 +244,42 @@ def open_controls(
             near = () if keyring else _and_here(networks)
             controls.append(RequestSource(_endpoint(options, control), networks, keyring, networks=near))
     return controls
+
+
+class Systemd(Sink):
+    """Sends what sd_notify(3) sends: READY at the first status, at each one WATCHDOG and a line on the health.
+
+    A recogniser that hangs sends no status, so that systemd starts it again (`WatchdogSec=`).
+
+    Parameters
+    ----------
+    address
+        Of systemd's socket; `@` begins a name that is no file.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.settimeout(0)
+        self._ready = "READY=1\n"
+
+    def publish_status(self, status: Status) -> None:
+        """Say that the service runs, and how."""
+        self._send(f"{self._ready}WATCHDOG=1\nSTATUS={status.health}")
+        self._ready = ""
+
+    def close(self) -> None:
+        """Say that the service ends."""
+        self._send("STOPPING=1")
+        self._socket.close()
+
+    def _send(self, text: str) -> None:
+        # Nobody may wait for systemd, and a recogniser goes on without it.
+        with suppress(OSError):
+            self._socket.sendto(text.encode(), self._address)
+
+
+def supervisors() -> list[Sink]:
+    """Give a sink for systemd where it has started this program and wants to know."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    return [Systemd(address)] if address and hasattr(socket, "AF_UNIX") else []

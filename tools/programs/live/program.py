@@ -7,18 +7,60 @@ bound; put > before it to connect instead.
 from __future__ import annotations
 
 import argparse
+import gc
 import os
-from contextlib import nullcontext
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterable
+from contextlib import ExitStack, closing, nullcontext
+from itertools import chain
 from pathlib import Path
+from typing import Any
+
+from rich.live import Live
 
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.stream.outputs import LAYOUTS
+from kinespace.stream.feeds import Preset
+from kinespace.stream.inputs import Admission
+from kinespace.stream.inputs.source import FeedSource
+from kinespace.stream.outputs import LAYOUTS, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
-from kinespace.stream.outputs.midi_sink import MIDI
+from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
+from kinespace.stream.outputs.zeromq_sink import BodySink
+from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.stream.service.loop import Service
+from kinespace.stream.status import Status
+from kinespace.stream.workers.gateway import GatewaySource
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
-from kinespace.tools.programs.live.session import recognise
-from kinespace.tools.terminal.console import log_as
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_names,
+    add_settings,
+    add_shared,
+    count,
+    names,
+    positive,
+    settings_of,
+)
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.page.process import PageProcess
+from kinespace.tools.programs.live.endpoints import (
+    Served,
+    open_controls,
+    open_ends,
+    open_senders,
+    open_servers,
+    supervisors,
+)
+from kinespace.tools.programs.live.recognisers import recognisers
+from kinespace.tools.teaching.keys import Keys
+from kinespace.tools.teaching.lessons import Lessons
+from kinespace.tools.terminal.console import console, log_as, say
+from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -97,3 +139,172 @@ def run(options: argparse.Namespace) -> int:
 def workers(text: str) -> int:
     """Read a number of workers; `auto`: one for each core but one, which receives."""
     return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
+
+
+#: Times a second the table is drawn.
+_REDRAWS = 5
+#: Files and connections that may be open at once, as far as the system allows.
+MAX_CONNECTIONS = 16_384
+
+
+def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
+    """Open the addresses, recognise until interrupted, print the counts."""
+    _allow_many_connections()
+    settings, record = settings_of(options), options.record
+    preset = _checked(options, settings)
+    performers, lessons = recognisers(options, preset)
+    # What workers send is read as a source is.
+    from_workers = [source] if (source := getattr(performers, "source", None)) else []
+    in_lines = options.plain or options.log or not console.is_terminal
+    shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
+    admission = Admission(silence=performers.silence, allowed=options.allow)
+    with ExitStack() as opened:
+        _close_in(opened, from_workers)
+        # Before the sockets are open: no packet is to wait until the page runs.
+        served, servers = list[Served](), list[Any]()
+        for each in open_servers(options, keyring, performers, commands=lessons is not None):
+            _close_in(opened, [*each.sinks, *each.frames, *each.requests])
+            served.append(each)
+            servers.append(PageProcess(each.plan, say))
+        sources, sinks, kept = open_ends(
+            options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
+        )
+        _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
+        controls = open_controls(options, sources, keyring)
+        senders = open_senders(options, sources)
+        opened.pop_all()
+    listeners = [lessons] if lessons else []
+    if options.bodies:
+        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
+    with (
+        closing(kept) if kept else nullcontext(),
+        Service(
+            performers,
+            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
+            [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
+            admission=admission,
+            control=lessons,
+        ) as service,
+        ExitStack() as running,
+    ):
+        _answer_for(from_workers, service)
+        for begun in (*servers, *senders):
+            running.enter_context(begun)
+        if lessons:
+            lessons.sinks = service.sinks
+        # Before the program says that it runs.
+        stop_on_signals(service.stop)
+        open_to_senders = [each for each in sources if each.place]
+        listening = ", ".join(map(str, [*open_to_senders, *controls]))
+        answering = ", ".join(map(str, sinks)) or "nobody"
+        # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
+        listening += ", also for /motion/teach" if lessons and preset else ""
+        say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
+        for server in servers:
+            say(f"{server.name}: {server.address}")
+        # All objects so far live as long as the program: the collector need not look at them again.
+        gc.freeze()
+        _run(service, shown, lessons)
+        status = _ended(service, lessons, from_workers)
+    behind = [each for each in sinks if isinstance(each, MidiSink) and each.is_behind]
+    for line in (
+        *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
+        *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
+        *([f"{record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
+        *(f"{each}: not all notes are written" for each in behind),
+    ):
+        say(line)
+    return 2 if behind or (lessons and lessons.has_unsaved) else 0
+
+
+def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
+    """Close these if a later one cannot be opened."""
+    for each in ends:
+        opened.callback(each.close)
+
+
+def _ended(service: Service, lessons: Lessons | None, from_workers: Iterable[GatewaySource]) -> Status:
+    """Close what was open while the service ran; give its last status."""
+    if lessons:
+        lessons.close()
+    for each in from_workers:
+        each.gateway.settle()
+    return service.status()
+
+
+def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None:
+    """Publish what workers answer."""
+    for each in from_workers:
+        each.gateway.publish = service.publish
+
+
+def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
+    """Refuse options that need others, and files that cannot be written; give the preset of the feed."""
+    if options.control and not options.teach:
+        raise ValueError("--control: expected --teach with it")
+    if options.teach and settings.signature is LiveSignature.PAPER:
+        raise ValueError("--teach: expected --signature windows with it, got paper")
+    for option in ("camera", "lsl_in"):
+        if not getattr(options, option, None):
+            continue
+        if options.feed:
+            name = option.replace("_", "-")
+            raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
+        options.osc_in = options.osc_in or OSC_IN
+    notes = [Path(place) for name, _, place in (out.partition("=") for out in options.out) if name == MIDI]
+    written = [*filter(None, (options.record, *(each for each in notes if each.suffix == ".mid")))]
+    for file in written:
+        require_place_for(file, overwrite=options.overwrite)
+    # `--overwrite` is no leave to write over what this program reads or teaches.
+    named = [Path(each) for each in (options.teach, options.library, options.feed) if each]
+    files = Counter(each.resolve() for each in (*written, *{*named}))
+    for file in (each for each in written if files[each.resolve()] > 1):
+        raise ValueError(f"{file}: expected a file for each purpose, got one for several")
+    preset = preset_named(options.feed) if options.feed else None
+    if preset and not (options.osc_in or options.zmq_in):
+        options.osc_in = f"127.0.0.1:{preset.port}"
+    return preset
+
+
+def _allow_many_connections() -> None:
+    """Raise the limit of open files: silent connections of strangers must leave room until ZeroMQ has ended them."""
+    if sys.platform == "win32":
+        return
+    import resource  # noqa: PLC0415 - there is none on Windows
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MAX_CONNECTIONS if hard == resource.RLIM_INFINITY else min(MAX_CONNECTIONS, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+def _run(service: Service, shown: PlainLines | LiveTable, lessons: Lessons | None) -> None:
+    """Run, and draw the table in a second thread: the feed waits at most for the lock, never for a picture."""
+    if isinstance(shown, PlainLines):
+        service.run()
+        return
+    loop = threading.Thread(target=service.run, name="kinespace service")
+    loop.start()
+    try:
+        with Keys(lessons, shown) if lessons else nullcontext(), Live(console=console, auto_refresh=False) as live:
+            while loop.is_alive():
+                live.update(shown.drawn(), refresh=True)
+                time.sleep(1 / _REDRAWS)
+            live.update(shown.drawn(), refresh=True)
+    finally:
+        # The thread must be out of the sockets before they are closed, also after an error in drawing.
+        service.stop()
+        loop.join()
+
+
+def frames_made(source: FeedSource) -> str:
+    """Count a feed's frames and joints by their fate, and name the joints missing in refused frames."""
+    counts = source.decoder.assembler.counts
+    closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
+    line = (
+        f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
+        f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}, "
+        f"beyond any stage {counts.absurd}, no room {counts.no_room}, requests not sent {source.unasked}"
+    )
+    absent = ", ".join(name for name, _ in counts.absent.most_common(5))
+    return f"{line}; absent: {absent}" if absent else line

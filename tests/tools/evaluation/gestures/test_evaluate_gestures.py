@@ -9,7 +9,7 @@ from synthetic import stick_clip
 from kinespace.library import MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
-from kinespace.tools.evaluation.gestures.evaluate_gestures import _teachers, example_of, first_of, listened, moved
+from kinespace.tools.evaluation.evaluate_gestures import _teachers, example_of, first_of, listened, moved
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.teaching.beginning import open_taught
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
-from kinespace.tools.evaluation.gestures import evaluate_show
-from kinespace.tools.evaluation.gestures.stage import JOINED, facing, joined, lengths_of, on_bones
+from kinespace.tools.evaluation import evaluate_show
+from kinespace.tools.evaluation.evaluate_show import JOINED, facing, joined, lengths_of, on_bones
 
 LIBRARY = MotionLibrary.builtin()
 PARENTS = LIBRARY.skeleton.parents

@@ -11,10 +11,10 @@ from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.faults import FAULTS, LEFT_ARM
+from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed
-from kinespace.tools.evaluation.scoring.answers import counted
 from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.timeline import counted
 
 B, J, OF = "bow", "jump", Outcome
 #: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.

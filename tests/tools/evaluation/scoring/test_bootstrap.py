@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinespace.tools.evaluation.scoring.bootstrap import Figure, Percentile, Ratio, RocArea
+from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
 
 FIRST, SECOND = 2012, 2013
 

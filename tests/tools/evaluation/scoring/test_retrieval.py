@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.distances import distance_rows
-from kinespace.tools.evaluation.scoring.retrieval import (
+from kinespace.tools.evaluation.evaluate_retrieval import (
     SPLIT_LIBRARY_ACTORS,
     Labels,
     Protocol,

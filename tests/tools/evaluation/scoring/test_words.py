@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.evaluation.scoring.done_score import Said
-from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span, score_words, word_rows
+from kinespace.tools.evaluation.words import KINDS, Heard, Said, Span, score_words, word_rows
 
 COMMANDS, SHOW = Span(commands=True), Span(early=0.125, late=1.0)
 SEGMENTS = (Segment(0.0, 4.0, "jab"), Segment(4.0, 8.0, "kick"), Segment(9.0, 12.0, "jab"))

@@ -10,7 +10,7 @@ from synthetic import amc_text, stick_clips
 from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
 from kinespace.library.naming import hdm05
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.recordings.build import by_body
+from kinespace.tools.programs.build import by_body
 
 pytestmark = pytest.mark.slow
 

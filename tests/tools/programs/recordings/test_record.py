@@ -20,7 +20,7 @@ from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
-from kinespace.tools.feeding.packets import cut
+from kinespace.tools.programs.replay import cut
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

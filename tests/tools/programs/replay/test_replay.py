@@ -24,8 +24,8 @@ from kinespace.stream.outputs import LayoutSink, NativeLayout
 from kinespace.stream.service.loop import Service
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues, piece_cues
-from kinespace.tools.programs.replay.exchange import Score
-from kinespace.tools.programs.replay.recordings import announced, pieces_of
+from kinespace.tools.programs.exchange import Score
+from kinespace.tools.programs.replay import announced, pieces_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

@@ -19,13 +19,17 @@ from kinespace.library import NOTHING, Clip, MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.cli.arguments import add_settings, settings_of
+from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.gestures.report import add_report, report
-from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span, right_so_far, said_in
+from kinespace.tools.evaluation.bootstrap import Ratio
+from kinespace.tools.evaluation.harness import print_json, written
+from kinespace.tools.evaluation.stream_score import rests_on
 from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.timeline import write_rows
+from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.beginning import open_taught
 from kinespace.tools.terminal.console import progress
+from kinespace.tools.terminal.tables import print_scores
 
 #: Each class's first segment, and the take that it lies in.
 Lessons = Mapping[str, tuple[Take, Segment]]
@@ -128,3 +132,40 @@ def listened(take: Take, index: WindowIndex, lessons: Lessons, settings: Setting
     seconds = sum(each.duration for each in asked)
     so_far = right_so_far(answers, {each: end for each, end in ends.items() if each.label != NOTHING})
     return Heard(take.person, seconds, asked, said_in(answers), _SPANS, dict.fromkeys(KINDS, ends), so_far)
+
+
+def add_report(parser: argparse.ArgumentParser) -> None:
+    """Add the options for what is printed and written."""
+    text = "write every word said: person, time, kind, class, whether it is right, its segment"
+    parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
+    add_shared(parser, "--json")
+
+
+def report(
+    heard: Sequence[Heard],
+    options: argparse.Namespace,
+    title: str,
+    caption: str,
+    further: Mapping[str, object] | None = None,
+) -> int:
+    """Print the scores of all takes together, write the words, and return the exit status; `further` is for JSON."""
+    scores, persons = score_words(heard), {each.person for each in heard}
+    basis = {
+        "seconds": sum(each.seconds for each in heard),
+        "segments": sum(each.asked for each in heard),
+        "persons": len(persons) if all(persons) else None,
+    }
+    so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
+    if options.answers:
+        write_rows(options.answers, word_rows(heard))
+    if options.json:
+        print_json({**scores, "so_far": so_far, **(further or {}), **basis})
+        return 0
+    rows = [{"name": kind, **score, "interval": _written(score["intervals"]["f1"])} for kind, score in scores.items()]
+    caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
+    print_scores(rows, COLUMNS, title=title, caption=caption)
+    return 0
+
+
+def _written(interval: tuple[float, float] | None) -> str:
+    return "-" if interval is None else "{:.1%} to {:.1%}".format(*interval)

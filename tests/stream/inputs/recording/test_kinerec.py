@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from kinespace.stream.inputs import kinerec
 from kinespace.stream.inputs.kinerec import (
     RawFile,
     RawFileError,
@@ -20,7 +21,6 @@ from kinespace.stream.inputs.kinerec import (
     Recorder,
     encode_header,
     encode_packet,
-    kinerec,
 )
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")

@@ -21,8 +21,8 @@ from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.frame import Input
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, RawWriter, Recorder, decoded, source_name
-from kinespace.stream.inputs.takes import Seen
+from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, RawWriter, Recorder, source_name
+from kinespace.stream.inputs.takes import Seen, decoded
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint

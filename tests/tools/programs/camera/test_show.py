@@ -6,7 +6,7 @@ import urllib.request
 
 import pytest
 
-from kinespace.tools.camera.show import Show
+from kinespace.tools.programs.camera import Show
 
 
 def _get(address: str) -> tuple[bytes, dict[str, str]]:

@@ -268,13 +268,6 @@ class Enable:
 
 
 @dataclass(frozen=True, slots=True)
-class Trim:
-    """Leave out the still beginning and end of the last example, or keep them."""
-
-    on: bool
-
-
-@dataclass(frozen=True, slots=True)
 class Stop:
     """End the recording that goes on; it becomes an example."""
 
@@ -287,11 +280,6 @@ class Cancel:
 @dataclass(frozen=True, slots=True)
 class Undo:
     """Undo the last change."""
-
-
-@dataclass(frozen=True, slots=True)
-class Redo:
-    """Redo the change that was undone last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,7 +315,7 @@ class List:
 
 #: What gives an example, and what changes or ends something.
 _Showing = Teach | Last | Hold | Right | Wrong
-_Changing = Rename | Forget | Enable | Trim | Stop | Cancel | Undo | Redo | Save | Sensitivity | Reset | List
+_Changing = Rename | Forget | Enable | Stop | Cancel | Undo | Save | Sensitivity | Reset | List
 Command = _Showing | _Changing
 
 

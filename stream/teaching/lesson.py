@@ -35,7 +35,7 @@ _LEAST_RATE = 8
 _GOOD_RATE = 10
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
-#: Seconds kept before the movement, so that undoing the trim shows them.
+#: Seconds of the recording that are kept before the movement.
 BEFORE = 0.3
 
 

@@ -26,8 +26,6 @@ _DEFAULTS = Settings()
 OSC_IN = "127.0.0.1:9310"
 #: Where the page is unless the user says otherwise.
 PAGE = "127.0.0.1:8010"
-#: Where a camera's picture is unless the user says otherwise.
-SHOW = "127.0.0.1:8011"
 #: The name of the built-in library wherever a library may be named.
 BUILT_IN = Path("built-in")
 
@@ -61,12 +59,6 @@ _SHARED: dict[str, dict[str, Any]] = {
     "--either-side": {
         "action": "store_true",
         "help": "a motion may be done by either side: add each example mirrored, too",
-    },
-    "--show": {
-        "nargs": "?",
-        "const": SHOW,
-        "metavar": "[HOST:]PORT",
-        "help": f"show the camera's picture and skeletons in the browser (default {SHOW})",
     },
     "--sender": {"metavar": "HOST", "default": "127.0.0.1", "help": "host to ask for frames, for feeds that ask"},
     "--feed": {

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import ipaddress
 import os
-import secrets
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
-from functools import partial
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from itertools import pairwise
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, Self, TextIO
+from typing import Self
 
 import numpy as np
 
@@ -34,7 +28,6 @@ from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
 from kinespace.tools.terminal.console import say
-from kinespace.tools.terminal.files import require_place_for
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,10 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
     )
     parser.add_argument("--performer", default="camera", help="name of the performer (default %(default)s)")
-    add_shared(parser, "--people", "--show")
+    add_shared(parser, "--people")
     parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
-    parser.add_argument("--record", type=Path, metavar="CSV", help="keep the joints too, for kinespace build")
-    add_shared(parser, "--overwrite")
     add_shared(parser, "--size")
     parser.add_argument(
         "--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: the cache)"
@@ -68,10 +59,6 @@ def run(options: argparse.Namespace) -> int:
     if options.get_models:
         fetched(say)
         return 0
-    if options.record:
-        if options.people > 1:
-            raise ValueError("--record: expected one body; kinespace live --record keeps the frames of several")
-        require_place_for(options.record, overwrite=options.overwrite)
     plan = CameraPlan(
         options.source,
         osc=options.osc or (None if options.zmq else OSC_IN),
@@ -81,20 +68,11 @@ def run(options: argparse.Namespace) -> int:
         models=options.models,
         size=options.size,
         fast=options.fast,
-        record=options.record,
-        show=options.show,
     )
     ended = threading.Event()
     stop_on_signals(ended.set)
     say(str(watch(plan, say, ended.is_set)))
     return 0
-
-
-#: Pixels of the pictures that are shown, across.
-_SHOWN = 640
-#: Landmarks between which a line is drawn: arms, hands, legs, feet, and the trunk around.
-_LIMBS = ((11, 13, 15, 19), (12, 14, 16, 20), (23, 25, 27, 29, 31, 27), (24, 26, 28, 30, 32, 28), (11, 12, 24, 23, 11))
-LINES = tuple(line for limb in _LIMBS for line in pairwise(limb))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +87,6 @@ class CameraPlan:
     models: Path | None = None
     size: str = "full"
     fast: bool = False
-    record: Path | None = None
-    show: str | None = None
 
 
 @dataclass(slots=True)
@@ -152,41 +128,34 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
     bodies = Bodies(Networks(models_at(plan.models, plan.size)), plan.people, plan.performer)
     with ExitStack() as opened:
         sender = opened.enter_context(closing(_sender(plan)))
-        show = opened.enter_context(Show(plan.show)) if plan.show else None
-        record = opened.enter_context(plan.record.open("w", newline="", encoding="utf-8")) if plan.record else None
         film = opened.enter_context(closing(Film(plan.source, wants_end, paced=not plan.fast)))
-        started(f"{plan.source} to {sender}{f'; picture: {show.address}' if show else ''}; Ctrl-C ends")
-        counts = _watched(film, bodies, _Out(sender, record), show)
+        started(f"{plan.source} to {sender}; Ctrl-C ends")
+        counts = _watched(film, bodies, _Out(sender))
     counts.failed = sender.failed
     if not counts.found and counts.pictures and not film.is_live and not wants_end():
         raise ValueError(f"{plan.source}: no body in any of {counts.pictures} pictures")
     return counts
 
 
-def _watched(film: Film, bodies: Bodies, out: _Out, show: Show | None) -> Watched:
+def _watched(film: Film, bodies: Bodies, out: _Out) -> Watched:
     counts, begun = Watched(), time.perf_counter()
     for picture in film:
         seen = bodies.seen(picture.pixels, picture.time)
         counts.pictures += 1
         counts.found += bool(seen)
         counts.frames += sum(out.send(each, picture) for each in seen)
-        if show:
-            show.put(lambda picture=picture, seen=seen: _drawn(picture, seen))  # type: ignore[misc]
     counts.lost, counts.seconds = film.lost, time.perf_counter() - begun
     return counts
 
 
 class _Out:
-    """Sends bodies as frames, announces their joints, and keeps them in a table if one is given."""
+    """Sends bodies as frames, and announces their joints."""
 
-    def __init__(self, sender: FrameSender, record: TextIO | None) -> None:
+    def __init__(self, sender: FrameSender) -> None:
         self._joints = landmark_body()
         self._sender = sender
         self._announced: dict[str, float] = {}
         self._count = 0
-        self._rows = csv.writer(record) if record else None
-        if self._rows:
-            self._rows.writerow(["time", *(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")])
 
     def send(self, seen: Seen, picture: Picture) -> bool:
         """Send one body; False where too little of it is seen."""
@@ -199,16 +168,7 @@ class _Out:
         frame = Frame(seen.name, picture.time, positions.astype(np.float32))
         self._sender.send(self._sender.encode(Cue(picture.time, frame, self._count)))
         self._count += 1
-        if self._rows:
-            numbers = ("" if np.isnan(number) else f"{number:.4f}" for number in positions.ravel().tolist())
-            self._rows.writerow([f"{picture.time:.4f}", *numbers])
         return True
-
-
-def _drawn(picture: Picture, seen: Sequence[Seen]) -> bytes:
-    from kinespace.tools.camera.vision import drawn  # noqa: PLC0415 - needs an extra
-
-    return drawn(picture.pixels, [(each.name, each.landmarks.picture[:, :2], LINES) for each in seen], _SHOWN)
 
 
 def _sender(plan: CameraPlan) -> FrameSender:
@@ -276,122 +236,3 @@ def _watch(connection: Connection, plan: CameraPlan) -> None:
             connection.send(error)
     # A camera's driver may hang, and would keep the process.
     os._exit(0)
-
-
-#: Seconds after which a browser gets the last picture again: so one that has left is noticed.
-_AGAIN = 1.0
-_PAGE = b'<!doctype html><html lang="en"><title>kinespace camera</title><style>body{margin:0;background:#111}\
-p{position:fixed;margin:8px;color:#fff;font:13px sans-serif;text-shadow:0 0 3px #000}\
-img{width:100vw;height:100vh;object-fit:contain}</style><p>These pictures stay on this machine. Nothing is stored.</p>\
-<img src="picture" alt="The camera\'s picture"></html>'
-_HEADERS = {
-    "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'none'; img-src 'self'; style-src 'unsafe-inline'; frame-ancestors 'none'",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-}
-
-
-class Show:
-    """Serves pictures until it is left; a context manager.
-
-    Parameters
-    ----------
-    address
-        [HOST:]PORT on this machine; port 0 takes a free one.
-
-    Attributes
-    ----------
-    address
-        The page's address, with its secret.
-
-    Raises
-    ------
-    OSError
-        The address is taken, or impossible.
-    ValueError
-        It is no address, or other machines could reach it.
-    """
-
-    def __init__(self, address: str) -> None:
-        host, port = host_and_port(address)
-        if not ipaddress.ip_address("127.0.0.1" if host == "localhost" else host).is_loopback:
-            raise ValueError(f"--show: expected an address of this machine alone, like 127.0.0.1:8011, got {address}")
-        self._picture, self._number, self._ended = b"", 0, False
-        self._news = threading.Condition()
-        secret = f"/{secrets.token_urlsafe(16)}/"
-
-        try:
-            self._server = ThreadingHTTPServer((host, port), partial(_Handler, secret, self))
-        except OSError as error:
-            raise OSError(error.errno, f"{address}: {error.strerror}") from error
-        self._server.daemon_threads = True
-        self.address = f"http://{host}:{self._server.server_address[1]}{secret}"
-        self.watchers = 0
-
-    def __enter__(self) -> Self:
-        threading.Thread(target=self._server.serve_forever, name="kinespace show", daemon=True).start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with self._news:
-            self._ended = True
-            self._news.notify_all()
-        self._server.shutdown()
-        self._server.server_close()
-
-    def put(self, draw: Callable[[], bytes]) -> None:
-        """Show another picture, which is drawn only if somebody looks."""
-        if self.watchers:
-            picture = draw()
-            with self._news:
-                self._picture, self._number = picture, self._number + 1
-                self._news.notify_all()
-
-    def after(self, number: int) -> tuple[bytes, int] | None:
-        """Wait for a newer picture than the one of this number, and not too long; None at the end."""
-        with self._news:
-            self._news.wait_for(lambda: self._ended or self._number > number, _AGAIN)
-            return None if self._ended else (self._picture, self._number)
-
-
-class _Handler(BaseHTTPRequestHandler):
-    """Answers one browser."""
-
-    def __init__(self, place: str, pictures: Show, *request: Any) -> None:  # noqa: ANN401 - the library's own
-        self.place, self.pictures = place, pictures
-        super().__init__(*request)
-
-    def do_GET(self) -> None:
-        """Give the page, or the picture without end."""
-        if self.path not in (self.place, f"{self.place}picture"):
-            self.send_error(404)
-        elif self.path == self.place:
-            self._begin("text/html; charset=utf-8")
-            self.wfile.write(_PAGE)
-        else:
-            self._begin("multipart/x-mixed-replace; boundary=next")
-            self.pictures.watchers += 1
-            try:
-                with suppress(OSError):
-                    self._stream()
-            finally:
-                self.pictures.watchers -= 1
-
-    def _begin(self, kind: str) -> None:
-        self.send_response(200)
-        for name, value in {"Content-Type": kind, **_HEADERS}.items():
-            self.send_header(name, value)
-        self.end_headers()
-
-    def _stream(self) -> None:
-        number = 0
-        while news := self.pictures.after(number):
-            picture, number = news
-            if picture:
-                self.wfile.write(b"--next\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(picture))
-                self.wfile.write(picture + b"\r\n")
-
-    def log_message(self, *_: Any) -> None:  # noqa: ANN401 - the library's own
-        """Say nothing."""

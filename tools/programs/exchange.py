@@ -14,13 +14,15 @@ from kinespace.stream import osc
 from kinespace.stream.frame import Announcement
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
 from kinespace.tools.loopback.answers import Listener, Received, answer_in, classes_in
-from kinespace.tools.terminal.console import console, say
+from kinespace.tools.terminal.console import console, note, say
 from kinespace.tools.terminal.tables import table_of
 
 #: Seconds without an answer after which no more are expected.
 _LINGER = 0.3
 #: Seconds to wait after the last frame, at most.
 _MAX_LINGER = 3.0
+#: Frames after which it is said that nobody listens.
+_SOON = 30
 #: Seconds for which a feed may stand still without a note.
 _NOTICED = 0.05
 
@@ -104,6 +106,8 @@ class Exchange:
                 pace.wait_for(cue.due)
             self._sender.send(packet)
             self._sent += 1
+            if self._sent == _SOON and self.reached_nobody:
+                note(f"no program listens at {self._place} so far; start kinespace live there")
             self._performed = cue.class_name
         end = time.perf_counter() + _MAX_LINGER
         while self._listener and time.perf_counter() < end:

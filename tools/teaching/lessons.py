@@ -103,6 +103,10 @@ class Lessons(Sink):
             case commands.Sensitivity(share):
                 self.performers.set_sensitivity(share)
                 notices = [State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
+            case commands.List() if asked.reply is None:
+                # Whoever asks by OSC gets the answer there.
+                tell(self.sinks, Sink.publish_classes, self.classes)
+                notices = [State("", Step.DONE, 0.0, self._listed())]
             case command:
                 notices = map(self._explained, self._teacher.command(command, self._clock()))
         states = self._publish(notices)
@@ -148,6 +152,13 @@ class Lessons(Sink):
             "sensitivity": self.performers.sensitivity,
             "teaches": True,
         }
+
+    def _listed(self) -> str:
+        """Give the classes and the settings in a line."""
+        roster = self._teacher.roster
+        taught = ", ".join(f"{name} {len(roster.of(name))}" for name in roster.classes) or "nothing"
+        off = f"; off: {', '.join(sorted(roster.disabled))}" if roster.disabled else ""
+        return f"taught: {taught}{off}; sensitivity {self.performers.sensitivity:g}"
 
     def _explained(self, notice: Notice | Changed) -> Notice | Changed:
         """Explain to a performer why frames that cannot be used prevent teaching."""
@@ -198,7 +209,8 @@ class ClassPlaces:
     def of(self, roster: Roster) -> tuple[str, ...]:
         """Give all classes that were ever known, in order."""
         taught = roster.classes
-        for name in taught:
+        # Those of a file come as `--library` gives them.
+        for name in sorted(taught):
             if name == NOTHING:
                 continue
             numbers = [each.number for each in roster.of(name)]

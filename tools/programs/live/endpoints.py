@@ -106,9 +106,7 @@ def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list
         from kinespace.tools.programs.camera import CameraPlan, CameraProcess  # noqa: PLC0415 - where there is a camera
 
         place = "{}:{}".format(*_own_port(sources))
-        process = CameraProcess(
-            CameraPlan(camera, osc=place, people=options.people, size=options.size, show=options.show), say
-        )
+        process = CameraProcess(CameraPlan(camera, osc=place, people=options.people, size=options.size), say)
         say(f"camera: {process.opened}")
         senders.append(process)
     if stream := options.lsl_in:

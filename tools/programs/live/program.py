@@ -12,7 +12,6 @@ import os
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterable
 from contextlib import ExitStack, closing, nullcontext
 from itertools import chain
@@ -27,7 +26,7 @@ from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.outputs import LAYOUTS, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
-from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
+from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.service.loop import Service
@@ -110,7 +109,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
     text = "watch a camera, a film or a stream, as kinespace camera does"
     parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
-    add_shared(parser, "--people", "--show", "--size")
+    add_shared(parser, "--people", "--size")
     parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
     text = "let people teach motions by showing them, and keep them there"
     parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
@@ -206,15 +205,13 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         gc.freeze()
         _run(service, shown, lessons)
         status = _ended(service, lessons, from_workers)
-    behind = [each for each in sinks if isinstance(each, MidiSink) and each.is_behind]
     for line in (
         *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
         *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
         *([f"{record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
-        *(f"{each}: not all notes are written" for each in behind),
     ):
         say(line)
-    return 2 if behind or (lessons and lessons.has_unsaved) else 0
+    return 2 if lessons and lessons.has_unsaved else 0
 
 
 def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
@@ -251,15 +248,12 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
             name = option.replace("_", "-")
             raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
         options.osc_in = options.osc_in or OSC_IN
-    notes = [Path(place) for name, _, place in (out.partition("=") for out in options.out) if name == MIDI]
-    written = [*filter(None, (options.record, *(each for each in notes if each.suffix == ".mid")))]
-    for file in written:
-        require_place_for(file, overwrite=options.overwrite)
-    # `--overwrite` is no leave to write over what this program reads or teaches.
-    named = [Path(each) for each in (options.teach, options.library, options.feed) if each]
-    files = Counter(each.resolve() for each in (*written, *{*named}))
-    for file in (each for each in written if files[each.resolve()] > 1):
-        raise ValueError(f"{file}: expected a file for each purpose, got one for several")
+    if options.record:
+        require_place_for(options.record, overwrite=options.overwrite)
+        # `--overwrite` is no leave to write over what this program reads or teaches.
+        read = [Path(each).resolve() for each in (options.teach, options.library, options.feed) if each]
+        if options.record.resolve() in read:
+            raise ValueError(f"{options.record}: expected a file for each purpose, got one for several")
     preset = preset_named(options.feed) if options.feed else None
     if preset and not (options.osc_in or options.zmq_in):
         options.osc_in = f"127.0.0.1:{preset.port}"

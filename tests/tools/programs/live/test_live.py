@@ -139,23 +139,12 @@ def test_answers_to_our_own_port_are_refused(listening: str, target: str, capsys
     assert f"expected another place than {listening}:{port}, where frames come in" in capsys.readouterr().err
 
 
-def test_notes_in_a_file_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """As a recording is not: whoever starts the program again keeps the take before."""
-    take = tmp_path / "take.mid"
-    take.write_bytes(b"a take")
-    assert main(["live", "--osc-in", "127.0.0.1:0", "--out", f"midi={take}"]) == 2
-    assert "take.mid: exists already; --overwrite writes over it" in capsys.readouterr().err
-    assert take.read_bytes() == b"a take"
-
-
-@pytest.mark.parametrize(
-    "options", ["--teach {0} --record {0}", "--library {0} --record {0}", "--record {1} --out midi={1}"]
-)
+@pytest.mark.parametrize("options", ["--teach {0} --record {0}", "--library {0} --record {0}"])
 def test_a_file_has_one_purpose(options: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`--overwrite` is no leave to write over the library that is read or taught, or over another output."""
-    library, take = tmp_path / "mine.npz", tmp_path / "take.mid"
+    """`--overwrite` is no leave to write over the library that is read or taught."""
+    library = tmp_path / "mine.npz"
     library.write_bytes(b"mine")
-    given = options.format(library, take).split()
+    given = options.format(library).split()
     assert main(["live", "--osc-in", "127.0.0.1:0", "--overwrite", *given]) == 2
     assert "expected a file for each purpose, got one for several" in capsys.readouterr().err
     assert library.read_bytes() == b"mine"

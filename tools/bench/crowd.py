@@ -66,14 +66,9 @@ class Feed(NamedTuple):
         gc.freeze()
         return cls(frames, answers)
 
-    def cues(self, *, at_once: bool) -> list[Cue]:
-        """Cue all frames of a moment at once, or each at an even share of the frame time."""
-        share = 0.0 if at_once else 1 / len(self.frames[-1])
-        return [
-            Cue((k + index * share) / FRAME_RATE, frame, k)
-            for k, together in enumerate(self.frames)
-            for index, frame in enumerate(together)
-        ]
+    def cues(self) -> list[Cue]:
+        """Cue all frames of a moment at once."""
+        return [Cue(k / FRAME_RATE, frame, k) for k, together in enumerate(self.frames) for frame in together]
 
 
 class Played(NamedTuple):
@@ -125,13 +120,6 @@ def core_seconds(process_id: int) -> float:
 def performers_a_core(core_us: float) -> float:
     """Give how many performers one core holds when each of their frames takes `core_us` microseconds."""
     return 1e6 / FRAME_RATE / core_us if core_us else math.nan
-
-
-class Plan(NamedTuple):
-    """How long and how much is played: seconds of each run over sockets, and the number of performers of scale."""
-
-    seconds: float
-    crowd: int
 
 
 class Measured(NamedTuple):

@@ -103,7 +103,7 @@ class Program:
             time.sleep(_POLL)
 
     def place(self) -> Place:
-        """Wait until `live` or `gateway` listens; give its addresses."""
+        """Wait until `live` listens; give its addresses."""
         pattern = r"listening on OSC (\S+):(\d+)(?:, ZeroMQ ([^\s;]+))?; answering to .*?ZeroMQ ([^\s;,]+)"
         host, port, frames, answers = self.expect(pattern).groups()
         return Place((host, int(port)), frames or "", answers)

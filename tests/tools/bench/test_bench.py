@@ -18,7 +18,6 @@ from kinespace.tools.cli.main import main
 KEYS = {
     *("us_per_frame", "us_per_frame_numpy", "frames_per_second", "osc_decode_us", "osc_decode_python_osc_us"),
     *("latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz"),
-    *("added_p50_ms", "added_p99_ms", "workers_speedup", "kill_gap_s", "hang_gap_s", "lost_events", "false_events"),
 }
 
 

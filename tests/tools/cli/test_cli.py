@@ -82,7 +82,7 @@ WRONG = [
     ("lvie", ", perhaps live or listen is meant;"),
     ("latency --seconds 0", "--seconds: expected a positive number, got 0"),
     ("latency --seconds soon", "--seconds: expected a number, got 'soon'"),
-    ("bench scale --crowd 1.5", "--crowd: expected a whole number above 0, got 1.5"),
+    ("evaluate teach --draws 1.5", "--draws: expected a whole number above 0, got 1.5"),
     ("live --hop -1", "--hop: expected a number not below 0, got -1"),
     ("live --performers 0 --osc-in :0", "most: expected 1 to 10000 performers, got 0"),
     ("live --performers 1000000000 --osc-in :0", "most: expected 1 to 10000 performers, got 1000000000"),

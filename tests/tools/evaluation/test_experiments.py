@@ -32,7 +32,6 @@ RUNS = {
     ),
     "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
     "teach left out": ("teach --left-out --draws 1 --examples 1 --teachers dg", "1 person, 1 draw each"),
-    "teach beside": ("teach --beside --draws 1 --examples 1 --teachers mm", "1 person, 1 draw each"),
     "gestures": ("gestures", "9 gestures, 3 persons"),
     "gestures of others": ("gestures --taught-by all", "9 gestures, 3 persons"),
     "show": ("show --shows 1 --minutes 0.5 --gestures 2", "1 show; "),
@@ -123,7 +122,7 @@ def test_keys_are_on_the_page_and_a_table_says_its_basis(
     assert basis in " ".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize("run", ["faults", "teach beside", "show"])
+@pytest.mark.parametrize("run", ["faults", "teach", "show"])
 def test_what_is_drawn_is_drawn_again(run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     """Two runs print the same figures, also where chance decides what is played."""
     arguments = _arguments(RUNS[run][0], folders)

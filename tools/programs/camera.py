@@ -11,7 +11,7 @@ from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.service.child_process import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import Bodies, Seen
-from kinespace.tools.camera.film import Film, Picture
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared
@@ -28,6 +27,9 @@ from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
 from kinespace.tools.terminal.console import say
+
+if TYPE_CHECKING:
+    from kinespace.tools.camera.film import Film, Picture
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,17 +12,13 @@ from typing import Concatenate, ParamSpec, Protocol, Self
 import numpy as np
 import zmq
 
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
-from kinespace.stream.recognizer import Settings
-from kinespace.stream.recognizer.joints.carried import Carried
-from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.recognizer import Performers
 from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, PATIENCE, Overload, Taken
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching import commands
@@ -110,80 +106,6 @@ class Source(Protocol):
         """Close sockets."""
 
 
-class Recognising(Protocol):
-    """The recognisers of several performers, here or elsewhere; `kinespace.stream.recognizer.Performers` is one."""
-
-    silence: float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The performers now followed, in the order of their first frames."""
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """The classes that are answered; an answer's index counts in this list."""
-
-    @property
-    def settings(self) -> Settings:
-        """The settings of all recognisers."""
-
-    @property
-    def sensitivity(self) -> float:
-        """The sensitivity of all recognisers."""
-
-    @property
-    def promise(self) -> tuple[float, float | None]:
-        """False alarms an hour that `done` promises, and the share of the library's motions missed (`Status`)."""
-
-    @property
-    def counts(self) -> PerformerCounts:
-        """Counts of all frames so far, by their fate; a copy."""
-
-    @property
-    def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, with the reason."""
-
-    @property
-    def doubted(self) -> dict[str, str]:
-        """Performers with joints that cannot be believed, and the reason."""
-
-    @property
-    def compared(self) -> dict[str, str]:
-        """Performers with other joints than the library's, or a body unlike its bodies, and what that means."""
-
-    def push_all(
-        self, events: Sequence[Admitted], arrival: float, *, newest_only: bool = False
-    ) -> Sequence[Recognition | None]:
-        """Take in frames and announcements, in order; give for each the recognition that is there at once, or None."""
-
-    def set_sensitivity(self, share: float) -> None:
-        """Recognise all performers with another sensitivity."""
-
-    def exchange(self, library: WindowIndex, order: Sequence[str] = ()) -> list[Event]:
-        """Compare all performers with another library; give the ends of the motions whose class it lacks."""
-
-    def drop_silent(self, now: float) -> list[Event]:
-        """Forget silent performers; give the ends of their motions."""
-
-    def end_paused(self, now: float) -> list[Event]:
-        """Give the ends of the motions of performers who send nothing for now."""
-
-    def end(self) -> list[Event]:
-        """Give the ends of all motions going on, because nothing more will come."""
-
-    def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since the last call."""
-
-    def ordered(self, frame: Frame) -> Frame | None:
-        """Give a frame in the order of the library's joints; None if it cannot be compared."""
-
-    def skeleton_of(self, name: str) -> Skeleton | None:
-        """Give the joints of a performer's frames; None for a stranger."""
-
-    def carried(self, name: str) -> Carried | None:
-        """Say which joints carry the last answer to a performer; None without an answer."""
-
-
 class Commanded(Protocol):
     """Carries out the commands that come in; a sink of the service, too, if it needs frames."""
 
@@ -225,7 +147,7 @@ class Service:
 
     def __init__(  # noqa: PLR0913 - all by keyword but three
         self,
-        performers: Recognising,
+        performers: Performers,
         sources: Sequence[Source],
         sinks: Sequence[Sink],
         *,
@@ -430,10 +352,10 @@ class Service:
     def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
         for recognition, (_, started, waited) in zip(answers, taken, strict=True):
             if recognition is not None:
-                self.publish(recognition, time.perf_counter() - started + waited)
+                self._publish(recognition, time.perf_counter() - started + waited)
 
-    def publish(self, recognition: Recognition, took: float) -> None:
-        """Publish an answer, made here or elsewhere, and what happened; its frame came `took` seconds ago."""
+    def _publish(self, recognition: Recognition, took: float) -> None:
+        """Publish an answer and what happened; its frame came `took` seconds ago."""
         recognition = self._as_answered(recognition)
         tell(self.sinks, Sink.publish, recognition)
         self._publish_events(recognition.events)

@@ -15,7 +15,7 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Roster, TaughtWindows
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.library.windows.index import WindowIndex, opened, teaches_itself
-from kinespace.stream.service.loop import Recognising
+from kinespace.stream.recognizer import Performers
 from kinespace.stream.teaching import Teacher
 from kinespace.tools.teaching.lessons import ClassPlaces, Lessons
 from kinespace.tools.teaching.roster_file import RosterFile
@@ -30,7 +30,7 @@ def open_lessons(
     file: Path,
     library: MotionLibrary | None,
     joints: Sequence[str],
-    performers: Callable[[WindowIndex, Sequence[str]], Recognising],
+    performers: Callable[[WindowIndex, Sequence[str]], Performers],
     stillness: float = STILLNESS,
     *,
     either_side: bool = False,

@@ -16,8 +16,8 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Event, EventKind
-from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.stream.service.loop import Recognising, tell
+from kinespace.stream.recognizer import Performers, Recognizer, Settings
+from kinespace.stream.service.loop import tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.memory import Remembered
@@ -59,7 +59,7 @@ class Lessons(Sink):
 
     def __init__(
         self,
-        performers: Recognising,
+        performers: Performers,
         teacher: Teacher,
         windows: TaughtWindows,
         file: RosterFile,

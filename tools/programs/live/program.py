@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import os
 import sys
 import threading
 import time
@@ -30,15 +29,12 @@ from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.service.loop import Service
-from kinespace.stream.status import Status
-from kinespace.stream.workers.gateway import GatewaySource
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import (
     OSC_IN,
     add_names,
     add_settings,
     add_shared,
-    count,
     names,
     positive,
     settings_of,
@@ -105,8 +101,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
-    text = "spread performers over processes (default: none)"
-    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
     text = "watch a camera, a film or a stream, as kinespace camera does"
     parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
     add_shared(parser, "--people", "--size")
@@ -135,11 +129,6 @@ def run(options: argparse.Namespace) -> int:
         return recognise(options, keyring)
 
 
-def workers(text: str) -> int:
-    """Read a number of workers; `auto`: one for each core but one, which receives."""
-    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
-
-
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Files and connections that may be open at once, as far as the system allows.
@@ -152,13 +141,10 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
     settings, record = settings_of(options), options.record
     preset = _checked(options, settings)
     performers, lessons = recognisers(options, preset)
-    # What workers send is read as a source is.
-    from_workers = [source] if (source := getattr(performers, "source", None)) else []
     in_lines = options.plain or options.log or not console.is_terminal
     shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
     admission = Admission(silence=performers.silence, allowed=options.allow)
     with ExitStack() as opened:
-        _close_in(opened, from_workers)
         # Before the sockets are open: no packet is to wait until the page runs.
         served, servers = list[Served](), list[Any]()
         for each in open_servers(options, keyring, performers, commands=lessons is not None):
@@ -179,14 +165,13 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         closing(kept) if kept else nullcontext(),
         Service(
             performers,
-            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
+            [*sources, *controls, *chain(*(each.requests for each in served))],
             [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,
         ExitStack() as running,
     ):
-        _answer_for(from_workers, service)
         for begun in (*servers, *senders):
             running.enter_context(begun)
         if lessons:
@@ -204,7 +189,9 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
-        status = _ended(service, lessons, from_workers)
+        if lessons:
+            lessons.close()
+        status = service.status()
     for line in (
         *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
         *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
@@ -218,21 +205,6 @@ def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
     """Close these if a later one cannot be opened."""
     for each in ends:
         opened.callback(each.close)
-
-
-def _ended(service: Service, lessons: Lessons | None, from_workers: Iterable[GatewaySource]) -> Status:
-    """Close what was open while the service ran; give its last status."""
-    if lessons:
-        lessons.close()
-    for each in from_workers:
-        each.gateway.settle()
-    return service.status()
-
-
-def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None:
-    """Publish what workers answer."""
-    for each in from_workers:
-        each.gateway.publish = service.publish
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

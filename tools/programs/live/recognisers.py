@@ -9,11 +9,10 @@ from pathlib import Path
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.feeds import Preset
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background_opener import BackgroundViews
-from kinespace.stream.service.loop import Recognising
 from kinespace.tools.cli.arguments import library_at, naming_of, settings_of
 from kinespace.tools.cli.presets import joints_in_order
 from kinespace.tools.cli.values import meant
@@ -28,21 +27,18 @@ Known = MotionLibrary | WindowIndex
 _NO_LIBRARY = Path("none")
 
 
-def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:
-    """Make recognisers that the service's own loop calls, or that work in processes of their own."""
-    settings = settings_of(options)
-    if not options.workers:
-        views = BackgroundViews()
-        return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
-    from kinespace.stream.workers.gateway import Gateway  # noqa: PLC0415 - only where there are workers
-    from kinespace.stream.workers.worker import Terms  # noqa: PLC0415 - as above
-
-    if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
-        library = opened(library)
-    return Gateway(options.workers, library, Terms(settings, options.performers, joints, tuple(classes)))
+def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Performers:
+    return Performers(
+        library,
+        settings_of(options),
+        most=options.performers,
+        joints=joints,
+        views=BackgroundViews(),
+        classes=classes,
+    )
 
 
-def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Recognising, Lessons | None]:
+def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Performers, Lessons | None]:
     """Make the recognisers, and the lessons if people may teach."""
     library, naming = options.library, naming_of(options)
     nothing = library == _NO_LIBRARY
@@ -92,7 +88,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
 def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints) -> Lessons:
     """Open the taught library."""
 
-    def performers(index: WindowIndex, classes: Sequence[str]) -> Recognising:
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = replace(sent, assumed=sent.assumed if covers else ())
         _require_room_for(index, settings_of(options))

@@ -12,9 +12,10 @@ from typing import Concatenate, ParamSpec, Protocol, Self
 import numpy as np
 import zmq
 
-from kinespace.stream.frame import Admitted, Frame
+from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.admission import Admission
-from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.inputs.commands import RequestSource
+from kinespace.stream.inputs.source import TENDING, Source
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
@@ -51,59 +52,8 @@ _MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
 _Told = ParamSpec("_Told")
-
-
-class Source(Protocol):
-    """A source of frames; `kinespace.stream.inputs.Source` is one.
-
-    Attributes
-    ----------
-    lag
-        Seconds for which the packet waited that was received last, at most; 0 when no more waits, or it is not known.
-    patience
-        In overload seconds, and else inf: then frames that waited for longer, and those shortly after another one of
-        the same performer, may be dropped, and counted.
-    """
-
-    lag: float
-    patience: float
-
-    @property
-    def place(self) -> str:
-        """Where frames come in, for a person; empty where none do."""
-
-    @property
-    def pollable(self) -> object:
-        """The object that `zmq.Poller` waits for: an owner of a file number, or a ZeroMQ socket."""
-
-    @property
-    def tended_within(self) -> float:
-        """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
-
-    @property
-    def has_put_aside(self) -> bool:
-        """Whether packets were put aside; `pollable` does not wake the loop for them."""
-
-    @property
-    def waited(self) -> float:
-        """Seconds for which the last packet waited before it was taken in; 0 when not known."""
-
-    @property
-    def counts(self) -> InputCounts:
-        """Counts of all that came in."""
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """Notes on it for a person, a line each."""
-
-    def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
-        """Take in one packet; give its commands and frames in order, or None when no packet waits. Never raises."""
-
-    def tend(self, now: float) -> Sequence[Admitted]:
-        """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""
-
-    def close(self) -> None:
-        """Close sockets."""
+#: What may be a source.
+AnySource = Source | RequestSource
 
 
 class Commanded(Protocol):
@@ -148,7 +98,7 @@ class Service:
     def __init__(  # noqa: PLR0913 - all by keyword but three
         self,
         performers: Performers,
-        sources: Sequence[Source],
+        sources: Sequence[AnySource],
         sinks: Sequence[Sink],
         *,
         admission: Admission | None = None,
@@ -241,7 +191,7 @@ class Service:
         self._answer_by_turns()
         self._looked = self._clock()
 
-    def _deal_with_waiting(self, source: Source, most: int) -> int:
+    def _deal_with_waiting(self, source: AnySource, most: int) -> int:
         """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
         # One alone: some take hundredths of a second, in which nobody is answered.
         if self._asked:
@@ -266,7 +216,7 @@ class Service:
         self._deal_with(taken)
         return wanted
 
-    def _take(self, source: Source, taken: list[Taken]) -> bool:
+    def _take(self, source: AnySource, taken: list[Taken]) -> bool:
         """Take in a packet: carry out its commands, add its frames and announcements; say whether one waited."""
         started = time.perf_counter()
         events = source.take(self._clock())
@@ -292,7 +242,7 @@ class Service:
         elif asked.reply:
             asked.reply(refused, {})
 
-    def _catch_up(self, source: Source, taken: list[Taken]) -> None:
+    def _catch_up(self, source: AnySource, taken: list[Taken]) -> None:
         """Take in all that waits; answer it all if it is little and not too old, else let performers wait for turns."""
         until = self._clock() + _MAX_CATCHING_UP
         lag = source.lag if taken else 0.0

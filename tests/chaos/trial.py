@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from kinespace.library import MotionLibrary
 from kinespace.stream.inputs.kinerec import RawFile
 from kinespace.stream.recognizer import Recognizer
-from kinespace.tools.loopback.service import Place, Program
+from kinespace.tools.feeding.service import Place, Program
 
 #: Runs until it is stopped.
 Attack = Callable[[Place, Event], None]

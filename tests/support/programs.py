@@ -22,8 +22,7 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Frame, osc, zeromq
 from kinespace.stream.recognition import Answer
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, Packet, without_pause
-from kinespace.tools.loopback.answers import Listener, answer_in
-from kinespace.tools.loopback.service import Transport
+from kinespace.tools.feeding.service import Listener, Transport, answer_in
 
 #: A line on what is odd about a body or a file that could be read (`library.windows.oddities.remarks`, `Clip.notes`).
 REMARK = re.compile(

@@ -20,7 +20,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers, Settings
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
-from kinespace.tools.loopback.answers import Listener, Received
+from kinespace.tools.feeding.service import Listener, Received
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0

@@ -17,11 +17,9 @@ from kinespace.tools.bench.crowd import (
     positions,
     shown,
 )
-from kinespace.tools.loopback.answers import Listener, answer_in
-from kinespace.tools.loopback.service import BackgroundService, Transport
+from kinespace.tools.feeding.service import BackgroundService, Listener, Transport, answer_in
 from kinespace.tools.programs import latency
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.terminal.console import progress, table_of
 
 FIGURES = ("latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz")
 RATES = (60.0, 120.0, 240.0, 360.0)

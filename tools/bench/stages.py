@@ -17,8 +17,7 @@ from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
 from kinespace.tools.bench.crowd import FRAME_RATE, Measured, endless, positions
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.terminal.console import progress, table_of
 
 #: Gives its cost, microseconds per frame.
 Job = Callable[[], float]

@@ -23,11 +23,9 @@ from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.harness import Feed
-from kinespace.tools.evaluation.stream_score import basis_of, rests_on
+from kinespace.tools.evaluation.stream_score import basis_of, counted_in, rests_on
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.evaluation.timeline import counted
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import print_scores
+from kinespace.tools.terminal.console import print_scores, progress
 
 #: What becomes of a feed's frames.
 Fault = Callable[[Feed, np.random.Generator], Feed]
@@ -214,7 +212,7 @@ def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Se
             answers.append(answer)
     begun, ended = feed.times[[0, -1]].tolist()
     noticed = alarms[0] - begun if alarms else None
-    counts = counted(take, library.classes, answers, harness.INSIDE)
+    counts = counted_in(take, library.classes, answers, harness.INSIDE)
     return _Played(take, counts, noticed, len({*map(int, alarms)}), ended - begun)
 
 

@@ -23,12 +23,10 @@ from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import print_json, shared_joints
-from kinespace.tools.evaluation.stream_score import basis_of, interval
+from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
 from kinespace.tools.evaluation.takes import Sources, distinct, read_takes
-from kinespace.tools.evaluation.timeline import write_rows
-from kinespace.tools.terminal.console import console, progress
+from kinespace.tools.terminal.console import console, counted, print_scores, progress, shortened, table_of
 from kinespace.tools.terminal.files import require_place_for
-from kinespace.tools.terminal.tables import counted, print_scores, shortened, table_of
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),

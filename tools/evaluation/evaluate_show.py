@@ -29,9 +29,8 @@ from kinespace.tools.evaluation.evaluate_gestures import add_report, report
 from kinespace.tools.evaluation.takes import Sources, read_takes
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.feeding.feed import resampled
-from kinespace.tools.teaching.beginning import open_taught
-from kinespace.tools.terminal.console import note, progress
-from kinespace.tools.terminal.tables import counted
+from kinespace.tools.teaching.lessons import open_taught
+from kinespace.tools.terminal.console import counted, note, progress
 
 #: Frames per second of a show.
 _RATE = 60.0

@@ -20,9 +20,18 @@ from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.stream_score import LOWER_IS_BETTER, print_persons, print_score, score_courses
+from kinespace.tools.evaluation.stream_score import (
+    LOWER_IS_BETTER,
+    Course,
+    answer_rows,
+    course_of,
+    print_persons,
+    print_score,
+    score_courses,
+    segment_rows,
+    write_rows,
+)
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.evaluation.timeline import Course, answer_rows, course_of, segment_rows, write_rows
 from kinespace.tools.terminal.console import progress
 from kinespace.tools.terminal.files import require_place_for
 

@@ -25,8 +25,7 @@ from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.feeding.feed import resampled
-from kinespace.tools.terminal.console import note, progress
-from kinespace.tools.terminal.tables import counted, print_scores
+from kinespace.tools.terminal.console import counted, note, print_scores, progress
 
 #: A motion, and the name of the recording that it was cut from.
 Motion = tuple[str, Clip]

@@ -27,10 +27,8 @@ from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.frames import VERSION
 from kinespace.tools.cli.values import host_and_port
-from kinespace.tools.page.link import Subscription
-from kinespace.tools.page.process import Plan
-from kinespace.tools.page.requests import Gate, refusal
-from kinespace.tools.page.server import ClientServer
+from kinespace.tools.page.process import Plan, Subscription
+from kinespace.tools.page.server import ClientServer, Gate, refusal
 from kinespace.tools.terminal.console import note, printable
 
 

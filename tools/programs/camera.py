@@ -17,7 +17,7 @@ import numpy as np
 
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.service.child_process import Child, leave_signals_to_parent
+from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import Bodies, Seen
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright

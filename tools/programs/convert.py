@@ -28,9 +28,8 @@ from kinespace.stream.inputs.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.takes import events_of, ordered_frames, seen_in
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
 from kinespace.tools.cli.presets import preset_named
-from kinespace.tools.terminal.console import printable, progress, say
+from kinespace.tools.terminal.console import csv_text, printable, progress, say
 from kinespace.tools.terminal.files import NameNotes, require_place_for
-from kinespace.tools.terminal.tables import csv_text
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]

@@ -13,9 +13,8 @@ from rich.table import Table
 from kinespace.stream import osc
 from kinespace.stream.frame import Announcement
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
-from kinespace.tools.loopback.answers import Listener, Received, answer_in, classes_in
-from kinespace.tools.terminal.console import console, note, say
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
+from kinespace.tools.terminal.console import console, note, say, table_of
 
 #: Seconds without an answer after which no more are expected.
 _LINGER = 0.3

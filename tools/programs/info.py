@@ -27,9 +27,8 @@ from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.joints.kinds import TITLES, kinds_of
 from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
 from kinespace.tools.cli.presets import preset_named
-from kinespace.tools.terminal.console import progress, say
+from kinespace.tools.terminal.console import print_scores, progress, say
 from kinespace.tools.terminal.files import read_with_notes
-from kinespace.tools.terminal.tables import print_scores
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")

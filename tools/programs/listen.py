@@ -25,8 +25,7 @@ from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.presets import preset_named
 from kinespace.tools.cli.values import host_and_port, opening
-from kinespace.tools.terminal.console import console, say
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.terminal.console import console, say, table_of
 
 #: The preset of our own messages, whose joints need not be named.
 _NATIVE = "native"

@@ -38,11 +38,10 @@ from kinespace.tools.cli.arguments import (
 )
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
-from kinespace.tools.loopback.answers import Listener
+from kinespace.tools.feeding.service import Listener
 from kinespace.tools.programs.exchange import Exchange
-from kinespace.tools.terminal.console import console, progress, progress_console, say
+from kinespace.tools.terminal.console import console, counted, progress, progress_console, say
 from kinespace.tools.terminal.files import NameNotes
-from kinespace.tools.terminal.tables import counted
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5

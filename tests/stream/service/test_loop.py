@@ -21,8 +21,7 @@ from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
-from kinespace.stream.service.loop import STATUS_EVERY, Service
-from kinespace.stream.service.overload import LATE, MAX_AGE
+from kinespace.stream.service.loop import LATE, MAX_AGE, STATUS_EVERY, Service
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Asked, State, Step, commands, wire
 from kinespace.stream.zeromq import Endpoint

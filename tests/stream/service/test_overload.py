@@ -14,7 +14,7 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.service.overload import CAUTION, MAX_PERFORMERS, MAX_WAITING, Overload, Taken
+from kinespace.stream.service.loop import CAUTION, MAX_PERFORMERS, MAX_WAITING, Overload, Taken
 
 #: Seconds that a packet and an answer take.
 _PACKET, _ANSWER = 2e-4, 5e-3

@@ -23,7 +23,7 @@ from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.osc.packet import decode_packet, encode_message
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.tools.teaching.beginning import open_taught
+from kinespace.tools.teaching.lessons import open_taught
 
 pytestmark = pytest.mark.slow
 

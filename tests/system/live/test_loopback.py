@@ -10,7 +10,7 @@ from written import trc_text
 from kinespace.library import Clip, read_recordings
 from kinespace.stream import Settings
 from kinespace.tools.feeding.feed import clip_cues
-from kinespace.tools.loopback.answers import expected_answers
+from kinespace.tools.feeding.service import expected_answers
 
 pytestmark = pytest.mark.slow
 

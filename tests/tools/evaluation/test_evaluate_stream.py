@@ -19,8 +19,8 @@ from kinespace.tools.cli.main import main
 from kinespace.tools.cli.presets import joints_of
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.harness import shared_joints
+from kinespace.tools.evaluation.stream_score import Course
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
-from kinespace.tools.evaluation.timeline import Course
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

@@ -15,7 +15,7 @@ from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.recognition import Answer
 from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.tools.feeding.feed import Cue
-from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, classes_in, expected_answers
+from kinespace.tools.feeding.service import AnswerMatcher, Expected, Listener, classes_in, expected_answers
 
 
 def test_every_packet_is_received_in_order_with_its_moment(stage: osc.OscReceiver) -> None:

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from kinespace.tools.loopback.service import BackgroundService
+from kinespace.tools.feeding.service import BackgroundService
 
 pytestmark = pytest.mark.slow
 

@@ -10,8 +10,8 @@ import pytest
 import zmq
 
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.page import link
-from kinespace.tools.page.link import Subscription, ask_control
+from kinespace.tools.page import process as link
+from kinespace.tools.page.process import Subscription, ask_control
 
 PATIENCE = 60.0
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from websockets.http11 import Response
 
-from kinespace.tools.page.requests import MAX_MESSAGE, Gate, read_message
+from kinespace.tools.page.server import MAX_MESSAGE, Gate, read_message
 
 OURS = {"host": "127.0.0.1:8010", "origin": "http://127.0.0.1:8010"}
 

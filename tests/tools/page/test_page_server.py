@@ -12,8 +12,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
-from kinespace.tools.page.requests import MAX_MESSAGE, Gate
-from kinespace.tools.page.server import MAX_PAGES, MAX_REPLIES, PageServer
+from kinespace.tools.page.server import MAX_MESSAGE, MAX_PAGES, MAX_REPLIES, Gate, PageServer
 
 PATIENCE = 60.0
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.

@@ -13,8 +13,7 @@ from rich.console import Console
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.loopback.answers import Expected
-from kinespace.tools.loopback.service import BackgroundService
+from kinespace.tools.feeding.service import BackgroundService, Expected
 from kinespace.tools.programs import demo
 
 pytestmark = pytest.mark.slow

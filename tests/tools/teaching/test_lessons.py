@@ -26,8 +26,7 @@ from kinespace.stream.recognizer import Performers, SentJoints, Settings
 from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.teaching.beginning import open_lessons
-from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener
+from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, open_lessons
 
 PATIENCE = 60.0
 #: Endings of the names of joints that a body of 20 joints lacks.

@@ -7,8 +7,7 @@ from rich.console import Console
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import csv_text, shortened, table_of
+from kinespace.tools.terminal.console import console, csv_text, shortened, table_of
 
 CLASSES = MotionLibrary.builtin().classes
 

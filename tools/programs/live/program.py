@@ -11,15 +11,19 @@ import gc
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, closing, nullcontext
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from rich.live import Live
 
+from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.library.teaching.movement import STILLNESS
+from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.source import FeedSource
@@ -27,7 +31,8 @@ from kinespace.stream.outputs import LAYOUTS, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
-from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
+from kinespace.stream.service.background import BackgroundViews
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import (
@@ -35,12 +40,15 @@ from kinespace.tools.cli.arguments import (
     add_names,
     add_settings,
     add_shared,
+    library_at,
     names,
+    naming_of,
     positive,
     settings_of,
 )
 from kinespace.tools.cli.entry import stop_on_signals
-from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.cli.presets import joints_in_order, preset_named
+from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.live.endpoints import (
     Served,
@@ -50,12 +58,109 @@ from kinespace.tools.programs.live.endpoints import (
     open_servers,
     supervisors,
 )
-from kinespace.tools.programs.live.recognisers import recognisers
 from kinespace.tools.teaching.keys import Keys
-from kinespace.tools.teaching.lessons import Lessons
+from kinespace.tools.teaching.lessons import Lessons, open_lessons
 from kinespace.tools.terminal.console import console, log_as, say
 from kinespace.tools.terminal.files import require_place_for
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
+
+#: A library, perhaps opened already.
+Known = MotionLibrary | WindowIndex
+
+#: In place of a library: only taught motions are known.
+_NO_LIBRARY = Path("none")
+
+
+def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Performers:
+    return Performers(
+        library,
+        settings_of(options),
+        most=options.performers,
+        joints=joints,
+        views=BackgroundViews(),
+        classes=classes,
+    )
+
+
+def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Performers, Lessons | None]:
+    """Make the recognisers, and the lessons if people may teach."""
+    library, naming = options.library, naming_of(options)
+    nothing = library == _NO_LIBRARY
+    if nothing and not options.teach:
+        raise ValueError("--library none: expected --teach with it")
+    if options.joints and preset:
+        raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
+    joints = naming.read(joints_in_order(options.joints)).joints if options.joints else ()
+    motions = library_at(None if nothing else library)
+    if naming.convention or naming.finds:
+        motions = motions.in_our_names(Naming())
+    if nothing:
+        joints = joints or (preset.joints if preset else ())
+    elif preset:
+        motions = fitted(motions, f"feed {preset.name}", preset.joints)
+    elif joints:
+        motions = fitted(motions, "--joints", joints)
+    sent = SentJoints(joints, naming)
+    if options.teach:
+        lessons = _lessons(options, None if nothing else motions, sent)
+        return lessons.performers, lessons
+    _require_room_for(motions, settings_of(options))
+    return _made(options, motions, sent), None
+
+
+def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
+    """Restrict a library to the joints a feed has, and print which.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Library and feed share fewer than five joints.
+    """
+    shared = motions.restricted_to(joints)
+    if shared is not motions:
+        for name in joints:
+            near = "" if name in motions.skeleton.joints else meant(name, [*{*motions.skeleton.joints} - {*joints}])
+            if near:
+                say(f"{whose}: the library has no joint {name!r}{near}")
+        further = [name for name in joints if name not in motions.skeleton.joints]
+        if further:
+            say(f"{whose}: not compared, because the library lacks them: {', '.join(further)}")
+        say(f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints")
+    return shared
+
+
+def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints) -> Lessons:
+    """Open the taught library."""
+
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+        covers = set(index.library.skeleton.joints) <= set(sent.assumed)
+        joints = replace(sent, assumed=sent.assumed if covers else ())
+        _require_room_for(index, settings_of(options))
+        return _made(options, index, joints, classes)
+
+    # People before a camera seldom think of their sides.
+    either_side = bool(options.camera) if options.either_side is None else options.either_side
+    lessons = open_lessons(
+        options.teach,
+        motions,
+        sent.assumed,
+        performers,
+        options.stillness,
+        either_side=either_side,
+    )
+    lessons.is_loud = options.loud_lessons
+    return lessons
+
+
+def _require_room_for(motions: Known, settings: Settings) -> None:
+    """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
+    try:
+        Recognizer(motions, settings)
+    except MemoryError as error:
+        if settings.window is None:
+            raise
+        raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
+
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"

@@ -11,7 +11,7 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
 from kinespace.tools.evaluation.evaluate_gestures import _teachers, example_of, first_of, listened, moved
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.teaching.beginning import open_taught
+from kinespace.tools.teaching.lessons import open_taught
 
 SEGMENTS = tuple(
     Segment(float(place), place + 1.0, label)

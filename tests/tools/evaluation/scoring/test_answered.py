@@ -1,4 +1,4 @@
-"""Answers counted one by one: noisy motions and faulty takes replayed by hand, and each fault by its name."""
+"""Answers counted_in one by one: noisy motions and faulty takes replayed by hand, and each fault by its name."""
 
 import json
 from pathlib import Path
@@ -13,8 +13,8 @@ from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed
+from kinespace.tools.evaluation.stream_score import counted_in
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.evaluation.timeline import counted
 
 B, J, OF = "bow", "jump", Outcome
 #: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.
@@ -39,10 +39,10 @@ def _answers() -> list[Recognition]:
 def test_answers_counted_by_hand() -> None:
     """Answers count by what is performed then; those at a segment's beginning, and outside of all, do not count."""
     take = Take(stick_clip("bow"), (Segment(0, 1, B), Segment(1, 2, J), Segment(2, 3, "juggle")))
-    counts = counted(take, (B, J), _answers(), inside=0.5)
+    counts = counted_in(take, (B, J), _answers(), inside=0.5)
     expected = {"answers": 5, "right": 1, "guessed": 2, "wrong": 1, "implausible": 1, "unknown": 2, "unknown_named": 1}
     assert counts == expected
-    assert not counted(take, (B, J), [])
+    assert not counted_in(take, (B, J), [])
 
 
 def _played(fault: str) -> tuple[Feed, Feed]:

@@ -17,7 +17,7 @@ from programs import (
 from kinespace.stream import Announcement, LiveSignature, Settings, osc
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue
-from kinespace.tools.loopback.answers import expected_answers
+from kinespace.tools.feeding.service import expected_answers
 from kinespace.tools.programs.live.program import OSC_OUT
 
 pytestmark = pytest.mark.slow

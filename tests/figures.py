@@ -64,6 +64,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
     "gestures": ("gestures", "{data}/jackknife/takes", "--actor-in", "name", "--subjects", "u104", "u105"),
     "show": ("show", "--shows", "2", "--minutes", "4"),
+    "peers": ("peers", "--alone"),
     "progress": ("progress", "--every", "16"),
     "done": ("done", *(f"{{data}}/uiprmd/takes/s0{person}_m01.npz" for person in (4, 5)), "--actor-in", "name"),
     **{

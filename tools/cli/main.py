@@ -49,6 +49,7 @@ EXPERIMENTS: Programs = {
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
     "gestures": ("evaluation.evaluate_gestures", "teach a gesture by one example, and count words in long takes"),
     "show": ("evaluation.evaluate_show", "teach gestures, and count words in everyday movement between them"),
+    "peers": ("evaluation.evaluate_peers", "name whole motions beside what a researcher would otherwise take"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
     "done": ("evaluation.evaluate_done", "play takes, and count the motions that were done and the false alarms"),
 }

@@ -20,6 +20,7 @@ from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
 from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.stream_score import (
     LOWER_IS_BETTER,
     Course,
@@ -51,9 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     text = "leave these parts of the signature out, to see their worth"
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
-    parser.add_argument(
-        "--answers", type=report_path, metavar="CSV", help="write a row for each answer: truth, guess, scores"
-    )
+    text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
+    parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
     parser.add_argument(
         "--segments", type=report_path, metavar="CSV", help="write a row for each segment: right, named, delays"
     )
@@ -65,13 +65,16 @@ def run(options: argparse.Namespace) -> int:
     for file in filter(None, (options.answers, options.segments)):
         require_place_for(file)
     asked, classes = harness.asked_of(options)
+    annotates = options.answers and is_annotation(options.answers, len(asked))
     by_person = options.resample == "persons"
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
     courses = _courses(asked, classes, options)
     score = score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
-    if options.answers:
+    if annotates:
+        write_annotations(options.answers, courses)
+    elif options.answers:
         write_rows(options.answers, answer_rows(courses, classes))
     if options.segments:
         write_rows(options.segments, segment_rows(courses, classes, harness.INSIDE))

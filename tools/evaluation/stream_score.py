@@ -398,7 +398,7 @@ class StreamScore:
     Attributes
     ----------
     figures
-        By name; `scoring.stream_tables` says of each what it is. Shares are 0 to 1.
+        By name; `print_score` says of each what it is. Shares are 0 to 1.
     classes
         Of each class performed, the seconds, and the shares of its time guessed right, and right with the last second
         inside the segment.

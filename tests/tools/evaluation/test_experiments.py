@@ -41,6 +41,7 @@ RUNS = {
     ),
     "progress": ("progress --every 3", "6 motions of 3 persons"),
     "done itself": ("done", "18 motions, 0 takes with a motion"),
+    "peers": ("peers --alone", "18 motions of 3 classes; each of 3 persons left out"),
     "retrieval": ("retrieval {clips} --protocol split", "12 motions of 3 classes by 2 persons"),
     "retrieval of takes": ("retrieval {takes} --actor-in name", "7 motions of 4 classes by 3 persons"),
 }
@@ -54,6 +55,8 @@ REFUSED = {
     "stream {takes} --protocol leave-one-take-out --window 1": "--window: expected --signature paper",
     "stream {clips} --skeleton octopus": "--skeleton: expected one of",
     "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
+    "stream {takes} --protocol leave-one-take-out --answers x.eaf": "expected one take in a file of ELAN, got 3",
+    "peers {takes}": "expected motions of two persons or more, got none",
     "faults --protocol library": "expected takes with --protocol library, got none",
     "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
     "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",

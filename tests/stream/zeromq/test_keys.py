@@ -183,7 +183,6 @@ def test_nobody_knows_it_is_open_to_others(address: str, kind: int, tmp_path: Pa
     [
         ("live --zmq-in tcp://*:*", "--zmq-in"),
         ("live --osc-in 127.0.0.1:0 --teach {}/mine.npz --control tcp://*:*", "--control"),
-        ("record {}/a.kinerec --zmq-in tcp://*:*", "--zmq-in"),
         ("replay squat1Reps --listen @tcp://*:*", "--listen"),
     ],
 )

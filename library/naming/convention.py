@@ -27,6 +27,11 @@ _MAX_REMEMBERED = 1024
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 #: The end of a namespace or a path.
 _NAMESPACE = re.compile(r"\A.*[:|]")
+#: A side and the rest of a name.
+_SIDED = re.compile(
+    r"(?:((?i:left|right|l|r))[\s_\-.]+|([lr]|[Ll]eft|[Rr]ight)(?=[A-Z]))(.+)|"
+    r"(.+?)(?:[\s_\-.]+((?i:left|right|l|r))|(?<=[a-z\d])(L|R|Left|Right))"
+)
 #: Names that feeds and sets of joints have for a convention.
 _ALSO = {"kinect20": "kinect1", "kinectv2": "kinect2"}
 #: Stands for a side in a convention's names, and for its letter in ours.
@@ -48,6 +53,8 @@ class Convention:
     targets
         Our joint for each of the convention's names, spelled by `spelling`; empty where we have no such joint. Where a
         skeleton has two names for one joint, the first name counts.
+    sided
+        The names of the two sides' joints, spelled, by `_sided`: a side may stand in front of a name or behind it.
     prefixes
         Prefixes that every name may have, perhaps followed by a number, spelled by `spelling`.
     absent
@@ -59,6 +66,7 @@ class Convention:
     name: str
     title: str
     targets: Mapping[str, str] = field(repr=False)
+    sided: Mapping[str, str] = field(default_factory=dict, repr=False)
     prefixes: tuple[str, ...] = ()
     absent: frozenset[str] = frozenset()
     needed: frozenset[str] = frozenset()
@@ -73,7 +81,9 @@ class Convention:
         bare = [_NAMESPACE.sub("", label) or label for label in labels]
         front = _without_front(bare)
         both = [label[::-1] for label in _without_front([label[::-1] for label in front])]
-        return max(([self._bare(label) for label in each] for each in (bare, front, both)), key=self.known)
+        ways = [[self._bare(label) for label in each] for each in (bare, front, both)]
+        ways += [[self.sided.get(_sided(label), spelling(label)) for label in each] for each in (front, both)]
+        return max(ways, key=self.known)
 
     def fits(self, spelled: Sequence[str]) -> bool:
         """Say whether a skeleton has none of the names that it must lack, and one of those that it needs."""
@@ -86,13 +96,20 @@ class Convention:
     def _bare(self, label: str) -> str:
         bare = spelling(label)
         front = next((each for each in self.prefixes if bare.startswith(each)), "")
-        return bare.removeprefix(front).lstrip(digits) if front else bare
+        rest = bare.removeprefix(front)
+        return rest.lstrip(digits) or rest if front else bare
 
 
 @lru_cache(maxsize=_MAX_REMEMBERED)
 def spelling(name: str) -> str:
     """Spell a joint's name without capitals and without marks between words."""
     return _BETWEEN_WORDS.sub("", name).casefold()
+
+
+def _sided(label: str) -> str:
+    """Spell a name by its side and what is left of it, wherever the side stands: `shoulder_L`, `leftShoulder`."""
+    side = _SIDED.fullmatch(label)
+    return f"{(side[1] or side[2] or side[5] or side[6])[0].lower()} {spelling(side[3] or side[4])}" if side else ""
 
 
 def _without_front(labels: Sequence[str]) -> list[str]:
@@ -195,6 +212,12 @@ def parse_convention(text: str, file: str) -> Convention:
         name=name,
         title=read.title.strip() or name,
         targets={spelling(each): target for each, target in read.targets()},
+        sided={
+            f"{side} {spelling(name.replace(_SIDE, ''))}": spelling(each)
+            for name in read.joints
+            if _SIDE in name
+            for side, (each, _) in zip("lr", read.both_sides(name), strict=False)
+        },
         prefixes=tuple(map(spelling, read.prefixes)),
         absent=read.spelled(read.absent),
         needed=read.spelled(read.needed),

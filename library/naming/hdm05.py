@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,38 +20,11 @@ ATTRIBUTION = (
 )
 LICENCE = "CC BY-SA 3.0"
 
-#: Joints in the order of the recordings' `:hierarchy`: the root, its children, their children line by line.
-SKELETON = Skeleton(
-    joints=(
-        *("root", "lhipjoint", "rhipjoint", "lowerback"),
-        *("lfemur", "ltibia", "lfoot", "ltoes", "rfemur", "rtibia", "rfoot", "rtoes"),
-        *("upperback", "thorax", "lowerneck", "lclavicle", "rclavicle", "upperneck", "head"),
-        *("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers"),
-        *("rhumerus", "rradius", "rwrist", "rhand", "rthumb", "rfingers"),
-    ),
-    parents=(
-        *(-1, 0, 0, 0),
-        *(1, 4, 5, 6, 2, 8, 9, 10),
-        *(3, 12, 13, 13, 13, 14, 17),
-        *(15, 19, 20, 21, 21, 22),
-        *(16, 25, 26, 27, 27, 28),
-    ),
-)
-
+_HELD = tomllib.loads((resources.files("kinespace.library.naming") / "hdm05.toml").read_text("utf-8"))
+_JOINTS = [*_HELD["above"]]
+SKELETON = Skeleton(tuple(_JOINTS), (-1, *(_JOINTS.index(above) for above in _HELD["above"].values() if above)))
 #: How people call HDM05's classes.
-_TITLES = {
-    "depositFloorR": "put down",
-    "elbowToKnee1RepsLelbowStart": "elbow to knee",
-    "grabHighR": "grab",
-    "hopBothLegs1hops": "hop",
-    "jogLeftCircle4StepsRstart": "jog",
-    "kickLFront1Reps": "kick",
-    "lieDownFloor": "lie down",
-    "rotateArmsBothBackward1Reps": "rotate arms",
-    "sneak2StepsLStart": "sneak",
-    "squat1Reps": "squat",
-    "throwBasketball": "throw",
-}
+_TITLES: dict[str, str] = _HELD["titles"]
 
 #: A cut clip says its class and a take of three digits; an uncut take says scene-part and a take of two digits.
 _NAME = re.compile(

@@ -68,7 +68,8 @@ def unknown_names(labels: Sequence[str], joints: Collection[str]) -> str:
     lost = [label[:_MAX_LABEL] for label, name in zip(labels, named, strict=True) if name not in joints]
     if not lost:
         return ""
-    tables = [(each.known(each.spelled(labels)), each.name) for each in conventions() if each != own_convention()]
+    spelled = [(each, each.spelled(labels)) for each in conventions() if each != own_convention()]
+    tables = [(each.known(names), each.name) for each, names in spelled if each.fits(names)]
     known, nearest = max(tables, key=lambda each: each[0])
     near = f"the nearest table ({nearest}) knows {known} of {len(labels)}" if known else "no table knows them"
     listed = ", ".join(lost[:_MAX_LISTED]) + (" ..." if len(lost) > _MAX_LISTED else "")

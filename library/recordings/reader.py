@@ -31,8 +31,8 @@ FILMS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 #: Readers of the files that hold their own skeleton, by ending.
 _READERS: dict[str, Callable[..., Clip | list[Clip]]] = {
     ".bvh": bvh.read_clip,
-    _C3D: c3d.read_clip,
-    ".trc": trc.read_clip,
+    _C3D: c3d.read_clips,
+    ".trc": trc.read_clips,
 }
 #: The endings of all files that can be read.
 ENDINGS = (_AMC, *_READERS, RAW, *_TABLES)

@@ -25,6 +25,8 @@ from kinespace.stream.recognizer.windows.window import signature
 
 #: Seconds added to the times of two windows before they are compared: a motion's first moments are alike.
 _BEGINNING = 0.3
+#: Seconds after the beginning up to which windows count less: they show little of the motion yet.
+_LITTLE = 0.6
 #: Power of a score that makes it a probability, between what two cameras' takes want.
 _SURE = 8.0
 
@@ -142,7 +144,8 @@ class MotionClassifier:
         if not len(found):
             raise ValueError(f"clip {clip.name!r}: expected some tenths of a second, got {clip.duration:.2f} s")
         means = np.zeros(len(index.classes) + 1)
-        means[:-1] = np.mean(1 / (1 + np.exp(found)), axis=0)
+        weights = np.minimum(window_ends(clip, self.hop) / clip.frame_rate, _LITTLE) ** 2
+        means[:-1] = np.average(1 / (1 + np.exp(found)), axis=0, weights=weights)
         # A class without a window long enough has no score.
         places = {name: place for place, name in enumerate(index.classes)}
         return means[[places.get(str(each), -1) for each in self.classes_.tolist()]]

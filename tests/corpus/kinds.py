@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import struct
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
+import ezc3d
 import numpy as np
 from numpy.typing import NDArray
 from written import MOVES, TURNS, Node, bvh_text
@@ -34,7 +37,7 @@ class Kind:
     """A file, the right values in it where they are not the body's, and what is said of it.
 
     `lacking` are names that are left out, `frames` those that are there, `people` the performers' names, `tells` a part
-    of a remark or of the refusal; `options` are a person's. `reads` is False where only a clear refusal is right.
+    of a remark or of the refusal; `names` are those of `body`, if it is another; `options` are a person's. `reads` is False where only a clear refusal is right.
     """
 
     ending: str
@@ -46,12 +49,15 @@ class Kind:
     people: tuple[str, ...] = ("",)
     options: tuple[tuple[str, object], ...] = ()
     names: Sequence[str] = NAMES
+    body: NDArray[np.float64] = field(default_factory=lambda: BODY)
     near: float = 2e-4
     reads: bool = True
 
 
 BODY = body()
 TIMES = np.arange(len(BODY)) / RATE
+PELVIS = ("LASI", "RASI", "LPSI", "RPSI")
+_PELVIS = BODY[:, :1] + np.array([[0.12, 0, 0.1], [-0.12, 0, 0.1], [0.05, 0, -0.1], [-0.05, 0, -0.1]])
 
 
 # --- tables ----------------------------------------------------------------------------------------------------------
@@ -66,10 +72,11 @@ def table(  # noqa: PLR0913 - a table may differ in many ways
     positions: NDArray[np.float64] = BODY,
     first: str = "",
     more: Sequence[tuple[str, object]] = (),
+    names: Sequence[str] = NAMES,
 ) -> str:
     """Give a table with a column for each coordinate, and further columns in front."""
     moments = list(times) or [f"{time:.4f}" for time in TIMES]
-    rows = [[*([clock] if clock else []), *(name for name, _ in more), *(head(n, a) for n in NAMES for a in "xyz")]]
+    rows = [[*([clock] if clock else []), *(name for name, _ in more), *(head(n, a) for n in names for a in "xyz")]]
     for moment, frame in zip(moments, positions, strict=False):
         numbers = ["" if value != value else f"{value:.4f}" for value in frame.ravel().tolist()]  # noqa: PLR0124 - NaN
         rows.append([*([str(moment)] if clock else []), *(str(value) for _, value in more), *numbers])
@@ -156,13 +163,27 @@ def _vicon() -> str:
     )
 
 
-def _qualisys() -> str:
+def _vicon_parts() -> str:
+    """Give the events, with a rate of their own, and angles above the trajectories."""
+    events = "Events\n1000\nSubject,Context,Name,Time (s),Description\nAnn,Left,Foot Strike,0.2,x\n\n"
+    angles = _several_rows(["Ann:LHipAngles", "Ann:RHipAngles"], "XYZ", (["", ""], ["Frame", "Sub Frame"]), "first")
+    rows = "".join(f"{place + 1},0,1.0,2.0,3.0,1.0,2.0,3.0\n" for place in range(48))
+    return f"{events}Model Outputs\n120\n{angles},,deg,deg,deg,deg,deg,deg\n{rows}\n"
+
+
+def _vicon_old() -> str:
+    head = _several_rows([f"Ann:{name}" for name in NAMES], "XYZ", ([""], ["Field #"]), "first")
+    rows = _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda place: str(place + 1))
+    return f"TRAJECTORIES\n60,Hz\n{head}{rows}"
+
+
+def _qualisys(*, columns: bool = True) -> str:
     names = "\t".join(NAMES)
     head = f"NO_OF_FRAMES\t{len(BODY)}\nNO_OF_MARKERS\t16\nFREQUENCY\t60\nDATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
-    columns = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
+    heads = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
     return (
         head
-        + f"Frame\tTime\t{columns}\n"
+        + f"Frame\tTime\t{heads}\n" * columns
         + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1}\t{index / RATE:.5f}", "\t")
     )
 
@@ -173,6 +194,16 @@ def _tidy() -> str:
         for index, frame in enumerate(BODY)
         for name, (x, y, z) in zip(NAMES, frame.tolist(), strict=True)
     )
+
+
+def _two_long() -> str:
+    rows = "".join(
+        f"{time:.4f},{who},{name},{x + shift:.4f},{y:.4f},{z:.4f}\n"
+        for time, frame in zip(TIMES, BODY.tolist(), strict=True)
+        for who, shift in (("a", 0.0), ("b", 1.5))
+        for name, (x, y, z) in zip(NAMES, frame, strict=True)
+    )
+    return f"time,who,joint,x,y,z\n{rows}"
 
 
 def _two(column: str, clock: str, ids: tuple[str, str]) -> str:
@@ -191,10 +222,61 @@ def _beside() -> str:
     heads = [["scorer", *["me"] * 96], ["individuals", *["ann"] * 48, *["bob"] * 48]]
     heads += [["bodyparts", *(n for n in NAMES * 2 for _ in "xyz")], ["coords", *"xyz" * 32]]
     rows = [
-        [str(place), *(f"{each:.4f}" for each in (*frame.ravel(), *(frame + 1.5).ravel()))]
+        [str(place), *(f"{each:.4f}" for each in (*frame.ravel(), *(frame + np.array([1.5, 0, 0])).ravel()))]
         for place, frame in enumerate(BODY)
     ]
     return "".join(",".join(row) + "\n" for row in heads + rows)
+
+
+def _long(fields: str, *, by: str = "frame", names: Sequence[str] = NAMES, end: str = "", mark: str = ",") -> str:
+    """Give a row for each joint, or for each coordinate (`{value}`), frame by frame or joint by joint."""
+    head = fields.replace("{time:.4f}", "time").replace(":.4f", "").replace("{", "").replace("}", "")
+    rows = [
+        (place, joint, axis, value)
+        for place, frame in enumerate(BODY.tolist())
+        for joint, point in enumerate(frame)
+        for axis, value in (zip("xyz", point, strict=True) if "{value" in fields else [("", 0.0)])
+    ]
+    rows = rows if by == "frame" else sorted(rows, key=lambda row: row[1])
+    return (head + end + "\n").replace(",", mark) + "".join(
+        fields.format(
+            **dict(zip("xyz", BODY[place, joint].tolist(), strict=True)),
+            time=TIMES[place],
+            joint=names[joint],
+            id=joint,
+            axis=axis,
+            value=value,
+            frame=place,
+        )
+        + end.replace("score", "0.9")
+        + "\n"
+        for place, joint, axis, value in rows
+    ).replace(",", mark)  # fmt: skip
+
+
+def _in_front(heads: str, fields: Callable[[int, float], str], text: str = "") -> str:
+    """Put columns in front of a table without a clock: of a frame's number and its time, from half a second on."""
+    head, *rows = (text or table(clock=None)).splitlines(keepends=True)
+    return f"{heads}{head}" + "".join(
+        fields(place, time) + row for place, (time, row) in enumerate(zip(TIMES.tolist(), rows, strict=True))
+    )
+
+
+def _people(front: str, both: tuple[str, str]) -> str:
+    """Put two bodies beside each other, whose names stand in front of the joints' ones."""
+    heads = ["time", *(f"{front.format(who, name)}_{axis}" for who in both for name in NAMES for axis in "xyz")]
+    rows = [
+        [f"{time:.4f}", *(f"{each:.4f}" for each in (*frame.ravel(), *(frame + np.array([1.5, 0, 0])).ravel()))]
+        for time, frame in zip(TIMES, BODY, strict=True)
+    ]
+    return "".join(",".join(row) + "\n" for row in [heads, *rows])
+
+
+def _points(field: str, front: str = "") -> str:
+    """Write a joint's three numbers into one field."""
+    fields = (",".join(field.format(*place) for place in frame) for frame in BODY.tolist())
+    lines = "".join(f"{time:.4f},{each}\n" for time, each in zip(TIMES, fields, strict=True))
+    return f"{front}time,{','.join(NAMES)}\n{lines}"
 
 
 def _times(scale: float, start: int = 0) -> list[int]:
@@ -221,7 +303,7 @@ def _tables() -> dict[str, Kind]:
         "times that stand": (table(times=[0.0] * len(BODY)), {"rate": 30.0, "tells": "times"}),
         "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
         "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
-        "two people in columns": (_beside(), {"rate": 30.0, "tells": "Hips again"}),
+        "two people in columns": (_beside(), {"rate": 30.0, "tells": "times: none", "people": ("ann", "bob")}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people by name": (_two("Performer", "time", ("ann", "佐藤")), {"people": ("ann", "佐藤")}),
         "rotations": (table(more=[(f"Hips_rot_{axis}", 0.5) for axis in "xyz"] + [(f"Hips_q{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips_rot"}),
@@ -250,6 +332,51 @@ def _tables() -> dict[str, Kind]:
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "times: none"}),
         "a row a joint": (_tidy(), {}),
+        "seconds beside milliseconds": (_in_front("Frame,SubFrame,seconds,ms,", lambda n, t: f"{n},0,{int(t + 0.5)},{(t + 0.5) % 1 * 1000:.3f},"), {}),
+        "seconds beside nanoseconds": (_in_front("stamp.secs,stamp.nsecs,", lambda _, t: f"{17 * 10**8 + int(t + 0.5)},{int((t + 0.5) % 1 * 1e9)},"), {"near": 1e-3}),
+        "whole seconds alone": (_in_front("time,", lambda n, _: f"{n // 10},"), {"rate": 10.0, "tells": "stands for several frames"}),
+        "two times, the first stands": (_in_front("start time,time_ms,", lambda _, t: f"12.5,{1000 * t:.1f},"), {}),
+        "SMPTE": (_in_front("Timecode,", lambda n, _: f"10:00:{(n + 30) // 60:02}:{(n + 30) % 60:02},"), {}),
+        "SMPTE within one second": (_in_front("Timecode,", lambda n, _: f"10:00:01:{n:02},"), {"tells": "60 frames a second"}),
+        "SMPTE with ;": (_in_front("Frame,Time,", lambda n, _: f"{n},10:00:{(n + 30) // 60:02};{(n + 30) % 60:02},"), {}),
+        "dates of America": (_in_front("timestamp,", lambda _, t: f"05/01/2024 12:59:{59.5 + t if t < 0.5 else 0:09.6f} PM,".replace("12:59:00.000000", f"01:00:{t - 0.5:09.6f}")), {}),
+        "dates of Germany": (_in_front("timestamp,", lambda _, t: f"01;05;2024 10:00:{t:09.6f},").replace(",", "|").replace(".", ",").replace(";", "."), {}),
+        "times of pandas": (table(times=[f"0 days 00:00:{time:09.6f}" for time in TIMES]), {}),
+        "midnight": (table(clock="date,time", times=[f"05/0{1 + (time >= 0.4)}/2024,{'00:00' if time >= 0.4 else '23:59'}:{(time + 59.6) % 60:07.4f}" for time in TIMES]), {}),
+        "takes joined": (_in_front("time,", lambda n, _: f"{n % 24 / RATE:.4f},"), {"tells": "starts again behind frame 24"}),
+        "two people by an unknown name": (_two("who", "time", ("ann", "bob")), {"people": ("ann", "bob")}),
+        "two people one after the other": ("".join(sorted(_two("who", "time", ("ann", "bob")).splitlines(keepends=True), key=lambda row: ("time" not in row, "bob" in row))), {"people": ("ann", "bob")}),
+        "two people whom nothing tells apart": (_two("who", "time", ("ann", "ann")), {"reads": False, "tells": "two bodies at one time"}),
+        "two people by A:": (_people("{}:{}", ("A", "B")), {"people": ("A", "B")}),
+        "two people by person_1_": (_people("{}_{}", ("person_1", "person_2")), {"people": ("person_1", "person_2")}),
+        "a person's name in front": (_in_front("performer,", lambda *_: "ann,", table()), {}),
+        "Vicon Nexus, all parts": (_vicon_parts() + _vicon(), {}),
+        "Vicon Workstation": (_vicon_old(), {}),
+        "Qualisys, without columns' names": (_qualisys(columns=False), {"ending": "tsv"}),
+        "a row a joint, by id": (_long("{time:.4f},{id},{x:.4f},{y:.4f},{z:.4f}", names=NAMES), {"names": tuple(map(str, range(16)))}),
+        "a row a joint, joint by joint": (_long("{joint},{time:.4f},{x:.4f},{y:.4f},{z:.4f}", by="joint"), {}),
+        "a row a joint, two people": (_two_long(), {"people": ("a", "b")}),
+        "a row a coordinate": (_long("{time:.4f},{joint},{axis},{value:.4f}"), {}),
+        "a row a coordinate, melted": (_long("{time:.4f},{joint}_{axis},{value:.4f}").replace("joint_axis", "variable"), {}),
+        "a running id": (_in_front("id,", lambda n, _: f"{n},", table()), {}),
+        "R's row names": (_in_front("", lambda n, _: f'"{n}",', table()), {}),
+        "leading empty fields": (_in_front(",", lambda *_: ",", table()), {}),
+        "bars": ("".join(f"| {line.replace(',', ' | ')} |\n" for line in table().splitlines()), {}),
+        "runs of blanks": (table().replace(",", "   "), {"ending": "txt"}),
+        "units: 1": ("# units: 1\n" + table(positions=BODY * 1000), {}),
+        "OpenSim": ("me\nversion=1\nnRows=48\nnColumns=49\ninDegrees=no\nendheader\n" + table(mark="\t"), {"ending": "sto"}),
+        "OpenSim, three in a field": (_points("{:.4f};{:.4f};{:.4f}", "DataRate=60.000\nDataType=Vec3\nendheader\n").replace(",", "\t").replace(";", ","), {"ending": "sto"}),
+        "lists in fields": (_points('"[{:.4f}, {:.4f}, {:.4f}]"'), {}),
+        "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
+        "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
+        "hours, minutes, seconds": (_in_front("hour,minute,second,ms,", lambda _, t: f"10,{59 if t < 0.2 else 0},{int(t + 59.8) % 60},{(t + 59.8) % 1 * 1000:.3f},".replace("10,0,", "11,0,")), {}),
+        "days": (table(clock="datenum", times=[f"{45413.4 + time / 86400:.11f}" for time in TIMES]), {}),
+        "seconds since 1970": (table(clock="timestamp", times=[f"{1.7e9 + time:.4f}" for time in TIMES]), {}),
+        "rows in another order": ("".join(row for n in range(49) for row in [t[n + (n == 9) - (n == 10)]]) if (t := table().splitlines(keepends=True)) else "", {"tells": "another order"}),
+        "a row twice": (table().replace(row := table().splitlines(keepends=True)[9], 2 * row), {}),
+        "frames a second in a comment": ("# 60 fps\n" + table(clock=None), {}),
+        "a word in front": (table(head="joint.{}.{}".format), {}),
+        "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
     made = {name: Kind(**{"ending": "csv", "content": text.encode(), **said}) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
     return made | {
@@ -305,6 +432,7 @@ def _trcs() -> dict[str, Kind]:
         "seen late": (trc(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
         "decimal commas": (trc().replace(".", ","), {}),
         "a marker without a name": (trc().replace("\tRightLeg\t", "\t\t"), {"lacking": ("RightLeg",)}),
+        "markers without names behind": ("\n".join(line + "\t1\t2\t3" * (n > 5) for n, line in enumerate(trc().splitlines())), {}),
         "an empty unit": (trc(unit=""), {"tells": "units"}),
         "no unit": (trc(unit="?"), {"tells": "units"}),
         "metres, cut to four letters": (trc(unit="mete", positions=BODY), {"near": 6e-3}),
@@ -444,6 +572,21 @@ def c3d(  # noqa: PLR0913 - a file may differ in many ways
     )
 
 
+def _theia() -> bytes:
+    """Let ezc3d write what Theia does: a matrix for each segment in place of points."""
+    matrices = np.zeros((4, 4, len(NAMES), len(BODY)))
+    matrices[:] = np.eye(4)[:, :, None, None]
+    matrices[:3, 3] = 1000 * BODY.transpose(2, 1, 0)
+    made = ezc3d.c3d()
+    made["parameters"]["POINT"]["RATE"]["value"], made["parameters"]["POINT"]["UNITS"]["value"] = [RATE], ["mm"]
+    made["data"]["points"], made["data"]["rotations"] = np.ones((4, 0, len(BODY))), matrices
+    for name, value in (("RATE", [RATE]), ("USED", [len(NAMES)]), ("LABELS", list(NAMES))):
+        made.add_parameter("ROTATION", name, value)
+    with tempfile.TemporaryDirectory() as folder:
+        made.write(f"{folder}/theia.c3d")
+        return Path(folder, "theia.c3d").read_bytes()
+
+
 def _c3ds() -> dict[str, Kind]:
     many = np.repeat(BODY[:, :2], 1500, axis=0)
     late, both = _without("LeftHand", np.nan, slice(0, 40)), _without("LeftHand", 0.0)
@@ -467,6 +610,8 @@ def _c3ds() -> dict[str, Kind]:
         "more frames than 16 bits": (c3d(positions=many, labels=NAMES[:2], whole=True, said=65_535), {"tells": "there are 72000", "names": ()}),
         "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
+        "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("A", "B")}),
+        "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip
     return {f"C3D, {name}": Kind("c3d", content, **said) for name, (content, said) in kinds.items()}  # type: ignore[arg-type]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kinds import BODY, KINDS, NAMES, Kind
+from kinds import KINDS, Kind
 
 from kinespace.library import Clip
 from kinespace.library.naming import Naming
@@ -38,10 +38,10 @@ def test_every_kind_is_read_right(tmp_path: Path, name: str) -> None:
         if not kind.names:
             assert clip.frames == 72_000
             continue
-        assert {*NAMES} - {*clip.skeleton.joints} == {*kind.lacking}
-        there = [joint for joint in NAMES if joint not in kind.lacking]
+        assert {*kind.names} - {*clip.skeleton.joints} == {*kind.lacking}
+        there = [joint for joint in kind.names if joint not in kind.lacking]
         found = clip.positions[:, [clip.skeleton.joints.index(joint) for joint in there]]
-        expected = BODY[:, [NAMES.index(joint) for joint in there]] + [1.5 * number, 0, 0]
+        expected = kind.body[:, [kind.names.index(joint) for joint in there]] + [1.5 * number, 0, 0]
         if kind.ending == "bvh":
             plain = read(tmp_path, KINDS["BVH, positions of nothing" if "osition" in name else "BVH, plain"])[0]
             expected = plain.positions[:, [plain.skeleton.joints.index(joint) for joint in there]]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import Clip
-from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
@@ -81,4 +81,4 @@ def film_clip(path: Path) -> Clip:
     if len(times) < 2:
         raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
     even = evened(np.array(times), np.array(positions), begin=film.FIRST)
-    return replace(clip_of_markers(path, JOINTS, even.positions, even.rate, ()), gaps=even.gaps)
+    return replace(clips_of_markers(path, JOINTS, even.positions, even.rate, ())[0], gaps=even.gaps)

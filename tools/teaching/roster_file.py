@@ -180,6 +180,15 @@ class RosterFile:
                 library_file.write(real, library.contents)
             else:
                 real.unlink(missing_ok=True)
+            with self._adding:
+                before, self._in_file, self._safe, self._written = self._in_file, roster, roster, library
+                try:
+                    if not self._write_new(self._newest):
+                        self._new_path.unlink(missing_ok=True)
+                except OSError:
+                    # Readers would add its examples twice: all is tried again.
+                    self._in_file = before
+                    raise
         except (OSError, ValueError) as error:
             why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             if asked or not self._failed:
@@ -187,11 +196,6 @@ class RosterFile:
                 self._say(Step.REFUSED, f"{name} was not saved: {why}; the taught motions are still in memory")
             self._failed = True
             return
-        with self._adding:
-            self._in_file = self._safe = roster
-            self._written = library
-            if not self._write_new(self._newest):
-                self._new_path.unlink(missing_ok=True)
         asked, self._failed = asked or self._failed, False
         if asked:
             saved = f"{self._path.name} saved, examples: {len(roster.examples)}"

@@ -23,7 +23,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, numbers_in, positive_in, refuse
 from kinespace.library.recordings.formats.joint_choice import few
-from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
+from kinespace.library.recordings.formats.rotations import BLOCK, turns
 from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 
@@ -193,9 +193,7 @@ class _AsfReader:
         return Bone(name, offset, self._axis_frame(order, angles), order, channels)
 
     def _axis_frame(self, order: str, angles: list[float]) -> NDArray[np.float64]:
-        from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load, and a live feed does not need it
-
-        return Rotation.from_euler(order, angles, degrees=self.angle == "deg").as_matrix()
+        return turns(order, [*np.array(angles) * (math.radians(1) if self.angle == "deg" else 1)])
 
 
 def read_asf(path: Path) -> AcclaimSkeleton:
@@ -298,11 +296,8 @@ def _place(body: AcclaimSkeleton, channels: NDArray[np.float64], positions: NDAr
     turned: list[NDArray[np.float64]] = []
     for index, (bone, parent) in enumerate(zip(body.bones, body.skeleton.parents, strict=True)):
         own = dict(zip(bone.channels, channels[:, places.get(bone.name, slice(0))].T, strict=True))
-        turn = np.broadcast_to(np.eye(3), (len(channels), 3, 3))
-        # Written out, because one scipy `Rotation` for each bone and frame makes the reader much slower.
-        for name in bone.axis_order:
-            if f"r{name}" in own:
-                turn = turn_about(name, own[f"r{name}"]) @ turn
+        order = [axis for axis in bone.axis_order if f"r{axis}" in own]
+        turn = turns("".join(order), [own[f"r{axis}"] for axis in order], len(channels))
         local = bone.axis @ turn @ bone.axis.T
         if parent < 0:
             still = np.zeros(len(channels))

@@ -26,7 +26,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, number_of, numbers_in
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
-from kinespace.library.recordings.formats.rotations import BLOCK, turn_about
+from kinespace.library.recordings.formats.rotations import BLOCK, turns
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
@@ -254,7 +254,7 @@ def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:
     A joint's frame is M = M_parent · R₁ · R₂ · R₃; it stands at p = p_parent + M_parent · offset. Many frames at once,
     one joint at a time.
     """
-    positions, displaced = np.empty((len(motion.channels), len(motion.joints), 3)), _displaced(motion)
+    positions, displaced = np.empty((len(motion.channels), len(motion.joints), 3)), _displaced(motion)[0]
     for start in range(0, len(positions), BLOCK):
         block = slice(start, start + BLOCK)
         _place(motion.joints, motion.channels[block], displaced, positions[block])
@@ -268,14 +268,13 @@ def _place(
     positions: NDArray[np.float64],
 ) -> None:
     turned: list[NDArray[np.float64]] = []
-    for index, (joint, own) in enumerate(zip(joints, _by_joint(joints, channels), strict=True)):
-        offset = np.tile(np.array(joint.offset), (len(channels), 1))
-        local = np.broadcast_to(np.eye(3), (len(channels), 3, 3))
-        for name, numbers in zip(joint.channels, own.T, strict=True):
-            if name[0] == "r":
-                local = local @ turn_about(name[1], np.radians(numbers))
-            elif displaced[index]:
-                offset[:, "xyz".index(name[1])] = numbers
+    for index, (joint, numbers) in enumerate(zip(joints, _by_joint(joints, channels), strict=True)):
+        own, offset = dict(zip(joint.channels, numbers.T, strict=True)), np.tile(joint.offset, (len(channels), 1))
+        for axis in range(3):
+            if displaced[index]:
+                offset[:, axis] = own.get(f"p{'xyz'[axis]}", offset[:, axis])
+        order = [name[1] for name in own if name[0] == "r"]
+        local = turns("".join(order).upper(), [np.radians(own[f"r{axis}"]) for axis in order], len(channels))
         if joint.parent < 0:
             positions[:, index] = offset
             turned.append(local)
@@ -290,28 +289,19 @@ def _by_joint(joints: Sequence[BvhJoint], channels: NDArray[np.float64]) -> list
     return np.split(channels, np.cumsum([len(joint.channels) for joint in joints[:-1]]), axis=1)
 
 
-def _displaced(motion: BvhMotion) -> list[bool]:
-    """Tell for each joint whether its position channels stand in place of its offset: they are not small against it."""
-    found = list[bool]()
+def _displaced(motion: BvhMotion) -> tuple[list[bool], list[str]]:
+    """Tell for each joint whether its position channels stand in place of its offset: they are not small against it.
+
+    Gives a remark, too, where a joint keeps its offset although the channels are large in some frames.
+    """
+    found, large = list[bool](), list[str]()
     for joint, own in zip(motion.joints, _by_joint(motion.joints, motion.channels), strict=True):
         moves = np.linalg.norm(own[:, [name[0] == "p" for name in joint.channels]], axis=1)
-        small = _REPLACES * math.hypot(*joint.offset)
-        found.append(bool(moves.any() if joint.parent < 0 else np.median(moves) > small))
-    return found
-
-
-def _passing(motion: BvhMotion, displaced: Sequence[bool]) -> list[str]:
-    """Say which joints kept their offset although their position channels are large in some frames."""
-    large = [
-        joint.name
-        for joint, own, moved in zip(motion.joints, _by_joint(motion.joints, motion.channels), displaced, strict=True)
-        if not moved and joint.parent >= 0
-        for moves in [np.abs(own[:, [name[0] == "p" for name in joint.channels]])]
-        if moves.max(initial=0.0) > _REPLACES * math.hypot(*joint.offset)
-    ]
-    return [f"positions: channels of {', '.join(large[:5])} pass over their OFFSET in some frames: left out"] * bool(
-        large
-    )
+        small, is_root = _REPLACES * math.hypot(*joint.offset), joint.parent < 0
+        found.append(bool(moves.any() if is_root else np.median(moves) > small))
+        large += [joint.name] * (not found[-1] and not is_root and bool(moves.max() > small))
+    listed = ", ".join(large[:5])
+    return found, [f"positions: channels of {listed} pass over their OFFSET in some frames: left out"] if large else []
 
 
 def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> list[int]:
@@ -385,7 +375,7 @@ def read_clip(
         The file cannot be opened.
     """
     motion = read_bvh(path, frame_rate)
-    displaced = _displaced(motion)
+    displaced, passing = _displaced(motion)
     kept, parents = _kept(motion.joints, displaced, joints)
     names, twice = short_names([motion.joints[index].name for index in kept])
     skeleton = Skeleton(names, parents)
@@ -400,6 +390,6 @@ def read_clip(
         frame_rate=motion.frame_rate,
         name=path.stem,
         rotations=np.radians(motion.channels[:, turns]),
-        notes=(*motion.notes, *twice, *_passing(motion, displaced)),
+        notes=(*motion.notes, *twice, *passing),
     )
     return hdm05.titled(clip, path)

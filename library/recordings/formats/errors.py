@@ -89,13 +89,6 @@ def numbers_in(words: Sequence[str], path: Path, line: int, count: int, where: s
     return values
 
 
-def count_in(text: str, path: Path, line: int, what: str) -> int:
-    """Read a text as a whole number from 1 to 999,999,999; RecordingError for anything else."""
-    if not text.isdecimal() or len(text) > 9 or int(text) == 0:
-        refuse(path, line, f"expected a number as {what}, got {text!r}")
-    return int(text)
-
-
 def positive_in(words: Sequence[str], path: Path, line: int, what: str) -> float:
     """Read one word of a line as a positive number; RecordingError for anything else."""
     (value,) = numbers_in(words, path, line, 1, f" as {what}")

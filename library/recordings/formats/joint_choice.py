@@ -8,13 +8,16 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from kinespace.library.clip import Clip
+from kinespace.library.naming import Naming
 
 #: Joints of a recording, at most: two fingered bodies have some 150.
 MAX_JOINTS = 1000
 #: Words for a position behind a joint's name.
 _PLACE = re.compile(
-    r"(?<=[^\W_])([\W_]+(?i:pos|positions?|translations?|translate|coords?|location)|(?<=[a-z])(Pos|Position|Translate))\Z"
+    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coords?|location)|(?<=[a-z])(Pos|Position|Translate))\Z"
 )
+#: A mark between words.
+_MARK = re.compile(r"[ _\-./]+")
 #: Characters of a joint's name, at most.
 MAX_NAME = 400
 
@@ -71,23 +74,42 @@ def restricted(clip: Clip, wanted: Sequence[str]) -> Clip:
     return replace(clip, skeleton=clip.skeleton.restricted_to(kept), positions=clip.positions[:, kept])
 
 
+def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
+    """Give the places of each person's labels, and these without the person: `ann:Hips`, `person_1_Hips`, `Hips.B`.
+
+    Behind a colon a name must stand twice; beside other marks what is left must name a body for each person. All labels
+    are one person's otherwise, who has no name.
+    """
+    for count in (0, 1, 2, 3, -1):
+        people = dict[str, dict[int, str]]()
+        for place, label in enumerate(labels):
+            person, rest = _cut(label, count) if count else label.rpartition(":")[::2]
+            people.setdefault(person, {})[place] = rest
+        rests = [{*each.values()} for each in people.values()]
+        twice = not count and sum(map(len, rests)) > len(set().union(*rests))
+        if len(people) > 1 and (
+            twice or (count and all(people) and all(Naming().read([*each]).convention for each in rests))
+        ):
+            return {person: each for person, each in people.items() if len(each) > 1}
+    return {"": dict(enumerate(labels))}
+
+
+def _cut(label: str, count: int) -> tuple[str, str]:
+    """Give the part of a label before so many marks between words, or behind the last one (-1), and the other part."""
+    marks = [*_MARK.finditer(label)]
+    if len(marks) < abs(count):
+        return "", label
+    if count < 0:
+        return label[marks[-1].end() :], label[: marks[-1].start()]
+    return label[: marks[count - 1].start()], label[marks[count - 1].end() :]
+
+
 def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Leave out the part of each label before a colon (`ann:LHip`), so that two people's joints have the same names.
+    """Leave out the part of each label before a colon (`ann:LHip`), and a word for a position behind it (`LHip_pos`).
 
-    A word for a position behind it (`LHip_pos`) is no part of a name either. Of a name that stands there twice the
-    second gets `_2`, which a remark says.
-
-    Raises
-    ------
-    ValueError
-        Labels of two people would get the same names.
+    Of a name that stands there twice the second gets `_2`, which a remark says.
     """
     names = [plain(_after_colon(label)) for label in few(labels)]
-    if len(set(names)) == len(names):
-        return tuple(names), []
-    people = list(dict.fromkeys(label.rpartition(":")[0] for label in labels))
-    if len(people) > 1 and len(set(labels)) == len(labels):
-        raise ValueError(f"the file has several performers ({', '.join(people)}): choose the joints of one by --joints")
     twice = list(dict.fromkeys(name for name in names if names.count(name) > 1))
     taken, found = {*names}, list[str]()
     for name in names:
@@ -95,7 +117,7 @@ def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
         while (each := name if name not in found else f"{name}_{number}") in found or (each != name and each in taken):
             number += 1
         found.append(each)
-    return tuple(found), [f"twice: {', '.join(twice)}: the second is called {twice[0]}_2"]
+    return tuple(found), [f"twice: {', '.join(twice)}: the second is called {twice[0]}_2"] if twice else []
 
 
 def plain(label: str) -> str:

@@ -1,9 +1,10 @@
 """Tables of joint positions: CSV with three columns for each joint, and the `.npz` that `kinespace convert` writes.
 
-A CSV (also `.tsv`, `.txt`) has commas, semicolons or tabs between, in UTF-8 or UTF-16; `table_header` finds its
-columns, in the tables of Motive and Vicon too. Times count in any unit (`timed_frames.seconds_of`); without them frames
-follow each other evenly, 30 in a second unless another rate is given. A column that numbers or names persons makes a
-clip for each. Other columns (visibilities, rotations) are ignored. An empty field is a joint that was not seen.
+A text has commas, semicolons, tabs, bars or blanks between, in UTF-8 or UTF-16; `table_header` finds its columns, also
+in tables of Motive, Vicon, Qualisys and OpenSim. A table whose rows are joints is turned into one of frames.
+Times count in any unit (`timed_frames.timing`); without them frames follow each other evenly, 30 in a second unless
+another rate is given. A column that numbers or names persons makes a clip for each. Other columns (visibilities,
+rotations) are ignored. An empty field is a joint that was not seen.
 
 The `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
 they are not known; and `performer`.
@@ -13,10 +14,11 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from io import BytesIO
 from itertools import chain, islice, pairwise
 from pathlib import Path
@@ -29,18 +31,38 @@ from kinespace.library import memory
 from kinespace.library.clip import Clip, as_numbers
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse
 from kinespace.library.recordings.formats.joint_choice import few, restricted
-from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
-from kinespace.library.recordings.formats.table_header import Header, header_of, is_numbers
-from kinespace.library.recordings.formats.timed_frames import laid, timing
+from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
+from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
+from kinespace.library.recordings.formats.timed_frames import are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.
-_MARKS = "\t;,"
-#: Lines of which one must have the mark between fields, and lines in which a table's first frame must come.
+_MARKS = "\t;|, "
+#: Lines of which one must have the mark between fields, and lines that may stand above a part's first frame.
 _FRONT = 50
 _MAX_HEAD = 2000
+#: Values of a column that tells people apart, at most.
+_MOST_PEOPLE = 64
+#: A time of day, perhaps behind a date, with a half of the day or a zone behind; SMPTE's ends with a frame's number.
+_CLOCK = re.compile(
+    r"(?:.*[\sT,_])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)(?:[:;](\d+)\S*)?(?: ?[AP]\.?M\.?)?(?:Z| ?UTC|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+_DATE = re.compile(r"\d+([-./])\d+\1\d+")
+#: SMPTE's frames per second, and where they do not show; and the number by which their numbers are divided at first.
+_OF_SMPTE, _USUAL_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), (30, 60, 120), 1000.0
+#: Seconds after which a clock of twelve hours begins anew.
+_HALF_DAY = 43_200
+#: Times as large a change between two rows of one time as between two times that shows two bodies.
+_OTHER = 3.0
+#: Bytes of a field that is kept as text, and turned.
+_CELL = 150
+#: Bodies at one time, at most.
+_MOST_AT_ONCE = 10
+#: A number in a field of several, as `[0.1 0.2 0.3]`, and the characters of such a field, at most.
+_PART, _MAX_POINT = re.compile(r"[^\s,;()\[\]]+"), 120
 #: The endings of tables in text.
-TEXTS = (".csv", ".tsv", ".txt")
+TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
 #: The errors for a file of another kind, or one cut short.
 _DAMAGE = (*memory.DAMAGE, OSError, ValueError)
@@ -96,28 +118,32 @@ def read_clips(
     RecordingError
         The file is no such table, or a line of it makes no sense.
     ValueError
-        The times fall, or a joint that is asked for is missing.
+        A joint that is asked for is missing.
     OSError
         The file cannot be opened.
     """
     if path.suffix.lower() == ".npz":
         return [restricted(_npz_clip(path, frame_rate), joints)]
-    head, people, notes = _read_csv(path)
-    return [
-        replace(clip, actor=name or clip.actor)
-        for name, each in people.items()
-        for clip in [_clip(path, head, each, metres_per_unit, frame_rate, joints, notes)]
-    ]
+    table = _read(path)
+    head, places, (name, moments) = table.header, table.places(), table.clock()
+    clips = list[Clip]()
+    for person, rows in table.people(path, moments).items():
+        notes, timed = list(table.notes), rows if moments is None else rows[np.isfinite(moments[rows])]
+        if len(timed) < len(rows):
+            notes.append(f"times: {len(rows) - len(timed)} frames without one are left out")
+        if moments is not None and are_shuffled(moments[timed]):
+            notes.append(f"times: rows stand in another order than {name.strip()!r}: sorted")
+            timed = timed[np.argsort(moments[timed], kind="stable")]
+        if len(timed) < 2:
+            raise RecordingError(f"{path}: expected at least 2 frames, got {len(timed)}")
+        times, rate = timing(None if moments is None else moments[timed], name, head.rate, frame_rate, notes)
+        own, metres = places[timed], metres_per_unit or head.metres
+        found = clips_of_markers(path, [*head.joints], own, rate, joints, times=times, metres=metres, notes=notes)
+        clips += [replace(clip, actor=person or clip.actor) for clip in found]
+    return clips
 
 
 def _npz_clip(path: Path, frame_rate: float | None) -> Clip:
-    times, positions, skeleton, performer = _arrays(path)
-    if not np.isfinite(positions).all():
-        raise RecordingError(f"{path}: positions: expected finite metres, got NaN or infinity")
-    return replace(laid(times, positions, frame_rate).clip(skeleton), name=path.stem, actor=performer)
-
-
-def _arrays(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Skeleton, str]:
     try:
         with memory.archive(path) as archive:
             arrays = [read_array(BytesIO(memory.unpacked(archive, name, memory.limit() // 4))) for name in _ARRAYS]
@@ -129,62 +155,128 @@ def _arrays(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Skele
         raise RecordingError(f"{path}: not a table of joints ({error})") from error
     if positions.shape != expected or times.ndim != 1:
         raise RecordingError(f"{path}: expected positions {expected}, got {positions.shape}")
-    return times, positions, skeleton, str(performer)
+    if not np.isfinite(positions).all():
+        raise RecordingError(f"{path}: positions: expected finite metres, got NaN or infinity")
+    return replace(laid(times, positions, frame_rate).clip(skeleton), name=path.stem, actor=str(performer))
 
 
 @dataclass(slots=True)
-class _Frames:
-    """One person's rows: the joints' numbers, times or frame numbers, and the joints' names where each row is one."""
+class _Table:
+    """A part of a file: its header, numbers row by row, and for each row its times and what may tell people apart.
 
+    Attributes
+    ----------
+    first, begin
+        The first frame and its line.
+    points
+        The columns whose fields hold three numbers each.
+    values, clocks
+        The joints' numbers, and by column the times.
+    cells
+        By column the numbers of its texts, and those numbers row by row; a column of many texts is dropped.
+    rows
+        The rows with their lines where each is a joint or a coordinate.
+    """
+
+    header: Header
+    first: Sequence[str]
+    begin: int
+    points: Collection[int] = ()
     values: array[float] = field(default_factory=lambda: array("d"))
-    moments: array[float] = field(default_factory=lambda: array("d"))
-    labels: list[str] = field(default_factory=list)
+    clocks: dict[int, array[float]] = field(default_factory=dict)
+    cells: dict[int, tuple[dict[str, int], array[int]]] = field(default_factory=dict)
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    short: int = 0
+    columns: list[int] = field(init=False)
+    needed: int = field(init=False)
 
-    def together(self, joints: Sequence[str]) -> tuple[Sequence[str], NDArray[np.float64], NDArray[np.float64]]:
-        """Give the joints' names, their positions (frames, joints, 3) and the frames' moments."""
-        values, moments = np.frombuffer(self.values), np.frombuffer(self.moments)
-        if not self.labels:
-            return joints, values.reshape(-1, len(joints), 3), moments
-        names, frames, begins = list(dict.fromkeys(self.labels)), list[dict[str, int]](), list[int]()
-        for row, (label, moment) in enumerate(zip(self.labels, self.moments, strict=True)):
-            if not frames or label in frames[-1] or moment != self.moments[begins[-1]]:
-                frames.append({})
-                begins.append(row)
-            frames[-1][label] = row
-        few(names)
-        memory.require_numbers(len(frames) * len(names) * 3)
-        # The row behind the last stands for a joint that is not in its frame.
-        rows = np.concatenate([values.reshape(-1, 3), np.full((1, 3), np.nan)])
-        return names, rows[[[frame.get(name, -1) for name in names] for frame in frames]], moments[begins]
+    def __post_init__(self) -> None:
+        head = self.header
+        self.columns = [column for axes in head.joints.values() for column in axes]
+        self.clocks = {column: array("d") for column in head.clocks}
+        free = [each for each in head.free if each < len(self.first) and "." not in self.first[each]]
+        self.cells = {column: ({}, array("q")) for column in (*head.people, *free)}
+        self.needed = max([*self.columns, *head.clocks, *head.people]) + 1 if self.is_wide else len(self.first)
 
+    def take(self, path: Path, line: int, row: list[str]) -> None:
+        """Take in a row."""
+        if not self.is_wide:
+            self.rows.append((line, row))
+            memory.require(len(self.rows) * len(row) * _CELL, "memory")
+            return
+        fields = [row[column] for column in self.columns]
+        try:
+            self.values.extend([*map(float, fields)])
+        except ValueError:
+            self.values.extend([_number(path, line, each) for each in fields])
+        for column, moments in self.clocks.items():
+            moments.append(_moment(path, line, row[column]))
+        for column, (texts, numbers) in [*self.cells.items()]:
+            numbers.append(texts.setdefault(row[column].strip() if column < len(row) else "", len(texts)))
+            if len(texts) > _MOST_PEOPLE:
+                del self.cells[column]
 
-def _clip(  # noqa: PLR0913, PLR0917 - what a person may ask for
-    path: Path,
-    head: Header,
-    frames: _Frames,
-    metres: float | None,
-    rate: float | None,
-    joints: Sequence[str],
-    notes: Sequence[str],
-) -> Clip:
-    memory.require_numbers(len(frames.values))
-    names, positions, moments = frames.together([*head.joints])
-    if len(positions) < 2:
-        raise RecordingError(f"{path}: expected at least 2 frames, got {len(positions)}")
-    clock, own = _clock(head), list(notes)
-    if timed := np.isfinite(moments).sum():
-        if untimed := len(moments) - timed:
-            own.append(f"times: {untimed} frames without one are left out")
-        positions, moments = positions[np.isfinite(moments)], moments[np.isfinite(moments)]
-    name = "" if clock is None else head.names[clock]
-    times, rate = timing(moments if timed else None, name, head.rate, rate, own)
-    metres = metres or head.metres
-    return clip_of_markers(path, names, positions, rate, joints, times=times, metres=metres, notes=own)
+    @property
+    def is_wide(self) -> bool:
+        """Whether a row is a frame."""
+        return len(self.header.joints) > 1
 
+    def places(self) -> NDArray[np.float64]:
+        """Give the positions, (rows, joints, 3)."""
+        memory.require_numbers(len(self.values))
+        return np.frombuffer(self.values).reshape(-1, len(self.header.joints), 3)
 
-def _clock(head: Header) -> int | None:
-    """Give the column that says when a frame was: of times, or else of frame numbers."""
-    return head.frames if head.times is None else head.times
+    def clock(self) -> tuple[str, NDArray[np.float64] | None]:
+        """Give the name and the numbers of the times that count; of times of the day seconds."""
+        found = dict[str, NDArray[np.float64]]()
+        for column, numbers in self.clocks.items():
+            moments, name = np.frombuffer(numbers), self.header.names[column]
+            if clock := _CLOCK.fullmatch(self.first[column].strip()) if self.first else None:
+                name = f"s of {name}"
+                if clock[4]:
+                    frames = np.round(moments % 1 * _SMPTE)
+                    most, usual = (
+                        float(np.nanmax(frames)) + 1,
+                        _OF_SMPTE if (np.diff(frames) < 0).any() else _USUAL_SMPTE,
+                    )
+                    rate = self.header.rate or next((each for each in usual if each >= most), most)
+                    if usual == _USUAL_SMPTE and not self.header.rate:
+                        self.notes.append(f"times: SMPTE's within one second: {rate:g} frames a second")
+                    moments = np.floor(moments) + frames / rate
+                # The day, or its half, begins anew.
+                days = np.round(np.minimum(np.diff(moments), 0) / -_HALF_DAY)
+                moments += np.cumsum(np.append(0, days * _HALF_DAY))
+            if np.isfinite(moments).any():
+                found[name] = moments
+        return clock_of(found)
+
+    def people(self, path: Path, moments: NDArray[np.float64] | None) -> dict[str, NDArray[np.intp]]:
+        """Give the rows of each person; RecordingError where bodies stand at one time, and no column tells whose."""
+        size = len(self.places())
+        several = {column: each for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2}
+        told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several.items()}
+        column = next((each for each in self.header.people if each in told), None)
+        if column is None and moments is not None and not (np.diff(moments) > 0).all():
+            pairs = ((each, np.stack([moments, numbers])) for each, numbers in told.items())
+            column = next((each for each, pair in pairs if np.unique(pair, axis=1).shape[1] == size), None)
+            if column is None and self._has_two_bodies(moments):
+                refuse(
+                    path, self.begin + 1, "two bodies at one time: expected a column that tells whose, like person_id"
+                )
+        if column is None:
+            return {"": np.arange(size)}
+        return {text: np.flatnonzero(told[column] == number) for text, number in self.cells[column][0].items()}
+
+    def _has_two_bodies(self, moments: NDArray[np.float64]) -> bool:
+        """Say whether rows of one time differ more than rows of times that follow each other."""
+        places, same = self.places(), np.diff(moments) == 0
+        bodies = round(len(same) / max(1, (~same).sum()))
+        if not 1 < bodies < min(_MOST_AT_ONCE, len(same) / 4):
+            return False
+        apart = np.linalg.norm(np.diff(places, axis=0), axis=2)[same]
+        moved = np.linalg.norm(places[bodies:] - places[:-bodies], axis=2)
+        return bool(np.nanmedian(apart) > _OTHER * np.nanmedian(moved))
 
 
 def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
@@ -197,77 +289,151 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
                 raise csv.Error("a quotation mark that does not end on its line")
             yield line
 
-    return csv.reader(whole(), delimiter=mark)
+    if mark == " ":
+        return (line.replace('"', "").lstrip("# ").split() for line in whole())
+    return csv.reader(whole(), delimiter=mark, skipinitialspace=True)
 
 
-def _begun(path: Path, most: int | None = None) -> tuple[Header, list[str], Iterator[list[str]], int] | None:
-    """Read a table up to its first frame: the header, that frame, the rows behind it, and the frame's line."""
-    found, front = None, "".join(islice(memory.lines(path, most, errors="replace"), _FRONT))
-    for mark in (each for each in _MARKS if each in front):
-        head, rows = list[list[str]](), _rows(path, mark, most)
-        for number, row in enumerate(islice(rows, _MAX_HEAD), start=1):
-            if not is_numbers(row):
-                head.append(row)
-            elif (header := header_of(head)) and (found is None or len(header.joints) > len(found[0].joints)):
-                found = header, row, rows, number
-                break
-            else:
-                # The header of another part of the file.
-                head = []
-        if found is None and (header := header_of(head)):
-            found = header, [], rows, len(head)
-    return found
+def _begun(path: Path, most: int | None = None) -> str | None:
+    """Give the mark by which a text is a table of the most joints; None where it is none."""
+    front = "".join(islice(memory.lines(path, most, errors="replace"), _FRONT))
+    found = (
+        (table.header.rank, mark) for mark in _MARKS if mark in front for table in islice(_tables(path, mark, most), 1)
+    )
+    return max(found, key=lambda each: each[0], default=(None, None))[1]
 
 
-def _read_csv(path: Path) -> tuple[Header, dict[str, _Frames], list[str]]:
-    """Read a table's header, each person's frames, positions in the file's unit, and remarks."""
-    try:
-        begun = _begun(path)
-        if begun is None:
-            refuse(path, 1, "expected columns like head_x, head_y, head_z for two joints or more")
-        head, first, rows, begin = begun
-        columns = [column for axes in head.joints.values() for column in axes]
-        people, notes, clock = dict[str, _Frames](), list[str](), _clock(head)
-        needed = max(columns + [each for each in (clock, head.person, head.label) if each is not None]) + 1
-        for number, row in _whole(path, chain([first], rows), begin, needed, notes):
-            person = row[head.person].strip() if head.person is not None else ""
-            frames = people.setdefault(person, _Frames())
-            fields = [row[column] for column in columns]
-            try:
-                frames.values.extend([*map(float, fields)])
-            except ValueError:
-                frames.values.extend([_number(path, number, each) for each in fields])
-            if head.label is not None:
-                frames.labels.append(row[head.label].strip())
-            frames.moments.append(math.nan if clock is None else _moment(path, number, row[clock]))
-    except csv.Error as error:
-        raise RecordingError(f"{path}: expected a CSV ({error})") from error
-    if head.others:
-        notes.append(f"no positions: {', '.join(head.others[:5])}{' ...' if len(head.others) > 5 else ''}: left out")
-    return head, people if len(people) > 1 else {"": next(iter(people.values()), _Frames())}, notes
-
-
-def _whole(
-    path: Path, rows: Iterator[list[str]], begin: int, needed: int, notes: list[str]
-) -> Iterator[tuple[int, list[str]]]:
-    """Give the rows of frames with their lines, empty fields where some at the end lack; remark on what is odd."""
-    blank, short = False, 0
-    for number, (row, after) in enumerate(pairwise(chain(rows, [None])), start=begin):
-        if not row or not any(row) or row[0].startswith("#"):
+def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
+    """Give each part of a text that is a table of joints when its first frame comes; it gets its rows later."""
+    head, named, table, blank, line = list[list[str]](), list[str](), None, False, 0
+    for line, (row, after) in enumerate(pairwise(chain(_rows(path, mark, most), [None])), start=1):
+        if not row or not any(row) or (table and (row[0].startswith("#") or row == named)):
             blank |= not row or not any(row)
             continue
-        if blank and not is_numbers(row):
-            notes.append(f"parts: what stands from line {number} on is left out")
-            break
-        if len(row) < needed and number > begin and after is None:
-            notes.append(f"frames: the last line, {number}, is cut off and left out")
-            break
-        if 2 * len(row) < needed:
-            refuse(path, number, f"expected {needed} fields, got {len(row)}")
-        short += len(row) < needed
-        yield number, row + [""] * (needed - len(row))
-    if short:
-        notes.append(f"frames: {short} have fewer than {needed} fields: the joints in the others are not seen")
+        if table and blank and not is_numbers(row, named=not is_numbers(table.first)):
+            table.notes.append(f"parts: what stands from line {line} on is left out")
+            table = None
+        blank &= table is None
+        if table is None:
+            if table := _part(head, row, line):
+                yield table
+                head, named, blank = [], head[-1], False
+            else:
+                head = [] if is_numbers(row) else [*head, row]
+                if len(head) > _MAX_HEAD:
+                    return
+                continue
+        cells = _spread(row, table.points) if table.points else row
+        if len(cells) < table.needed and line > table.begin and after is None:
+            table.notes.append(f"frames: the last line, {line}, is cut off and left out")
+        elif 2 * len(cells) < table.needed:
+            refuse(path, line, f"expected {table.needed} fields, got {len(cells)}")
+        else:
+            table.short += len(cells) < table.needed
+            table.take(path, line, cells + [""] * (table.needed - len(cells)))
+    if table is None and (header := header_of(head)):
+        yield _Table(header, [], line)
+
+
+def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
+    """Begin a table with its first frame; None where that is no frame, or the rows above name no two joints."""
+    if not head:
+        return None
+    parts = [_PART.findall(cell) if len(cell) < _MAX_POINT else [] for cell in row]
+    points = [place for place, each in enumerate(parts) if len(each) == 3 and None not in map(number_of, each)]
+    points = points if len(points) > 1 else []
+    first = _spread(row, points)
+    if not is_numbers(first, named=True):
+        return None
+    header = header_of([*head[:-1], _spread(head[-1], points, "xyz")], first)
+    if header is None or (len(header.joints) < 2 and not _labels_in(header, first)):
+        return None
+    if 0 in header.free and not header.names[0] and (":" in first[0] or number_of(first[0] or "-") is not None):
+        # An index without a name.
+        header = replace(header, clocks=[*header.clocks, 0], free=[each for each in header.free if each])
+    return _Table(header, first, line, points)
+
+
+def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
+    """Find the columns that may name the joint, or the coordinate, that stands in a row; the likeliest one first."""
+    there = dict.fromkeys((*head.labels, *head.free, *head.people))
+    free = [each for each in there if each < len(first) and "." not in first[each]]
+    texts = [each for each in free if each not in head.people and number_of(first[each]) is None]
+    if not head.joints:
+        return texts if coordinate_of(_label(first, texts)) else []
+    return [*head.labels, *texts, *head.people, *free] if head.labels or texts or head.people else []
+
+
+def _label(row: Sequence[str], columns: Sequence[int]) -> str:
+    return "_".join(row[each].strip() for each in columns)
+
+
+def _spread(row: Sequence[str], points: Collection[int], axes: str = "") -> list[str]:
+    """Make three fields of each that holds three numbers, or of each that names such a column."""
+    spread = list[str]()
+    for place, cell in enumerate(row):
+        if place not in points:
+            spread.append(cell)
+        else:
+            spread += [f"{cell}_{axis}" for axis in axes] or [*_PART.findall(cell), "", "", ""][:3]
+    return spread
+
+
+def _read(path: Path) -> _Table:
+    """Read the part of a text that has the most joints."""
+    try:
+        mark = _begun(path)
+        if mark is None:
+            refuse(path, 1, "expected columns like head_x, head_y, head_z for two joints or more")
+        table = max(_tables(path, mark), key=lambda each: each.header.rank)
+    except csv.Error as error:
+        raise RecordingError(f"{path}: expected a CSV ({error})") from error
+    if not table.is_wide:
+        table = _turned(path, table)
+    if others := table.header.others:
+        table.notes.append(f"no positions: {', '.join(others[:5])}{' ...' if len(others) > 5 else ''}: left out")
+    if table.short:
+        few = f"frames: {table.short} have fewer than {table.needed} fields: the joints in the others are not seen"
+        table.notes.append(few)
+    return table
+
+
+def _turned(path: Path, table: _Table) -> _Table:
+    """Make a table whose rows are frames of one whose rows are joints or coordinates."""
+    head, rows = table.header, [row for _, row in table.rows]
+    labels = _labels_in(head, table.first)
+    values = [*head.joints[""]] if head.joints else [each for each in head.free if is_value(head.names[each])]
+    if head.joints:
+        labels = [next((each for each in labels if len({row[each] for row in rows}) > 1), labels[0])]
+    # What differs from row to row numbers the rows.
+    clocks = [each for each in head.clocks if 2 * len({row[each] for row in rows}) <= len(rows)]
+    free = [each for each in (*head.people, *head.free) if each not in labels and len({row[each] for row in rows}) > 1]
+    people = [each for each in free if each in head.people]
+    if clocks and not people and len({_label(row, [*clocks, *labels]) for row in rows}) < len(rows):
+        people = [each for each in free if len({_label(row, [*clocks, *labels, each]) for row in rows}) == len(rows)]
+    kept = [*clocks, *people[:1]]
+    frames, seen = dict[tuple[int, str], tuple[int, list[str], dict[str, list[str]]]](), Counter[tuple[str, str]]()
+    for line, row in table.rows:
+        key, label = _label(row, kept), _label(row, labels)
+        *_, places = frames.setdefault((seen[key, label], key), (line, [row[each] for each in kept], {}))
+        places[label] = [row[each] for each in values]
+        seen[key, label] += 1
+    names = few([*dict.fromkeys(_label(row, labels) for row in rows)])
+    lead = [*(head.names[each] for each in clocks), *["person"] * len(people[:1])]
+    ends = ["_x", "_y", "_z"] if head.joints else [""]
+    header = header_of([[*lead, *(name + end for name in names for end in ends)]])
+    if header is None:
+        refuse(path, table.begin, f"expected rows of two joints or more, got {', '.join(names[:3])}")
+    header = replace(header, rate=head.rate, metres=head.metres)
+    # Rows joint by joint, too: frames go by their time, and times that come again follow each other.
+    order = {
+        key: [key[0], *(number_of(c) or 0.0 for c in cells[: len(clocks)])] for key, (_, cells, _) in frames.items()
+    }
+    turned = [frames[key] for key in sorted(frames, key=lambda key: order[key])]
+    nothing, found = [""] * len(values), _Table(header, turned[0][1], table.begin, notes=table.notes)
+    for line, cells, places in turned:
+        found.take(path, line, [*cells, *chain.from_iterable(places.get(name, nothing) for name in names)])
+    return found
 
 
 def _number(path: Path, line: int, text: str) -> float:
@@ -278,14 +444,8 @@ def _number(path: Path, line: int, text: str) -> float:
 
 
 def _moment(path: Path, line: int, text: str) -> float:
-    """Read a time: a number, a date with its time, or hours, minutes and seconds."""
-    if ":" not in text and "-" not in text[1:]:
-        return _number(path, line, text)
-    try:
-        return datetime.fromisoformat(text.strip()).timestamp()
-    except ValueError:
-        pass
-    seconds = 0.0
-    for part in text.split(":"):
-        seconds = 60 * seconds + _number(path, line, part)
-    return seconds
+    """Read a time: a number, or hours, minutes, seconds and the number of a frame; NaN where a date stands alone."""
+    if clock := _CLOCK.fullmatch(text.strip()) if ":" in text else None:
+        hours, minutes, seconds, frame = (float((each or "0").replace(",", ".")) for each in clock.groups())
+        return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
+    return math.nan if _DATE.fullmatch(text.strip()) else _number(path, line, text)

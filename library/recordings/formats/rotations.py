@@ -1,6 +1,8 @@
-"""Rotations about one axis, for many frames at once."""
+"""Rotations about several axes, for many frames at once."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +11,14 @@ from numpy.typing import NDArray
 BLOCK = 4096
 
 
-def turn_about(axis: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give the rotation matrices about one axis, right-handed, for angles (frames,) in radians: (frames, 3, 3)."""
+def turns(order: str, angles: Sequence[NDArray[np.float64]], frames: int = 1) -> NDArray[np.float64]:
+    """Give rotation matrices (frames, 3, 3) for the angles (frames,) about each axis in radians.
+
+    The axes of `order` are those of the room, like "xyz", or in capitals those that turn with the body.
+    """
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load
 
-    matrices: NDArray[np.float64] = Rotation.from_euler(axis, angles[:, None]).as_matrix()
+    if not order:
+        return np.broadcast_to(np.eye(3), (frames, 3, 3))
+    matrices: NDArray[np.float64] = Rotation.from_euler(order, np.stack(angles, axis=-1)).as_matrix()
     return matrices

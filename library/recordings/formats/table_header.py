@@ -1,8 +1,8 @@
-"""The header of a table of joints: which columns hold joints' positions, times, frame numbers and people.
+"""The header of a table of joints: which columns hold joints' positions, times, and what may tell people apart.
 
 One row names a column for each coordinate (`head_x`, `head.X`, `head:tx`, `Head Position X (mm)`, `x_head`); or one row
-names the joints and a later one their axes, as in the tables of Motive, Vicon and pandas; or each row is a joint, and a
-column names it. Rows above say how often frames come, and the unit of length.
+names the joints and a later one their axes, as in the tables of Motive, Vicon and pandas; or each row is a joint, or a
+coordinate, and a column names it. Rows above say how often frames come, and the unit of length.
 """
 
 from __future__ import annotations
@@ -12,22 +12,29 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.timed_frames import words_of
-from kinespace.library.recordings.formats.units import WORDS, metres_of
+from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
 
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[xyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
     re.compile(r"(?P<joint>.*[a-z0-9\])])(?P<axis>[XYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
     re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[xyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
+    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-2])[\W_]*"),
+)
+_NUMBERED = str.maketrans("012", "xyz")
+#: An axis alone, in a table whose rows are joints.
+_AXIS = re.compile(
+    r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
 )
 #: Words of columns (`words.toml`).
-_TIMES, _SECONDS, _FRAMES, _LABELS, _NO_PLACES = (
-    frozenset(WORDS["columns"][kind]) for kind in ("times", "alone", "frames", "labels", "no_places")
+_TIMES, _SECONDS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES = (
+    frozenset(WORDS["columns"][kind])
+    for kind in ("times", "alone", "frames", "labels", "values", "fronts", "no_places")
 )
 _PERSON = re.compile(
     r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
@@ -36,7 +43,11 @@ _PERSON = re.compile(
 )
 #: Rows above the first frame that may name joints.
 _DEEP = 12
-_RATE = re.compile(r"(export |data |camera )?(frame ?rate|frequency|sampl\w+ (rate|frequency)|fps)\b.*", re.IGNORECASE)
+_RATE = re.compile(
+    r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|rate)\b.*", re.IGNORECASE
+)
+_ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
+_LEADING = re.compile(r"\s*(\d+\.?\d*)")
 _UNIT = re.compile(r"(length )?units?\W*", re.IGNORECASE)
 
 
@@ -49,26 +60,31 @@ class Header:
     names
         The name of every column.
     joints
-        The columns of x, y and z, for each joint.
-    times, frames, person
-        The columns of times, of frame numbers, of a number or a name for each person; None where there is none.
-    label
-        The column of joints' names where each row is a joint, and `joints` one without a name; else None.
+        The columns of x, y and z, for each joint. Where each row is a joint they are those of one without a name, and
+        where each row is a coordinate there are none.
+    clocks
+        The columns of times, then of frame numbers.
+    people, free, labels
+        Columns named like those that tell people apart, all others of no known meaning, and columns named like those of
+        joints' names.
     rate, metres
         Frames per second and metres of the unit, where the header says them; else 0 and None.
     others
         Names of columns that come by three but hold no positions.
+    rank
+        Whether these are a file's trajectories, and how many joints: of a file's parts the highest counts.
     """
 
     names: Sequence[str]
     joints: Mapping[str, tuple[int, int, int]]
-    times: int | None
-    frames: int | None
-    person: int | None
-    label: int | None
+    clocks: Sequence[int]
+    people: Sequence[int]
+    free: Sequence[int]
+    labels: Sequence[int]
     rate: float
     metres: float | None
     others: Sequence[str]
+    rank: tuple[bool, int]
 
 
 @lru_cache(maxsize=4096)
@@ -78,24 +94,35 @@ def coordinate_of(name: str) -> tuple[str, str] | None:
     return (plain(named["joint"]), named["axis"].lower()) if named else None
 
 
-def is_numbers(row: Sequence[str]) -> bool:
-    """Say whether a row holds a frame: it begins with a number, or a time of day, and most of it are numbers."""
+def is_numbers(row: Sequence[str], *, named: bool = False) -> bool:
+    """Say whether a row holds a frame: most of it are numbers, the first one too unless a name may stand there."""
     filled = [field for field in row if field.strip()]
     numbers = sum(number_of(field) is not None for field in filled)
-    return len(filled) > 3 and filled[0].strip()[0] in "0123456789+-.,'\"" and numbers > 0.7 * len(filled) - 1
+    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"")
+    return begins and numbers > 0.7 * len(filled) - 1.2
 
 
-def header_of(rows: Sequence[Sequence[str]]) -> Header | None:
+def is_value(name: str) -> bool:
+    """Say whether a column is named like those of a table with a coordinate in each row."""
+    return name.strip().lower() in _VALUES
+
+
+def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
     for place in range(len(rows) - 1, max(len(rows) - _DEEP, 0) - 1, -1):
-        axes = [name.strip().lower() for name in rows[place]]
+        # R names no column for the numbers of its rows.
+        row = ["", *rows[place]] if len(rows[place]) == len(first) - 1 and first[-1] else rows[place]
+        if row and row[0].strip() == "MARKER_NAMES":
+            front = len(first) - 3 * (len(names := [*filter(None, row[1:])]))
+            row = [*("Frame", "Time")[:front], *(f"{name} {axis}" for name in names for axis in "xyz")]
+        axes = [name.strip().lower() for name in row]
         if min(map(axes.count, "xyz")) > 1 and (found := _of_several(rows, place)):
             return found
-        joints, others, units = _of_one(rows[place])
+        joints, others, units = _of_one(row)
         if len(joints) > 1:
-            return _header(rows, rows[place], joints, others, units)
-        if {*"xyz"} <= {*axes} and any(_LABELS & {*words_of(name)} for name in rows[place]):
-            return _header(rows, rows[place], {"": {axis: axes.index(axis) for axis in "xyz"}}, {}, set())
+            return _header(rows, row, joints, others, units)
+        if long := _of_long(row):
+            return _header(rows, row, *long)
     return None
 
 
@@ -105,8 +132,8 @@ def _of_one(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, No
     for way in _WAYS:
         found, units = dict[str, dict[str, int]](), set[str]()
         for place, name in enumerate(row):
-            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().strip("#").strip())):
-                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
+                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower().translate(_NUMBERED), place)
                 units.add((named.groupdict().get("unit") or "").lower())
         whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}
         others = {joint: None for joint in whole if _NO_PLACES & {*words_of(joint)}}
@@ -115,51 +142,57 @@ def _of_one(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, No
     return best
 
 
+def _of_long(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, None], set[str]] | None:
+    """Find the axes, or the values, in the header of a table whose rows are joints, or coordinates."""
+    found = {axis[1].lower(): place for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))}
+    units = {axis[2].lower() for name in row if (axis := _AXIS.fullmatch(name.strip())) and axis[2]}
+    if {*found} == {*"xyz"} and len(row) > 3:
+        return {"": found}, {}, units
+    return ({}, {}, set()) if len(row) > 2 and any(map(is_value, row)) else None
+
+
 def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     """Read a header whose row of axes is below a row of names."""
+    size = len(rows[place])
     axes = [name.strip().lower() for name in rows[place]]
-    ours = [column for column, axis in enumerate(axes) if axis in ("x", "y", "z")]
-    above = [_filled(row, len(axes)) for row in rows[:place] if sum(map(bool, row)) > 1]
-    units = {row[column].strip().lower() for row in rows[place + 1 :] for column in ours if column < len(row)} - {""}
-    kinds = {row[column].lower() for row in above for column in ours}
+    below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
+    above = [_filled(row, size) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
+    below = below if rows[:place] else []
+    kinds = [row for row in above if {"position", "rotation"} & {name.lower() for name in row}]
+    bones = any(cell.lower() == "bone" for row in above for cell in row)
     ours = [
         column
-        for column in ours
-        if not any(
-            _NO_PLACES & {*words_of(row[column])} and row[column].lower() in kinds for row in above if _is_kind(row)
-        )
+        for column, axis in enumerate(axes)
+        if axis in ("x", "y", "z")
+        and not any(_NO_PLACES & {*words_of(row[column])} for row in kinds)
+        # Degrees and newtons are no positions.
+        and not any(row[column] and row[column] not in METRES for row in below)
         # Of a skeleton's table the bones count, not the markers on them.
-        and not (
-            "bone" in kinds and any(row[column].lower() in ("marker", "bone marker", "rigid body") for row in above)
-        )
+        and not (bones and any(row[column].lower() in ("marker", "bone marker", "rigid body") for row in above))
     ]
-    named = max(above, key=lambda row: len({row[column] for column in ours}), default=None)
-    if named is None:
+    if not ours or not above:
         return None
-    found, again = dict[str, dict[str, int]](), dict[str, None]()
+    named = max(above, key=lambda row: len({row[column] for column in ours}))
+    if len({(named[column], axes[column]) for column in ours}) < len(ours):
+        # Another row tells the joints of several bodies apart.
+        apart = (row for row in above if len({(row[c], named[c], axes[c]) for c in ours}) == len(ours))
+        front = next(apart, None)
+        named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
+    joints = dict[str, dict[str, int]]()
     for column in ours:
-        if found.setdefault(named[column], {}).setdefault(axes[column], column) != column and named[column]:
-            # A second body, say, whose name stands in another row.
-            again[f"{named[column]} again"] = None
-    joints = {joint: each for joint, each in found.items() if joint and len(each) == 3}
-    others = again | {joint: None for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}}
+        joints.setdefault(named[column], {}).setdefault(axes[column], column)
+    joints = {joint: each for joint, each in joints.items() if joint and len(each) == 3}
+    others = {joint: None for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}}
     joints = {joint: each for joint, each in joints.items() if joint not in others}
-    return _header(rows, rows[place], joints, others, units) if len(joints) > 1 else None
-
-
-def _is_kind(row: Sequence[str]) -> bool:
-    """Say whether a row tells positions from rotations."""
-    return bool({"position", "rotation"} & {name.lower() for name in row})
+    units = {row[column] for row in below for column in ours} - {""}
+    names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
+    return _header(rows[:place], names, joints, others, units) if len(joints) > 1 else None
 
 
 def _filled(row: Sequence[str], size: int) -> list[str]:
     """Give each empty cell the text on its left: a name stands over the first of its columns alone."""
     cells = [*(name.strip() for name in row), *[""] * size][:size]
-    return [*accumulate(cells, _kept)]
-
-
-def _kept(before: str, name: str) -> str:
-    return name or before
+    return [next(filter(None, cells[place::-1]), "") for place in range(size)]
 
 
 def _header(
@@ -171,46 +204,44 @@ def _header(
 ) -> Header:
     taken = {column for axes in joints.values() for column in axes.values()}
     words = {column: words_of(name) for column, name in enumerate(names) if column not in taken}
+    times = [c for c, each in words.items() if _TIMES & {*each} or _SECONDS >= {*each} > set()]
+    frames = [c for c, each in words.items() if each[:1] and each[0] in _FRAMES]
+    people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))
-    rates = [number for name, value in said if _RATE.fullmatch(name) and (number := number_of(value))]
-    # Vicon's tables have the rate alone in a row.
-    alone = [number for row in rows if len(kept := [*filter(None, row)]) == 1 and (number := number_of(kept[0]))]
-    named = [metres_of(value) for name, value in said if _UNIT.fullmatch(name)]
+    rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]
+    # Vicon's tables have the rate alone in a row, the nearest one above its part.
+    alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
+    named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]
     named += [metres_of(units.pop())] if len(units) == 1 else []
     return Header(
         [name.strip().strip("#").strip() for name in names],
         {name: (axes["x"], axes["y"], axes["z"]) for name, axes in _plain(joints).items()},
-        next(
-            (
-                c
-                for c, each in words.items()
-                if (_TIMES & {*each} or _SECONDS >= {*each} > set()) and "code" not in each
-            ),
-            None,
-        ),
-        next((c for c, each in words.items() if each[:1] and (each[0] in _FRAMES)), None),
-        next((c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))), None),
-        next((c for c, each in words.items() if _LABELS & {*each}), None) if {*joints} == {""} else None,
-        next((rate for rate in (*rates, *alone) if rate > 1), 0.0),
+        [*times, *(column for column in frames if column not in times)],
+        people,
+        [column for column in words if column not in {*times, *frames, *people}],
+        [column for column, each in words.items() if _LABELS & {*each}],
+        next((rate for rate in (*rates, *reversed(alone)) if rate > 1), 0.0),
         next((each for each in named if each), None),
         list(others),
+        (any(row and row[0].lower() == "trajectories" for row in rows), len(joints)),
     )
 
 
 def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
-    """Give each cell with the cell behind it, and what stands around a colon."""
+    """Give each cell with the cell behind it, and what stands around a colon or an equals sign."""
     for row in rows:
         yield from ((name.strip(), value) for name, value in pairwise(row))
         for cell in row:
-            name, colon, value = cell.strip("# ").partition(":")
-            if colon:
+            name, mark, value = re.sub("[:=]", ":", cell.strip("# "), count=1).partition(":")
+            if mark:
                 yield name, value
 
 
 def _plain(joints: Mapping[str, Mapping[str, int]]) -> Mapping[str, Mapping[str, int]]:
-    """Leave out words that are no part of a name: those for a position, and FreeMoCap's `body_` before every joint."""
+    """Leave out words that are no part of a name: those for a position, and one for a joint in front of all."""
     names = Counter(map(plain, joints))
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}
-    if all(joint.startswith("body_") for joint in found):
-        return {joint.removeprefix("body_"): axes for joint, axes in found.items()}
+    front = re.match(r"([^\W_]+)[\W_]+", next(iter(found), ""))
+    if front and front[1].lower() in _FRONTS and all(joint.startswith(front[0]) for joint in found):
+        return {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +36,10 @@ _MOST_BY_TICKS = 70.0
 _NEARLY = 0.1
 #: Times that differ from even ones by less than this share of a frame are even.
 _EVEN = 1e-4
+#: A column of times is passed over for one that goes on more often: it has less than this share of its steps.
+_GOES = 0.9
+#: Steps for each one backwards, at least, where takes follow each other; otherwise the times mean nothing.
+_FALLS = 10
 #: Frames of the grid, at most: a day at 60 frames per second.
 MAX_FRAMES = 24 * 3600 * 60
 
@@ -144,7 +148,7 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
     named = next((_UNITS[word] for word in words if word in _UNITS), None)
     if step >= 1 and (since % 1 == 0).all() and (_FRAMES & {*words} or (step == 1 and named != 1e-3)):
         return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
-    units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9) if unit]
+    units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9, 60.0, 86_400.0) if unit]
     if step and rate and not named:
         # The unit that gives the rate which is known otherwise.
         units.sort(key=lambda unit: abs(math.log(rate * step * unit)) > _NEARLY)
@@ -156,6 +160,32 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
                 return since * unit, ""
     remark = f"times: {name!r} gives no rate of frames: {assumed:g} frames a second"
     return np.arange(len(since)) / assumed, remark
+
+
+def clock_of(columns: Mapping[str, NDArray[np.float64]]) -> tuple[str, NDArray[np.float64] | None]:
+    """Give the column of times that goes on, by its name; of two columns that count seconds and their parts the sum."""
+    for name, coarse in columns.items():
+        rises, whole = np.diff(coarse) > 0, next((_UNITS[word] for word in words_of(name) if word in _UNITS), 1.0)
+        if not rises.any() or 2 * rises.sum() > len(rises) or (coarse % 1).any() or (np.diff(coarse) < 0).any():
+            continue
+        for part, fine in columns.items():
+            falls = np.diff(fine) < 0
+            if falls.any() and not (falls & ~rises).any():
+                unit = next((_UNITS[word] for word in words_of(part) if word in _UNITS), 1 / (fine.max() + 1))
+                both = (coarse - coarse[0]) * whole + fine * (unit if fine.max() >= 1 else 1.0)
+                others = {each: columns[each] for each in columns if each not in (name, part)}
+                return clock_of({f"s of {name}, {part}": both} | others)
+    goes = {
+        name: abs(float(np.mean(np.sign(np.diff(each))))) if len(each) > 1 else 0.0 for name, each in columns.items()
+    }
+    return next(((name, columns[name]) for name in goes if goes[name] >= _GOES * max(goes.values())), ("", None))
+
+
+def are_shuffled(moments: NDArray[np.float64]) -> bool:
+    """Say whether frames stand in another order than their times: some a few frames too late, or all backwards."""
+    steps = np.diff(moments)
+    back = steps[steps < 0]
+    return len(back) > 0 and bool(2 * len(back) > len(steps) or -back.min() < _FALLS * np.median(np.abs(steps)))
 
 
 def timing(
@@ -170,14 +200,17 @@ def timing(
     said, given
         Frames per second as the file's header says (0: it does not), and as a person asks for.
     notes
-        Gets a remark where there are no times, or others than the header says.
+        Gets a remark where there are no times, or odd ones, or others than the header says.
     """
     known = given or said
-    if moments is None or len(moments) < 2 or (known and not (np.diff(moments) >= 0).all()):
+    if moments is None or len(moments) < 2:
         if not known:
             notes.append(f"times: none in it: {FRAME_RATE:g} frames a second")
         return None, known or FRAME_RATE
-    seconds, remark = seconds_of(moments, name, known)
+    paced = _in_order(moments, name.strip(), known, notes)
+    if not isinstance(paced, np.ndarray):
+        return None, paced
+    seconds, remark = seconds_of(paced, name, known)
     if remark and given:
         # Frames come as often as the person says, whatever their numbers.
         seconds = seconds / (float(np.median(np.diff(seconds))) * given or 1.0)
@@ -192,14 +225,38 @@ def timing(
     return seconds, given
 
 
+def _in_order(
+    moments: NDArray[np.float64], name: str, known: float | None, notes: list[str]
+) -> NDArray[np.float64] | float:
+    """Give times that do not fall; or the rate of frames, where the times are too coarse or mean nothing."""
+    steps = np.diff(moments)
+    falls, rises, stands = steps < 0, np.flatnonzero(steps > 0), 2 * (steps == 0).sum() > len(steps)
+    if _FALLS * falls.sum() > len(steps) or (stands and len(rises) < 3):
+        if not known:
+            notes.append(f"times: {name!r} gives no rate of frames: {FRAME_RATE:g} frames a second")
+        return known or FRAME_RATE
+    if falls.any():
+        notes.append(f"times: {name!r} starts again behind frame {falls.argmax() + 1}: takes follow each other")
+        moments = moments + np.cumsum(np.append(0, np.where(falls, np.median(steps[rises]) - steps, 0)))
+    if stands:
+        # A clock of whole seconds, say: as many frames as there are between its steps.
+        unit = next((_UNITS[word] for word in words_of(name) if word in _UNITS), 1.0)
+        known = known or float((rises[-1] - rises[0]) / (unit * (moments[rises[-1]] - moments[rises[0]])))
+        notes.append(f"times: {name!r} stands for several frames: {known:g} frames a second")
+        return known
+    return moments
+
+
 def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float | None = None) -> Evened:
     """Take a file's frames as they stand where their times are even but for rounding; else put them on a grid.
 
     Parameters and errors are those of `evened`.
     """
-    steps = np.diff(times)
-    if not len(steps) or not (steps > 0).all():
+    last = np.append(np.diff(times) > 0, True)
+    if len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2:
         return evened(times, positions, rate=rate)
+    times, positions = times[last], positions[last]
+    steps = np.diff(times)
     since = times - times[0]
     mean, rounded = len(steps) / float(since[-1]), next((10.0**-n for n in range(8) if _is_rounded(since, n)), 0.0)
     own = rate or _whole(mean, 1e-6 + rounded / float(since[-1]))
@@ -210,7 +267,8 @@ def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float
 
 def _is_rounded(times: NDArray[np.float64], place: int) -> bool:
     scaled = times * 10.0**place
-    return bool(np.abs(scaled - np.round(scaled)).max() < 1e-3)
+    # Seconds since 1970 are exact to a quarter of a microsecond.
+    return bool(np.abs(scaled - np.round(scaled)).max() < 1e-3 + 5e-7 * 10**place)
 
 
 def _whole(rate: float, slack: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Sequence
 from importlib import resources
 
 import numpy as np
@@ -36,18 +37,21 @@ def metres_of(unit: str) -> float | None:
     return metres if 0 < metres < math.inf else None
 
 
-def guessed_metres(positions: NDArray[np.float64]) -> float:
+def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) -> float:
     """Guess the metres of a file's unit from a person's size in it; positions (frames, joints, 3), NaN where not seen.
 
     The size is the diagonal of the box around the joints, usual for the frames in which two joints or more are seen.
     People differ less than tenfold in size, so metres, centimetres and millimetres can be distinguished. Any other unit
-    is taken for the nearest of these: distances then have another scale, which recognition does not depend on.
+    is taken for the nearest of these: distances then have another scale, which recognition does not depend on. A pelvis
+    alone, by its `names`, is a fifth of a person.
     """
     seen = positions[np.isfinite(positions).all(axis=2).sum(axis=1) > 1]
     if not len(seen):
         return 1.0
     boxes = np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1)
     size = float(np.median(np.linalg.norm(boxes, axis=1)))
+    if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
+        size *= 5
     if size <= _MAX_IN_METRES:
         return 1.0
     return 0.01 if size <= _MAX_IN_CENTIMETRES else 0.001

@@ -268,6 +268,25 @@ KNOWN = {
         21,
         {"LASI": "LASI", "LHJC": "lhipjoint"},
     ),
+    "opensim": (
+        ("pelvis", "torso", *(f"{name}_{side}" for side in "rl" for name in ("femur", "tibia", "talus", "toes"))),
+        "opensim",
+        10,
+        {"femur_r": "rhipjoint", "talus_l": "ltibia"},
+    ),
+    "theia": (
+        ("pelvis_4X4", *(f"{side}_{name}_4X4" for side in "lr" for name in ("thigh", "shank", "foot", "uarm", "larm"))),
+        "theia",
+        11,
+        {"l_thigh_4X4": "lhipjoint"},
+    ),
+    "mediapipe by number": (tuple(map(str, range(33))), "landmarks", 19, {"25": "lfemur", "1": "1"}),
+    "sides behind": (
+        tuple(f"{name}_{side}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in "RL"),
+        "kinect1",
+        12,
+        {"hip_L": "lhipjoint", "ankle_R": "rtibia"},
+    ),
     "hdm05": (OURS, "hdm05", 31, {"lfemur": "lfemur"}),
 }
 

@@ -99,7 +99,7 @@ def test_a_given_skeleton_is_used_before_a_found_one(tmp_path: Path) -> None:
     assert np.linalg.norm(own.positions[0, 1] - own.positions[0, 0]) == pytest.approx(1.0)
 
 
-KINDS = ".amc, .bvh, .c3d, .trc, .kinerec, a table in .csv, .tsv, .txt or .npz"
+KINDS = ".amc, .bvh, .c3d, .trc, .kinerec, a table in .csv, .tsv, .txt, .sto, .mot or .npz"
 
 
 def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:

@@ -1,3 +1,4 @@
+import errno
 import os
 import shutil
 import signal
@@ -18,6 +19,7 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.library.motion_library import library_file
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster
+from kinespace.stream.teaching import Step
 from kinespace.tools.teaching.roster_file import RosterFile
 from kinespace.tools.terminal.files import require_place_for
 
@@ -91,6 +93,27 @@ def test_the_newest_roster_is_saved_at_the_end(tmp_path: Path, motion: Clip, mon
     assert len(saved) <= 2
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("class 1000",)
     assert sorted(each.name for each in tmp_path.iterdir()) == [".mine.npz.lock", "mine.npz"]
+
+
+def test_what_cannot_be_deleted_is_said_and_tried_again(
+    tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thread that writes goes on when the file of new examples cannot be deleted, and all is written later."""
+    file, unlink, refused = RosterFile(tmp_path / "mine.npz"), Path.unlink, list[Path]()
+
+    def unwilling(path: Path, missing_ok: bool = False) -> None:  # noqa: FBT001, FBT002 - as Path's own
+        if path.name.endswith(".new") and not refused:
+            refused.append(path)
+            raise PermissionError(errno.EACCES, "Permission denied")
+        unlink(path, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", unwilling)
+    file.save(_roster(motion, "first"), asked=True)
+    file.close()
+    assert refused
+    assert [state.step for state in file.states()] == [Step.REFUSED, Step.DONE]
+    assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("first",)
+    assert not file.has_unsaved
 
 
 def test_a_second_program_is_refused(tmp_path: Path, motion: Clip) -> None:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
-from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.units import metres_of
 
 #: Parameters of the group POINT in which files list the points that are no positions.
@@ -50,21 +50,21 @@ def _opened(content: bytes) -> Any:  # noqa: ANN401 - the package has no types
         return Lenient(io.BytesIO(content))
 
 
-def _texts(name: str, said: Any) -> list[str]:  # noqa: ANN401
-    """Give the texts of a parameter of POINT and of the parameters that continue it.
+def _texts(name: str, said: Any, group: str = "POINT") -> list[str]:  # noqa: ANN401
+    """Give the texts of a parameter of a group and of the parameters that continue it.
 
     A parameter holds 255 entries at most; LABELS continues in LABELS2.
     """
     names = (name, *(f"{name}{number}" for number in range(2, 100)))
-    held = [parameter for each in names if (parameter := said.get(f"POINT:{each}")) and parameter.bytes]
+    held = [parameter for each in names if (parameter := said.get(f"{group}:{each}")) and parameter.bytes]
     if any(parameter.bytes_per_element != -1 for parameter in held):
-        raise ValueError(f"expected texts in POINT:{name}, got numbers")
+        raise ValueError(f"expected texts in {group}:{name}, got numbers")
     return [text.strip(" \0") for parameter in held for text in parameter.string_array.ravel().tolist()]
 
 
-def _numbers(said: Any, content: bytes, each: int) -> NDArray[np.float64]:  # noqa: ANN401
-    """Read all numbers behind the parameters as frames of so many numbers each."""
-    begin, scale = (said.header.data_block - 1) * _BLOCK, said.header.scale_factor
+def _numbers(said: Any, content: bytes, block: int, scale: float, each: int) -> NDArray[np.float64]:  # noqa: ANN401
+    """Read all numbers from a block on as frames of so many numbers each."""
+    begin = (block - 1) * _BLOCK
     held = content[begin:] if begin > 0 else b""
     size = (4 if scale < 0 else 2) * each
     held = held[: len(held) // size * size]
@@ -90,11 +90,18 @@ def _announced(said: Any) -> int:  # noqa: ANN401
 def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:  # noqa: ANN401
     """Read the points, (frames, points, 3) in the file's unit, NaN where one is out of sight, and remarks."""
     points, analog, scale = said.header.point_count, said.header.analog_count, said.header.scale_factor
-    announced = _announced(said)
-    if points < 2 or announced < 1 or not math.isfinite(scale):
-        raise ValueError(f"an impossible header ({points} points, {analog} analog values, {announced} frames)")
-    numbers, notes = _numbers(said, content, 4 * points + analog), list[str]()
-    spare = _BLOCK // (2 * (4 * points + analog)) + 1
+    announced, block, width, place = _announced(said), said.header.data_block, 4, 0
+    if not points and (turns := said.get("ROTATION:USED")):
+        # Theia's files hold matrices of segments in place of points: 16 numbers, a place in their last column.
+        points, block, width, place = turns.uint16_value, said.get("ROTATION:DATA_START").uint16_value, 17, 12
+        analog, scale = 0, -1.0
+    if points < 2:
+        raise ValueError(f"expected at least 2 points, got {points}: a file of forces or other measurements")
+    if announced < 1 or not math.isfinite(scale):
+        raise ValueError(f"expected a C3D, got an impossible header ({points} points, {announced} frames)")
+    each = width * points + analog
+    numbers, notes = _numbers(said, content, block, scale, each), list[str]()
+    spare = _BLOCK // (2 * each) + 1
     frames = announced
     if len(numbers) > announced + spare and (announced == _WRAP - 1 or len(numbers) >= announced + _WRAP):
         # A header that counts modulo 65,536, or no further: the bytes tell.
@@ -103,20 +110,20 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
             frames -= 1  # the rest of the last block
     frames = min(frames, len(numbers))
     if not frames:
-        raise ValueError("it ends before its first frame")
+        raise ValueError("expected frames, got a file that ends before its first one")
     if frames != announced:
         notes.append(f"frames: the header says {announced}, there are {frames}: these are taken")
     memory.require_numbers(frames * points * 3)
-    each = numbers[:frames, : 4 * points].reshape(frames, points, 4).astype(np.float64)
-    positions = each[:, :, :3] * (scale if scale > 0 else 1.0)
-    positions[each[:, :, 3] < 0] = np.nan
+    held = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
+    positions = held[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
+    positions[held[:, :, -1] < 0] = np.nan
     return positions, notes
 
 
-def read_clip(
+def read_clips(
     path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
-) -> Clip:
-    """Read a C3D into a clip.
+) -> list[Clip]:
+    """Read a C3D into a clip for each person that its labels name.
 
     Parameters
     ----------
@@ -130,7 +137,7 @@ def read_clip(
 
     Returns
     -------
-    The clip: positions (frames, points, 3) in metres, the skeleton without parents.
+    The clips: positions (frames, points, 3) in metres, the skeleton without parents.
 
     Raises
     ------
@@ -145,13 +152,15 @@ def read_clip(
     try:
         said = _opened(content)
         positions, notes = _frames(said, content)
-        labels = _texts("LABELS", said)[: positions.shape[1]]
+        labels = _texts("LABELS", said, "POINT" if said.header.point_count else "ROTATION")[: positions.shape[1]]
         no_places = {label for kind in _NO_PLACES for label in _texts(kind, said)}
         unit = next((each for each in _texts("UNITS", said) if each), "")
         rates = [said.header.frame_rate, *([said.point_rate] if said.get("POINT:RATE") else [])]
     except Exception as error:  # the package has any for a file that makes no sense
-        what = str(error) if type(error) is ValueError else type(error).__name__
-        raise RecordingError(f"{path}: expected a C3D, got a damaged or another file: {what[:120]}") from error
+        got = str(error) if type(error) is ValueError else type(error).__name__
+        if got.startswith("expected"):
+            raise
+        raise RecordingError(f"{path}: expected a C3D, got a damaged or another file: {got[:120]}") from error
     kept = [
         index
         for index, label in enumerate(labels)
@@ -165,6 +174,6 @@ def read_clip(
     metres = metres_per_unit or metres_of(unit)
     if unit and metres is None:
         notes.append(f"units: {unit!r} is no unit: the body's size tells it; --unit names it")
-    return clip_of_markers(
+    return clips_of_markers(
         path, [labels[index] for index in kept], positions[:, kept], rate, joints, metres=metres, notes=notes
     )

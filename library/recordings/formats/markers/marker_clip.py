@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.joint_choice import chosen, short_names
+from kinespace.library.recordings.formats.joint_choice import chosen, people_in, short_names
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP, Evened, laid
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
@@ -25,7 +26,7 @@ _ABSENT = (0.5, 0.25, 0.0)
 _MAX_LISTED = 8
 
 
-def clip_of_markers(  # noqa: PLR0913 - what files say of their markers
+def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     path: Path,
     labels: Sequence[str],
     positions: NDArray[np.float64],
@@ -35,8 +36,8 @@ def clip_of_markers(  # noqa: PLR0913 - what files say of their markers
     times: NDArray[np.float64] | None = None,
     metres: float | None = 1.0,
     notes: Sequence[str] = (),
-) -> Clip:
-    """Make a clip of the markers that are wanted and were seen.
+) -> list[Clip]:
+    """Make a clip of the markers that are wanted and were seen, for each person that their labels name.
 
     A marker that is missing for a short time is put on a straight line; before its first and after its last sight it
     rests. One that is missing for longer than `MAX_GAP` is left out; where most markers are missing the body rests, and
@@ -68,10 +69,18 @@ def clip_of_markers(  # noqa: PLR0913 - what files say of their markers
     """
     kept = chosen(labels, joints)
     memory.require_numbers(len(positions) * len(kept) * 3)
-    names, twice = short_names([labels[index] for index in kept])
-    found = _seen(positions[:, kept])
-    found *= guessed_metres(found) if metres is None else metres
-    even = Evened(found, frame_rate or 0.0, 0, ()) if times is None else laid(times, found, frame_rate)
+    clips = list[Clip]()
+    for person, own in people_in([labels[index] for index in kept]).items():
+        names, twice = short_names([*own.values()])
+        found = _seen(positions[:, [kept[each] for each in own]])
+        found *= guessed_metres(found, names) if metres is None else metres
+        even = Evened(found, frame_rate or 0.0, 0, ()) if times is None else laid(times, found, frame_rate)
+        clip = _clip(names, even, (*notes, *twice))
+        clips.append(hdm05.titled(replace(clip, name=path.stem, actor=person), path))
+    return clips
+
+
+def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
     missing: NDArray[np.bool_] = np.isnan(even.positions).max(axis=2)
     absent, lost = _absences(missing, MAX_GAP * even.rate)
     if (~lost).sum() < 2:
@@ -80,16 +89,14 @@ def clip_of_markers(  # noqa: PLR0913 - what files say of their markers
     rests = [
         f"not seen: most markers from {a / even.rate:.2f} to {b / even.rate:.2f} s; the body rests" for a, b in absent
     ]
-    clip = Clip(
+    return Clip(
         skeleton=skeleton,
         positions=_filled(even.positions[:, ~lost], missing[:, ~lost], absent),
         frame_rate=even.rate,
-        name=path.stem,
         filled=int(missing[:, ~lost].sum()) + even.missing * len(skeleton.joints),
         gaps=tuple(sorted((*even.gaps, *((a / even.rate, b / even.rate) for a, b in absent)))),
-        notes=(*notes, *twice, *_left_out(names, missing, lost), *rests),
+        notes=(*notes, *_left_out(names, missing, lost), *rests),
     )
-    return hdm05.titled(clip, path)
 
 
 def _seen(positions: NDArray[np.float64]) -> NDArray[np.float64]:

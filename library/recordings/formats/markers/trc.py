@@ -19,7 +19,7 @@ import numpy as np
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import mended, number_of, refuse
-from kinespace.library.recordings.formats.markers.marker_clip import clip_of_markers
+from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.timed_frames import timing
 from kinespace.library.recordings.formats.units import metres_of
 
@@ -49,10 +49,10 @@ def _fields(line: str, columns: int) -> list[float | None]:
     return found
 
 
-def read_clip(
+def read_clips(
     path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
-) -> Clip:
-    """Read a TRC into a clip.
+) -> list[Clip]:
+    """Read a TRC into a clip for each person that its labels name.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def read_clip(
 
     Returns
     -------
-    The clip: positions (frames, markers, 3) in metres, the skeleton without parents.
+    The clips: positions (frames, markers, 3) in metres, the skeleton without parents.
 
     Raises
     ------
@@ -89,6 +89,10 @@ def read_clip(
         if not line.strip() or (not frames and "x" in line.lower()):
             continue
         fields = _fields(line, columns)
+        if not frames and len(fields) > columns and len(fields) % 3 == 2:
+            # Markers behind those that have names.
+            labels += [f"marker {number}" for number in range(len(labels) + 1, len(fields) // 3 + 1)]
+            columns = len(fields)
         row = [each for each in fields if each is not None]
         if frames and len(row) < columns and not line.endswith(("\n", "\r")):
             notes.append(f"frames: the last line, {number}, is cut off and left out")
@@ -110,4 +114,4 @@ def read_clip(
     if metres is None:
         notes.append(f"units: {said.get('Units', 'none')!r} is no unit: the body's size tells it; --unit names it")
     places = rows[:, 2:].reshape(frames, -1, 3)
-    return clip_of_markers(path, labels, places, rate, joints, times=times, metres=metres, notes=notes)
+    return clips_of_markers(path, labels, places, rate, joints, times=times, metres=metres, notes=notes)

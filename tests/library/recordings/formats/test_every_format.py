@@ -190,11 +190,11 @@ def test_markers_out_of_sight_stand_on_straight_lines(tmp_path: Path, ending: st
 
 @pytest.mark.parametrize("ending", [*MARKERS, "csv"])
 def test_of_two_performers_one_must_be_chosen(tmp_path: Path, ending: str) -> None:
-    """`ann:hip` is called `hip`; the joints of two performers are refused."""
+    """`ann:hip` is called `hip`; two performers are two clips, and where one is expected, that is said."""
     both = np.concatenate([walk(), walk() + 500], axis=1)
     labels = tuple(f"{who}:{label}" for who in ("ann", "bob") for label in ("hip", "knee", "heel"))
     path = walked(ending, tmp_path, both, labels)
-    with pytest.raises(RecordingError, match=r"the file has several performers \(ann, bob\)"):
+    with pytest.raises(RecordingError, match=r"the recording has several performers \(ann, bob\)"):
         read(path)
     clip = read(path, Reading(joints=("bob:*",), unit="mm"))
     assert clip.skeleton.joints == ("hip", "knee", "heel")

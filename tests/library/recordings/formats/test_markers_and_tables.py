@@ -24,19 +24,19 @@ def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
     positions = np.concatenate([WALK, WALK[:, :2]], axis=1)
     path = tmp_path / "walk.c3d"
     write_c3d(path, (*LABELS, "*12", "hipAngles"), positions, angles=["hipAngles"])
-    assert c3d.read_clip(path).skeleton.joints == LABELS
-    assert c3d.read_clip(path, joints=("hip*", "knee")).skeleton.joints == ("hip", "knee")
-    assert c3d.read_clip(path, joints=("hipAngles", "knee")).skeleton.joints == ("knee", "hipAngles")
+    assert c3d.read_clips(path)[0].skeleton.joints == LABELS
+    assert c3d.read_clips(path, joints=("hip*", "knee"))[0].skeleton.joints == ("hip", "knee")
+    assert c3d.read_clips(path, joints=("hipAngles", "knee"))[0].skeleton.joints == ("knee", "hipAngles")
 
 
 def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
     """Where POINT:UNITS is empty the body's size tells millimetres from metres; nothing seen, nothing read."""
     for scale in (1.0, 0.001):
         write_c3d(tmp_path / "walk.c3d", LABELS, WALK * scale, unit="")
-        np.testing.assert_allclose(c3d.read_clip(tmp_path / "walk.c3d").positions, WALK / 1000, rtol=1e-5)
+        np.testing.assert_allclose(c3d.read_clips(tmp_path / "walk.c3d")[0].positions, WALK / 1000, rtol=1e-5)
     write_c3d(tmp_path / "walk.c3d", LABELS, np.full_like(WALK, np.nan), unit="")
     with pytest.raises(ValueError, match="expected 2 markers or more that are seen, got 0 of 3"):
-        c3d.read_clip(tmp_path / "walk.c3d")
+        c3d.read_clips(tmp_path / "walk.c3d")
 
 
 # --- tables ------------------------------------------------------------------------------------------------------

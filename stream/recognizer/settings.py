@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from numbers import Real
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 #: Share of unknown time that may be named where strangers' motions taught the library unknown motion.
 SENSITIVITY_LEARNED = 0.05
@@ -37,6 +37,13 @@ class LiveSignature(StrEnum):
     WINDOWS = "windows"
     #: The leading eigenvector of one window, unweighted, by |inner products| (Le Naour et al. 2012).
     PAPER = "paper"
+
+
+# The wire between workers knows one kind of text in a field.
+if TYPE_CHECKING:
+    _Signature = LiveSignature | Literal["windows", "paper"]
+else:
+    _Signature = LiveSignature
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +92,7 @@ class Settings:
         signature.
     """
 
-    signature: LiveSignature | Literal["windows", "paper"] = LiveSignature.WINDOWS
+    signature: _Signature = LiveSignature.WINDOWS
     window: float | None = None
     sensitivity: float | None = None
     lead: float | None = None

@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import Concatenate, NamedTuple, ParamSpec, Protocol, Self
+from typing import TYPE_CHECKING, Concatenate, NamedTuple, ParamSpec, Protocol, Self, TypeAlias
 
 import numpy as np
 import zmq
@@ -24,6 +24,11 @@ from kinespace.stream.recognizer import Performers
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.commands import Asked, State, Step
+
+if TYPE_CHECKING:
+    # A worker runs this loop itself.
+    from kinespace.stream.workers.gateway import Gateway, GatewaySource
+    from kinespace.stream.workers.worker import Worker
 
 #: Seconds for which a packet may wait before it is taken in. When one waited longer, all that wait are taken in, and
 #: performers are answered by turns, each by its newest frame.
@@ -134,8 +139,9 @@ _MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
 _Told = ParamSpec("_Told")
-#: What may be a source.
-AnySource = Source | RequestSource
+#: What may be a source, and the recognisers of several performers: here, or in workers.
+AnySource: TypeAlias = "Source | RequestSource | GatewaySource | Worker"
+Recognising: TypeAlias = "Performers | Gateway"
 
 
 class Commanded(Protocol):
@@ -179,7 +185,7 @@ class Service:
 
     def __init__(  # noqa: PLR0913 - all by keyword but three
         self,
-        performers: Performers,
+        performers: Recognising,
         sources: Sequence[AnySource],
         sinks: Sequence[Sink],
         *,
@@ -384,10 +390,10 @@ class Service:
     def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
         for recognition, (_, started, waited) in zip(answers, taken, strict=True):
             if recognition is not None:
-                self._publish(recognition, time.perf_counter() - started + waited)
+                self.publish(recognition, time.perf_counter() - started + waited)
 
-    def _publish(self, recognition: Recognition, took: float) -> None:
-        """Publish an answer and what happened; its frame came `took` seconds ago."""
+    def publish(self, recognition: Recognition, took: float) -> None:
+        """Publish an answer, made here or elsewhere, and what happened; its frame came `took` seconds ago."""
         recognition = self._as_answered(recognition)
         tell(self.sinks, Sink.publish, recognition)
         self._publish_events(recognition.events)

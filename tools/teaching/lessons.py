@@ -23,8 +23,8 @@ from kinespace.library.windows.index import WindowIndex, opened, teaches_itself
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Event, EventKind
-from kinespace.stream.recognizer import Performers, Recognizer, Settings
-from kinespace.stream.service.loop import tell
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.memory import Remembered
@@ -67,7 +67,7 @@ class Lessons(Sink):
 
     def __init__(
         self,
-        performers: Performers,
+        performers: Recognising,
         teacher: Teacher,
         windows: TaughtWindows,
         file: RosterFile,
@@ -381,7 +381,7 @@ def open_lessons(
     file: Path,
     library: MotionLibrary | None,
     joints: Sequence[str],
-    performers: Callable[[WindowIndex, Sequence[str]], Performers],
+    performers: Callable[[WindowIndex, Sequence[str]], Recognising],
     stillness: float = STILLNESS,
     *,
     either_side: bool = False,

@@ -18,6 +18,7 @@ BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "str
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
 CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
 CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py")
+CORE += ("stream/workers/wire.py",)
 CORE += (
     "stream/inputs/decoder.py",
     "stream/inputs/detection.py",

@@ -12,7 +12,7 @@ from kinespace.tools.cli.main import PROGRAMS
 #: others show their options.
 ARGUMENTS = {
     "live": (
-        "--plain --osc-in :0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --teach mine.npz --record a.kinerec",
+        "--plain --osc-in :0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz --record a.kinerec",
         "listening on(.|\n)*WebSocket",
     ),
     "demo": ("squat1Reps", ""),

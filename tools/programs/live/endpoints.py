@@ -23,7 +23,7 @@ from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.packet import Networks
-from kinespace.stream.recognizer import Performers
+from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.values import host_and_port, one_of, opening
@@ -210,7 +210,7 @@ class Served(NamedTuple):
 
 
 def open_servers(
-    options: argparse.Namespace, keyring: Keyring | None, performers: Performers, *, commands: bool
+    options: argparse.Namespace, keyring: Keyring | None, performers: Recognising, *, commands: bool
 ) -> Iterator[Served]:
     """Prepare the page, which may give commands, and the server of WebSocket clients where they are asked for."""
     if options.page:

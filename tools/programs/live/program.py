@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import sys
 import threading
 import time
@@ -23,7 +24,7 @@ from rich.live import Live
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.source import FeedSource
@@ -33,13 +34,16 @@ from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background import BackgroundViews
-from kinespace.stream.service.loop import Service
+from kinespace.stream.service.loop import Recognising, Service
+from kinespace.stream.status import Status
+from kinespace.stream.workers.gateway import GatewaySource
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import (
     OSC_IN,
     add_names,
     add_settings,
     add_shared,
+    count,
     library_at,
     names,
     naming_of,
@@ -71,18 +75,21 @@ Known = MotionLibrary | WindowIndex
 _NO_LIBRARY = Path("none")
 
 
-def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Performers:
-    return Performers(
-        library,
-        settings_of(options),
-        most=options.performers,
-        joints=joints,
-        views=BackgroundViews(),
-        classes=classes,
-    )
+def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:
+    """Make recognisers that the service's own loop calls, or that work in processes of their own."""
+    settings = settings_of(options)
+    if not options.workers:
+        views = BackgroundViews()
+        return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
+    from kinespace.stream.workers.gateway import Gateway  # noqa: PLC0415 - only where there are workers
+    from kinespace.stream.workers.worker import Terms  # noqa: PLC0415 - as above
+
+    if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
+        library = opened(library)
+    return Gateway(options.workers, library, Terms(settings, options.performers, joints, tuple(classes)))
 
 
-def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Performers, Lessons | None]:
+def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Recognising, Lessons | None]:
     """Make the recognisers, and the lessons if people may teach."""
     library, naming = options.library, naming_of(options)
     nothing = library == _NO_LIBRARY
@@ -132,7 +139,7 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
 def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints) -> Lessons:
     """Open the taught library."""
 
-    def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Recognising:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = replace(sent, assumed=sent.assumed if covers else ())
         _require_room_for(index, settings_of(options))
@@ -206,6 +213,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
+    text = "spread performers over processes (default: none)"
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
     text = "watch a camera, a film or a stream, as kinespace camera does"
     parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
     add_shared(parser, "--people", "--size")
@@ -234,6 +243,11 @@ def run(options: argparse.Namespace) -> int:
         return recognise(options, keyring)
 
 
+def workers(text: str) -> int:
+    """Read a number of workers; `auto`: one for each core but one, which receives."""
+    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
+
+
 #: Times a second the table is drawn.
 _REDRAWS = 5
 #: Files and connections that may be open at once, as far as the system allows.
@@ -246,23 +260,26 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
     settings, record = settings_of(options), options.record
     preset = _checked(options, settings)
     performers, lessons = recognisers(options, preset)
+    # What workers send is read as a source is.
+    from_workers = [source] if (source := getattr(performers, "source", None)) else []
     in_lines = options.plain or options.log or not console.is_terminal
     shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
     admission = Admission(silence=performers.silence, allowed=options.allow)
-    with ExitStack() as opened:
+    with ExitStack() as begun:
+        _close_in(begun, from_workers)
         # Before the sockets are open: no packet is to wait until the page runs.
         served, servers = list[Served](), list[Any]()
         for each in open_servers(options, keyring, performers, commands=lessons is not None):
-            _close_in(opened, [*each.sinks, *each.frames, *each.requests])
+            _close_in(begun, [*each.sinks, *each.frames, *each.requests])
             served.append(each)
             servers.append(PageProcess(each.plan, say))
         sources, sinks, kept = open_ends(
             options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
         )
-        _close_in(opened, [*sources, *sinks, *([kept] if kept else ())])
+        _close_in(begun, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring)
         senders = open_senders(options, sources)
-        opened.pop_all()
+        begun.pop_all()
     listeners = [lessons] if lessons else []
     if options.bodies:
         sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
@@ -270,13 +287,14 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         closing(kept) if kept else nullcontext(),
         Service(
             performers,
-            [*sources, *controls, *chain(*(each.requests for each in served))],
+            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
             [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
             admission=admission,
             control=lessons,
         ) as service,
         ExitStack() as running,
     ):
+        _answer_for(from_workers, service)
         for begun in (*servers, *senders):
             running.enter_context(begun)
         if lessons:
@@ -294,9 +312,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
-        if lessons:
-            lessons.close()
-        status = service.status()
+        status = _ended(service, lessons, from_workers)
     for line in (
         *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
         *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
@@ -310,6 +326,21 @@ def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
     """Close these if a later one cannot be opened."""
     for each in ends:
         opened.callback(each.close)
+
+
+def _ended(service: Service, lessons: Lessons | None, from_workers: Iterable[GatewaySource]) -> Status:
+    """Close what was open while the service ran; give its last status."""
+    if lessons:
+        lessons.close()
+    for each in from_workers:
+        each.gateway.settle()
+    return service.status()
+
+
+def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None:
+    """Publish what workers answer."""
+    for each in from_workers:
+        each.gateway.publish = service.publish
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

@@ -1,0 +1,1 @@
+"""Performers spread over processes of this machine: a gateway receives frames and answers, workers recognise."""

@@ -133,8 +133,8 @@ def _kill_the_page(program: Program, _: Path, seconds: float) -> str:
 def _kill_a_recorder(_: Program, folder: Path, seconds: float) -> str:
     """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read its file."""
     recording, sent = folder / "killed.kinerec", 0
-    with Program("live", "--plain", "--record", str(recording), "--osc-in", "127.0.0.1:0") as recorder:
-        port = recorder.place().osc[1]
+    with Program("record", str(recording), "--osc-in", "127.0.0.1:0") as recorder:
+        port = int(recorder.expect(r"osc 127\.0\.0\.1:(\d+)")[1])
         with closing(osc.OscSender("127.0.0.1", port)) as sender:
             ending = time.monotonic() + seconds
             while time.monotonic() < ending:

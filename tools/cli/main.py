@@ -26,6 +26,8 @@ PROGRAMS: Programs = {
     "live": ("programs.live.program", "recognise a feed"),
     "camera": ("programs.camera", "find bodies in a camera's or a film's pictures, and send their joints"),
     "replay": ("programs.replay", "send recordings, or the built-in library's motions, as a fake live feed"),
+    "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
+    "record": ("programs.record", "keep a feed's packets as they come, to replay them"),
     "convert": ("programs.convert", "write recordings as plain numbers"),
     "latency": ("programs.latency", "measure the time from frame to answer, and of a bare echo"),
     "cut": ("programs.cut", "propose labels for a recording: a row for each movement"),

@@ -12,9 +12,10 @@ from kinespace.tools.cli.main import PROGRAMS
 #: others show their options.
 ARGUMENTS = {
     "live": (
-        "--plain --osc-in :0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz --record a.kinerec",
+        "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
         "listening on(.|\n)*WebSocket",
     ),
+    "record": ("a.kinerec --osc-in 127.0.0.1:0", "recording"),
     "demo": ("squat1Reps", ""),
     "listen": ("127.0.0.1:0 --seconds 0.5", ""),
     "latency": ("--transport osc --seconds 0.5", ""),

@@ -204,7 +204,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     add_shared(parser, "--overwrite")
-    text = "publish bodies on --zmq-out, too"
+    text = "publish bodies on --zmq-out, for kinespace page elsewhere"
     parser.add_argument("--bodies", action="store_true", help=text)
     add_shared(parser, "--page")
     text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"

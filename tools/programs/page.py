@@ -1,0 +1,45 @@
+"""`kinespace page`: a page in the browser that shows a recogniser's bodies and answers, and teaches it.
+
+Serves a page that shows the bodies, the guesses and the past minute of a recogniser that publishes over ZeroMQ
+(kinespace live --zmq-out ENDPOINT --bodies), until Ctrl-C. kinespace live --page starts it by itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import threading
+
+from kinespace.tools.cli.arguments import PAGE, add_shared
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.values import host_and_port
+from kinespace.tools.page.process import PagePlan
+from kinespace.tools.terminal.console import say
+
+#: Where `kinespace live --zmq-out` usually publishes.
+SOURCE = "tcp://127.0.0.1:9321"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.add_argument("--from", dest="source", default=SOURCE, metavar="ENDPOINT", help="default %(default)s")
+    parser.add_argument(
+        "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"
+    )
+    host, port = host_and_port(PAGE)
+    parser.add_argument(
+        "--host",
+        default=host,
+        help="pages on other machines need the token that is printed (default %(default)s)",
+    )
+    parser.add_argument("--port", type=int, default=port, help="port of the page (default %(default)s)")
+    add_shared(parser, "--keys")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    ended = threading.Event()
+    stop_on_signals(ended.set)
+    place = f"{options.host}:{options.port}"
+    plan = PagePlan(place, options.source, options.control, options.keys)
+    plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
+    return 0

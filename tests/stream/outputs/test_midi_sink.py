@@ -1,5 +1,6 @@
 """Answers as MIDI: what a port is sent, and a file that mido reads."""
 
+from pathlib import Path
 from typing import Any
 
 import mido
@@ -88,3 +89,32 @@ def test_a_port_that_is_not_there_is_said_with_those_that_are(port: _Port) -> No
     with pytest.raises(OSError, match="no port 'Piano'; there are: Synth 1, Loop 2"):
         MidiSink("Piano")
     assert not port.sent
+
+
+def test_a_file_holds_the_notes(tmp_path: Path) -> None:
+    """Mido reads them back, with the time between them."""
+    sink = MidiSink(f"{tmp_path / 'take.mid'}")
+    sink.publish(_answer("ann", 0.75))
+    for event in (START, END):
+        sink.publish_event(event)
+    sink.close()
+    notes = [each for each in mido.MidiFile(tmp_path / "take.mid") if not each.is_meta]
+    assert [(each.type, each.note, each.velocity) for each in notes] == [("note_on", 61, 95), ("note_off", 61, 95)]
+    assert all(0 <= each.time < 5 for each in notes)
+
+
+def test_a_program_that_is_killed_leaves_the_notes_until_then(tmp_path: Path) -> None:
+    """The file is whole after every note."""
+    path = tmp_path / "take.mid"
+    sink = MidiSink(f"{path}")
+    for number in range(1, 40):
+        sink.publish_event(START)
+        path.with_name("killed.mid").write_bytes(path.read_bytes())
+        assert len([each for each in mido.MidiFile(tmp_path / "killed.mid") if not each.is_meta]) == number
+    sink.close()
+
+
+def test_a_place_that_cannot_be_written_is_said_at_once(tmp_path: Path) -> None:
+    """Not after the show."""
+    with pytest.raises(FileNotFoundError):
+        MidiSink(f"{tmp_path / 'nowhere' / 'take.mid'}")

@@ -13,12 +13,15 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import mido
 import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.library.windows import remembered
 from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter
+from kinespace.stream.outputs.midi_sink import MidiSink
+from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.teaching import roster_file
 
@@ -125,6 +128,25 @@ def cache(folder: Path) -> Iterator[str]:
         yield str(found)
 
 
+def midi(folder: Path) -> Iterator[str]:
+    """Play notes: they are in the file, or the sink says that some are not."""
+    path = folder / "take.mid"
+    yield ""
+    try:
+        sink = MidiSink(str(path))
+    except OSError:
+        yield ""
+        return
+    for _ in range(_NOTES):
+        sink.publish_event(Event("ann", EventKind.START, "bow", 0, 0.5, 1.0))
+    sink.close()
+    yield ""
+    content = path.read_bytes()
+    notes = len([each for each in mido.MidiFile(path) if not each.is_meta]) if content or not sink.is_behind else 0
+    if notes < _NOTES and not sink.is_behind:
+        yield f"{notes} notes, behind: {sink.is_behind}"
+
+
 def _tried(work: Work, first: int, last: int) -> tuple[int, list[str]]:
     """Do a work with faults; give the number of calls, and what is wrong."""
     with tempfile.TemporaryDirectory() as place:
@@ -140,7 +162,7 @@ def main() -> None:
     """Do every work with each of its calls failing."""
     roster_file._AGAIN, roster_file._TOGETHER, roster_file._LOOK, roster_file._QUIET = 0.01, 0.0, 0.005, 0.02  # noqa: SLF001
     found = {}
-    for work in (teaching, building, recording, keys, cache):
+    for work in (teaching, building, recording, keys, cache, midi):
         # First without a fault: so many calls there are. Threads may make a few more.
         calls, wrong = _tried(work, 0, 0)
         for number in range(1, calls + 3):

@@ -10,7 +10,6 @@ from kinespace.library.teaching.movement import (
     MovementMeter,
     Stretch,
     StretchFinder,
-    limb_speed,
     moved_at_all,
     moved_in,
     relative_movement,
@@ -101,16 +100,6 @@ def test_hysteresis() -> None:
     assert set(began.values()) == {None, 1.2}
 
 
-def test_a_take_may_begin_and_end_in_a_motion() -> None:
-    """Then its stretch begins with the first frame, and ends with the take."""
-    take, moving = _take(1.0)
-    begin, end = round(moving[0].start * 60) + 20, round(moving[2].start * 60) + 50
-    found = stretches_of(replace(take, positions=take.positions[begin:end]))
-    assert len(found) == 3
-    assert 0.0 <= found[0].start < 0.1
-    assert (end - begin) / 60 - 0.2 < found[-1].end <= (end - begin) / 60
-
-
 def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
@@ -160,29 +149,9 @@ def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
     assert 1.0 < began[0] < 1.5
 
 
-def test_the_limb_speed_is_that_of_its_joint() -> None:
-    """One of four joints goes at a steady speed against the others; the joint not seen does not matter."""
-    corners = np.array([[0, 0, 0], [0, 2, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], dtype=float)
-    times = np.arange(7) / 30
-    bodies = np.repeat(corners[None], 7, axis=0)
-    bodies[:, 0, 2] = 0.3 * times
-    bodies[3, 4] = np.nan
-    # The centre goes along with a quarter of the speed; in such a body the mean squared distance is 10/3.
-    assert limb_speed(times, bodies) == pytest.approx(0.3 * 0.75 / (10 / 3) ** 0.5, rel=1e-3)
-
-
 def test_a_joint_that_jumps_begins_no_motion() -> None:
     """A depth sensor's joints jump for a moment; a limb counts after a tenth of a second."""
     nod = gesture("nod")
     standing = np.repeat(nod.positions[:1], 120, axis=0)
     standing[60:64, 18] += 0.1
     assert [*moved_in(replace(nod, positions=standing))] == []
-
-
-def test_stillness_is_some_times_the_trembling() -> None:
-    """Between a least and the usual one, and the usual one where nobody stood for half a second."""
-    calm = [(place / 30, Movement(0.001, trembling)) for place, trembling in enumerate([0.0] * 20 + [0.003])]
-    assert stillness_of(calm) == pytest.approx(0.006)
-    assert stillness_of([(time, Movement(0.0)) for time, _ in calm]) == pytest.approx(0.003)
-    assert stillness_of([(time, Movement(0.1)) for time, _ in calm]) == 0.01
-    assert stillness_of(calm[:10], 0.02) == stillness_of([], 0.02) == 0.02

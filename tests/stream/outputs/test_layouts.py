@@ -60,14 +60,6 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
             assert len(packet) <= osc_answers.MAX_ANSWER
 
 
-def test_every_layout_has_the_usual_port_of_its_programs() -> None:
-    """A program that listens where it usually does hears us without an option."""
-    ports = {"native": 9311, "max": 7400, "puredata": 9312, "supercollider": 57120, "touchdesigner": 10000}
-    ports |= {"wekinator": 12000, "vmc-thru": 39539, "vrchat": 9000}
-    assert {name: make().port for name, make in LAYOUTS.items()} == ports
-    assert {make().name for make in LAYOUTS.values()} == ports.keys()
-
-
 def test_the_native_sink_sends_the_osc_answers() -> None:
     """Every message of the service goes out as OSC; of those that a layout does not know nothing is sent."""
     sent, told = list[bytes](), State("Ada L", Step.WAITING)
@@ -180,17 +172,6 @@ def test_layouts_send_progress(name: str) -> None:
     (numbers,) = (numbers for address, numbers in told.items() if address.endswith("/progress"))
     assert numbers == [1, 0.25, 1.5, 0.75, 0.125, 0.5, 3]
     assert not any(address.endswith("/progress") for address in read(layout.recognition(recognition())))
-
-
-def test_wekinators_layout_sends_progress() -> None:
-    """Phase, speed and amplitude come beside the classes, zeros for a performer in no motion."""
-    layout = LAYOUTS["wekinator"]()
-    followed = dataclasses.replace(recognition(), progress=FOLLOWED)
-    assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [0.0]}
-    told = {"/wek/outputs": [0.0, 2.0], "/wek/progress": [0.0, 0.0, 0.0, 0.25, 1.5, 0.75]}
-    assert read(layout.recognition(followed)) == told
-    told = {"/wek/outputs": [0.0, 0.0], "/wek/progress": [0.0] * 6}
-    assert read(layout.gone("Ada L")) == told
 
 
 def test_vmc_programs_pass_it_on() -> None:

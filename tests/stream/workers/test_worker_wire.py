@@ -119,16 +119,3 @@ def test_terms_come_back() -> None:
     assert message.count(hop) == 1
     with pytest.raises(wire.FormatError, match="hop"):
         wire.decode(agreed.Terms, message.replace(hop, msgspec.msgpack.encode(-1.0)))
-
-
-def test_a_library_is_known_by_its_motions(sticks: MotionLibrary) -> None:
-    """The same motions give the same digest, other motions another."""
-    digest = agreed.digest_of(agreed.file_of(sticks))
-    assert agreed.digest_of(agreed.file_of(sticks)) == digest
-    fewer = sticks.without(classes=[sticks.classes[0]])
-    assert agreed.digest_of(agreed.file_of(fewer)) != digest
-
-
-def test_any_name_is_part_of_a_key() -> None:
-    """What means something in Zenoh's keys is written otherwise in ours."""
-    assert wire.key("g", "to", "a/b*?#$ é") == "kin/g/to/a%2Fb%2A%3F%23%24%20%C3%A9"

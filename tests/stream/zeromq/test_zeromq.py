@@ -5,18 +5,16 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from performed import NAMED
 
 from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Answer, Done, Event, EventKind
+from kinespace.stream.recognition import Done, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
@@ -46,13 +44,6 @@ def test_numbers_that_are_not_finite_are_null() -> None:
     answer = json.loads(encoded)
     assert answer["scores"] == {"%.6f": None, "b": None, "c": None, "d": 0.123457}
     assert (answer["movement"], answer["gap"]) == (None, None)
-
-
-def test_a_performer_who_left_has_no_class() -> None:
-    """The last answer about a performer names no class and gives the reason; listeners read it as any other."""
-    parts = zeromq_answers.encode_gone("Zoë 1")
-    assert parts[0] == "class/Zoë 1/".encode()
-    assert zeromq.decode_answer(parts) == Answer("Zoë 1", -1, 0.0, 0.0, "gone")
 
 
 def test_an_event_is_json_under_its_performers_topic() -> None:
@@ -135,17 +126,6 @@ def test_gaps_in_the_numbers(numbers: list[int | None], missing: int) -> None:
     assert _missing(numbers) == missing
 
 
-@given(data=st.data())
-def test_dropped_and_swapped_numbers(data: st.DataObject) -> None:
-    """Of a feed that loses frames and swaps neighbours, exactly the lost ones between first and last are missing."""
-    count = data.draw(st.integers(3, 60))
-    kept = sorted({0, count - 1, *data.draw(st.sets(st.integers(0, count - 1)))})
-    for place in range(1, len(kept) - 2, 3):
-        if data.draw(st.booleans()) and kept[place + 1] - kept[place] < 10:
-            kept[place], kept[place + 1] = kept[place + 1], kept[place]
-    assert _missing([1000 + number for number in kept]) == count - len(kept)
-
-
 def test_made_up_names_do_not_pile_up() -> None:
     """Each performer's numbers are its own; the 1025th performer makes the decoder forget the others' last numbers."""
     gaps, found = SequenceGaps(), []
@@ -174,22 +154,6 @@ def test_made_up_names_do_not_pile_up() -> None:
 def test_an_endpoint_says_bind_or_connect(text: str, expected: Endpoint, *, bind: bool) -> None:
     """A "@" binds and a ">" connects, with either default; without both the default decides."""
     assert Endpoint.parse(text, bind=bind) == expected
-
-
-@pytest.mark.parametrize("text", ["", "5556", "127.0.0.1:5556", "tcp:/127.0.0.1", "@", ">localhost:5556"])
-def test_an_endpoint_without_a_transport_is_refused(text: str) -> None:
-    """An address without a transport is refused, with an example."""
-    with pytest.raises(ValueError, match=r"endpoint: expected an address like tcp://127\.0\.0\.1:5556"):
-        Endpoint.parse(text, bind=True)
-
-
-@pytest.mark.parametrize("make", [ZmqReceiver, ZmqSender])
-def test_the_error_names_a_taken_address(make: Callable[[Endpoint], ZmqReceiver | ZmqSender]) -> None:
-    """Binding a taken address raises an OSError that names it."""
-    first = make(Endpoint(ANY_PORT, bind=True))
-    with pytest.raises(OSError, match=first.address):
-        make(Endpoint(first.address, bind=True))
-    first.close()
 
 
 # --- the sockets -------------------------------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
-from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.tools.cli.main import main
@@ -101,34 +100,6 @@ def test_joints_given_by_hand_are_recognised() -> None:
         assert "kickLFront1Reps" in [answer.label for answer in answers]
         assert stage.stopped()["other joints"] == 0
         assert "--joints: 25 of the library's 31 joints" in stage.program.output
-
-
-@pytest.mark.slow
-def test_joints_are_given_by_name_or_by_preset(tmp_path: Path) -> None:
-    """A list, a built-in preset and a copy of it mean the same; joints that the library lacks keep their names."""
-    assert len(KINECT) == 25
-    assert set(KINECT) == set(joints_of("kinectv2"))
-    assert joints_in_order(",".join(KINECT)) == KINECT
-    mine = tmp_path / "mine.toml"
-    mine.write_text(builtin_preset("kinectv2").text.replace('Head = "head"', 'Head = ""'), encoding="utf-8")
-    assert joints_in_order(str(mine)) == tuple("Head" if name == "head" else name for name in KINECT)
-    assert joints_in_order("a, b ,c") == ("a", "b", "c")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a,,b", "--joints: expected distinct names"),
-        ("a,b,a", "--joints: expected distinct names"),
-        ("vmc", "got vmc, whose messages name them"),
-        ("head", "--joints: expected one of kinectv2, "),
-    ],
-)
-def test_joints_that_make_no_sense_are_refused(text: str, message: str) -> None:
-    """Missing or repeated names, presets without an order, and other text are refused."""
-    with pytest.raises(ValueError, match=message.replace(".", r"\.")):
-        joints_in_order(text)
 
 
 # --- names ------------------------------------------------------------------------------------------------------------

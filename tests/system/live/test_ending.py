@@ -13,8 +13,6 @@ from programs import LOOPBACK, PATIENCE, free_udp_port, live, motion_cues, start
 from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs.feed_source import FeedSource
-from kinespace.tools.cli import interruption
-from kinespace.tools.feeding.feed import Pace
 
 pytestmark = pytest.mark.slow
 
@@ -63,18 +61,6 @@ def test_every_signal_ends_live_with_end_events(number: signal.Signals) -> None:
         message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
     ]
     assert [event.arguments[0] for event in events][-1] == "end"
-
-
-def test_an_end_asked_for_while_a_generator_is_closed_is_not_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python drops an interrupt that comes while an abandoned generator is closed; the next wait raises it again."""
-    # Set before the interrupt, so that the end of the test sets it back for the tests that follow in this process.
-    monkeypatch.setattr(interruption, "_asked", False)
-    with pytest.raises(KeyboardInterrupt):
-        interruption._interrupt()  # noqa: SLF001 - as the system calls it
-    with pytest.raises(KeyboardInterrupt):
-        Pace().wait_for(0.0)
-    monkeypatch.setattr(interruption, "_asked", False)
-    Pace().wait_for(0.0)
 
 
 def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

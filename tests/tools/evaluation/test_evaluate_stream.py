@@ -11,16 +11,14 @@ import numpy as np
 import pytest
 from takes import write_take
 
-from kinespace.library import MotionLibrary, Reading, Skeleton, SkeletonMismatchError
+from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
-from kinespace.tools.evaluation.harness import shared_joints
 from kinespace.tools.evaluation.scoring.timeline import Course
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
-from kinespace.tools.feeding.joint_sets import joints_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -89,15 +87,6 @@ def _shares(courses: Sequence[Course]) -> tuple[float, float]:
 # --- protocols ---------------------------------------------------------------------------------------------------
 
 
-def test_the_library_recognises_every_take(
-    folder: Path, library: Path, takes: list[Take], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """With a library the figures equal those of a replay with it."""
-    score = _scored(capsys, folder, "--library", library)
-    right, named = _shares([_replayed(take, takes[:1]) for take in takes])
-    assert (score["frame_accuracy"], score["unknown_answered"]) == (pytest.approx(right), pytest.approx(named))
-
-
 @pytest.mark.parametrize("protocol", ["leave-one-take-out", "leave-one-person-out"])
 def test_each_take_is_recognised_by_the_others(
     protocol: str, folder: Path, takes: list[Take], capsys: pytest.CaptureFixture[str]
@@ -112,36 +101,6 @@ def test_each_take_is_recognised_by_the_others(
     if protocol == "leave-one-person-out":
         shares = [_shares([each])[0] for each in courses[:2]]
         assert [score["persons"][person]["frame_accuracy"] for person in ("ann", "ben")] == pytest.approx(shares)
-
-
-def test_each_person_recognises_the_others(folder: Path, takes: list[Take], capsys: pytest.CaptureFixture[str]) -> None:
-    """The library of each person is asked by the two others; a segment asked of two libraries counts once."""
-    score = _scored(capsys, folder, "--protocol", "one-person", "--actor-in", "name")
-    shares = [_shares([_replayed(each, [take]) for each in takes if each is not take])[0] for take in takes]
-    assert [each["frame_accuracy"] for each in score["persons"].values()] == pytest.approx(shares)
-    assert score["mean"]["frame_accuracy"] == pytest.approx(np.mean(shares))
-    assert score["worst"]["frame_accuracy"] == pytest.approx(min(shares))
-    assert (score["known"]["segments"], score["known"]["persons"]) == (8, 3)
-    worst = max(each["unknown_answered"] or 0.0 for each in score["persons"].values())
-    assert score["worst"]["unknown_answered"] == pytest.approx(worst)
-    assert score["mean"]["takes_found"] is score["worst"]["takes_found"] is None
-
-
-def test_intervals_are_drawn_by_segments_or_persons(
-    folder: Path, takes: list[Take], library: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The values are the same; drawn by persons, the interval ends at a mean of one person drawn three times."""
-    asked = (folder, "--library", library, "--actor-in", "name", "--resample")
-    by_segment, by_person = (_scored(capsys, *asked, unit) for unit in ("segments", "persons"))
-    assert by_segment["frame_accuracy"] == by_person["frame_accuracy"]
-    assert by_segment["intervals"]["frame_accuracy"] != by_person["intervals"]["frame_accuracy"]
-    shares = [_shares([_replayed(take, takes[:1])])[0] for take in takes]
-    assert by_person["intervals"]["frame_accuracy"] == pytest.approx([min(shares), max(shares)])
-    assert _evaluate(*asked, "persons") == 0
-    assert "95 %, by person" in capsys.readouterr().out
-    assert "expected the person of every take" in _refused(
-        capsys, folder, "--library", library, "--resample", "persons"
-    )
 
 
 # --- takes without known motions, and takes whose labels have no times -------------------------------------------
@@ -194,35 +153,6 @@ def test_a_sensors_frames_come_at_their_own_times(takes: list[Take]) -> None:
 
 
 # --- labels and names --------------------------------------------------------------------------------------------
-
-
-def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A label mapped to a class counts as that class: an unknown motion is then known, and guessed wrong."""
-    plain = _scored(capsys, folder / "cid_01.amc", "--library", library)
-    mapped = _scored(capsys, folder / "cid_01.amc", "--library", library, "--map", "salute=row", "hail=hail")
-    assert plain["unknown_answered"] is not None
-    assert mapped["unknown_answered"] is None
-    assert set(mapped["classes"]) - set(plain["classes"]) == {"row"}
-    assert "--map: expected one of " in _refused(capsys, folder, "--library", library, "--map", "clap=fly")
-
-
-def test_bodies_meet_over_the_joints_that_all_have(capsys: pytest.CaptureFixture[str]) -> None:
-    """Takes of two skeletons and a library are compared over their shared joints, and the lost ones are named."""
-    joints = joints_of("kinect1")
-    assert shared_joints([Skeleton(joints), Skeleton((*joints[::-1], "tail"))]) == joints
-    assert capsys.readouterr().err == "19 joints that all takes and the library have; without tail\n"
-    assert shared_joints([Skeleton(joints), Skeleton(joints[::-1])]) == joints
-    assert not capsys.readouterr().err
-    with pytest.raises(SkeletonMismatchError, match="at least 5 that all takes and the library have, got 4"):
-        shared_joints([Skeleton(joints), Skeleton(joints[:4])])
-
-
-def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Another signature, another window, or a part less changes the figures."""
-    take, paper = folder / "ben_01.amc", ("--signature", "paper")
-    several = ((), paper, (*paper, "--window", "1.5"), ("--without-part", "eigen"))
-    scores = [_scored(capsys, take, "--library", library, *options) for options in several]
-    assert len({json.dumps(score, sort_keys=True) for score in scores}) == 4
 
 
 def test_answers_and_segments_are_tables(folder: Path, takes: list[Take], library: Path, tmp_path: Path) -> None:

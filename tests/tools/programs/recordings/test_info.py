@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 from recorded import write_takes
-from synthetic import stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.index import opened
 from kinespace.tools.cli.main import main
@@ -44,33 +43,6 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         f"done, ≤ 6/h false: {opened(library).courses.missed_at(6.0):.0%} of these motions missed",
     ):
         assert f"\n{line}\n" in printed
-
-
-def test_nothing_has_no_index(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The class of motions that are answered "unknown" has a row without an index; the others count on."""
-    MotionLibrary.of_clips(stick_clips()).renamed({"jump": NOTHING}).save(tmp_path / "mine.npz")
-    assert main(["info", str(tmp_path / "mine.npz")]) == 0
-    printed = capsys.readouterr().out
-    assert [_row(printed, name)[:3] for name in ("bow", NOTHING, "wave")] == [
-        ["bow", "0", "6"],
-        [NOTHING, "-", "6"],
-        ["wave", "1", "6"],
-    ]
-    assert "motions: 18 of 2 classes, " in printed
-    assert "done, ≤ 1/h false: " in printed
-
-
-def test_info_says_what_a_library_does_not_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A library without persons, sources, licence and attribution says that they are not known."""
-    path = tmp_path / "mine.npz"
-    MotionLibrary.of_clips(stick_clips(takes=1, actors=("",))).save(path)
-    assert main(["info", str(path)]) == 0
-    printed = capsys.readouterr().out
-    assert _row(printed, "wave")[:4] == ["wave", "2", "1", "?"]
-    for line in ("persons: not stated", "sources: not stated", "licence: not stated", "attribution: none"):
-        assert f"{line}\n" in printed
-    # One motion of each class is compared with no other.
-    assert "missed" not in printed
 
 
 def test_persons_are_summed_up_and_motions_listed(capsys: pytest.CaptureFixture[str]) -> None:

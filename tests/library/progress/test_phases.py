@@ -117,16 +117,3 @@ def test_axes_are_whitened_by_the_differences_of_people(index: WindowIndex) -> N
     assert np.ptp(np.linalg.norm(index.phases.whitening, axis=0)) > 0.1
     none = PhaseTable.of([], index.body, index.basis)
     assert (dict(none.classes), len(none.whitening)) == ({}, 2 * index.basis.directions.shape[1])
-
-
-def test_classes_that_did_not_change_are_kept(index: WindowIndex) -> None:
-    """A class with the same recordings is not computed again, in the same basis."""
-    motions, before = index.library.motions, index.phases
-    after = PhaseTable.of([*motions, replace(motions[0], take="more")], index.body, index.basis, before)
-    assert [after.courses[name][1] is before.courses[name][1] for name in ("away", "bow", "jump")] == [
-        False,
-        True,
-        True,
-    ]
-    other = PhaseTable.of(motions, index.body, replace(index.basis), before)
-    assert other.courses["bow"][1] is not before.courses["bow"][1]

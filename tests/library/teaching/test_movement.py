@@ -10,6 +10,7 @@ from kinespace.library.teaching.movement import (
     MovementMeter,
     Stretch,
     StretchFinder,
+    limb_speed,
     moved_at_all,
     moved_in,
     relative_movement,
@@ -147,6 +148,17 @@ def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
             began += [finder.began] if finder.began is not None else []
     assert began
     assert 1.0 < began[0] < 1.5
+
+
+def test_the_limb_speed_is_that_of_its_joint() -> None:
+    """One of four joints goes at a steady speed against the others; the joint not seen does not matter."""
+    corners = np.array([[0, 0, 0], [0, 2, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], dtype=float)
+    times = np.arange(7) / 30
+    bodies = np.repeat(corners[None], 7, axis=0)
+    bodies[:, 0, 2] = 0.3 * times
+    bodies[3, 4] = np.nan
+    # The centre goes along with a quarter of the speed; in such a body the mean squared distance is 10/3.
+    assert limb_speed(times, bodies) == pytest.approx(0.3 * 0.75 / (10 / 3) ** 0.5, rel=1e-3)
 
 
 def test_a_joint_that_jumps_begins_no_motion() -> None:

@@ -264,17 +264,6 @@ def test_an_uncertain_joint_is_absent() -> None:
 # --- performers and senders --------------------------------------------------------------------------------------
 
 
-def test_two_senders_of_one_performer_are_two_performers() -> None:
-    """The second host's performer gets its number added; one host's end message leaves the other's frame open."""
-    target = assembler("end")
-    pushed(target, whole(1.0), 0.0, sender=1)
-    pushed(target, whole(2.0), 0.0, sender=2)
-    (second,) = pushed(target, [message("/end")], 0.01, sender=2)
-    assert (second.performer, values(second)) == ("p-2", [2.0] * 4)
-    (first,) = pushed(target, [message("/end")], 0.01, sender=1)
-    assert (first.performer, values(first)) == ("p", [1.0] * 4)
-
-
 def test_there_is_room_for_so_many() -> None:
     """A performer above the limit is refused and counted; the others go on."""
     target = assembler("end")

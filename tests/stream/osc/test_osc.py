@@ -188,3 +188,8 @@ def test_a_host_is_looked_up_without_waiting(monkeypatch: pytest.MonkeyPatch) ->
     for thread in {*threading.enumerate()} - others:
         thread.join(10.0)
     assert (found.address, pauses) == ((LOOPBACK, 9), [5.0, 5.0])
+
+
+def test_this_machines_addresses_are_known() -> None:
+    """An address that can be bound is this machine's."""
+    assert [osc.is_ours(host) for host in (LOOPBACK, "192.0.2.1", "2001:db8::1")] == [True, False, False]

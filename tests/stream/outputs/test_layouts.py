@@ -174,13 +174,15 @@ def test_layouts_send_progress(name: str) -> None:
     assert not any(address.endswith("/progress") for address in read(layout.recognition(recognition())))
 
 
-def test_vmc_programs_pass_it_on() -> None:
-    """`/VMC/Thru/<a>/<b>` with one text and one integer, as the protocol has it."""
-    layout = LAYOUTS["vmc-thru"]()
-    assert read(layout.recognition(recognition())) == {"/VMC/Thru/motion/class": ["jump", 1]}
-    assert read(layout.recognition(recognition(Outcome.STILL))) == {"/VMC/Thru/motion/class": ["still", -1]}
-    assert read(layout.event(START)) == {"/VMC/Thru/motion/start": ["jump", 1]}
-    assert read(layout.gone("Ada L")) == {"/VMC/Thru/motion/class": ["gone", -1]}
+def test_wekinators_layout_sends_progress() -> None:
+    """Phase, speed and amplitude come beside the classes, zeros for a performer in no motion."""
+    layout = LAYOUTS["wekinator"]()
+    followed = dataclasses.replace(recognition(), progress=FOLLOWED)
+    assert read(layout.recognition(recognition(Outcome.STILL, "Bob"))) == {"/wek/outputs": [0.0]}
+    told = {"/wek/outputs": [0.0, 2.0], "/wek/progress": [0.0, 0.0, 0.0, 0.25, 1.5, 0.75]}
+    assert read(layout.recognition(followed)) == told
+    told = {"/wek/outputs": [0.0, 0.0], "/wek/progress": [0.0] * 6}
+    assert read(layout.gone("Ada L")) == told
 
 
 def test_vrchat_gets_parameters() -> None:

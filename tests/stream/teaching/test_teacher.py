@@ -109,20 +109,11 @@ def test_a_slow_camera_is_said_before_the_lesson(rate: int, said: str) -> None:
     assert [each.reason for each in stage.told if isinstance(each, State)] == ["", "", said]
 
 
-def test_the_example_holds_the_motion_that_was_shown() -> None:
-    """The example's frames are the motion's, at 30 frames per second."""
+def test_an_example_that_is_undone_before_its_check_is_told() -> None:
+    """Whoever showed it waits for an end of the lesson."""
     stage = _taught()
-    (example,) = stage.teacher.roster.examples
-    shown = stage.library.motions[40].positions[::2]
-    recorded = example.motion.positions
-    offsets = range(max(len(recorded) - len(shown), 0) + 4)
-    nearest = min(
-        float(np.abs(recorded[offset : offset + 20] - shown[start : start + 20]).max())
-        for offset in offsets
-        for start in range(4)
-        if len(recorded[offset : offset + 20]) == 20
-    )
-    assert nearest < 0.03
+    stage.ask(commands.Undo())
+    assert stage.teacher.checked(1, None, Tried()) == [State("ann", Step.REFUSED, 0.0, "undone before it was checked")]
 
 
 def test_undo_and_redo_without_end() -> None:
@@ -385,6 +376,16 @@ def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:
     assert told.step is Step.REFUSED
 
 
+def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
+    """An example of which no window can be made is taken back with a reason."""
+    stage = _taught()
+    told, changed = stage.teacher.failed(1, "too short")
+    assert told == State("ann", Step.REFUSED, 0.0, "too short")
+    assert stage.teacher.roster.examples == ()
+    assert isinstance(changed, Changed)
+    assert changed.roster is stage.teacher.roster
+
+
 def test_a_slower_feed_keeps_its_rate() -> None:
     """Of 120 Hz every fourth frame is remembered; 15 Hz are as they are; 8 Hz have straight lines between."""
     for rate, kept in ((120.0, 30.0), (15.0, 15.0), (8.0, 30.0)):
@@ -394,6 +395,14 @@ def test_a_slower_feed_keeps_its_rate() -> None:
         clip = memory.between(0.0, 2.0)
         assert clip
         assert clip.frame_rate == pytest.approx(kept)
+
+
+def test_a_feed_with_pauses_is_remembered_for_as_many_seconds_as_any() -> None:
+    """Frames that are rare, or a performer who comes and goes, keep no longer a past than a steady feed."""
+    stage, memory = Stage(), Memory(MotionLibrary.builtin().skeleton)
+    for second in range(400):
+        memory.push(float(second), stage.library.motions[0].positions[0], 0.0)
+    assert [memory._frames[end][0] for end in (0, -1)] == [99.0, 399.0]  # noqa: SLF001 - unseen
 
 
 def test_an_example_of_some_seconds_ago_is_the_movement_of_then(sticks: MotionLibrary) -> None:

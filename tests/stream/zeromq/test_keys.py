@@ -100,6 +100,13 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
         Keyring(tmp_path)
 
 
+def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:
+    """With several keys beside its own a socket cannot know which one to connect to, and says so."""
+    stage, *_ = folders(tmp_path, "stage", "ann", "ben")
+    with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
+        ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)
+
+
 def heard(publisher: ZmqSender, subscriber: Socket[bytes], *, longest: int) -> bool:
     """Publish until the subscriber hears something; whether it did, after so many milliseconds at most."""
     for _ in range(longest // 10):

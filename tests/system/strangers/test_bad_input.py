@@ -9,6 +9,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from programs import LOOPBACK, REMARK
 from recorded import write_take, write_takes
@@ -149,6 +150,23 @@ def test_a_busy_port_is_named(arguments: str, mark: str, tmp_path: Path, capsys:
 
 
 # --- Hostile files ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
+def test_an_impossible_arrival_ends_a_recording(
+    arrival: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A record with an impossible time counts as damage: the replay does not wait for it."""
+    path = tmp_path / "far.kinerec"
+    with closing(rawfile.RawWriter(path, ["osc 127.0.0.1:9310"])) as writer:
+        for time in (1.0, arrival, 2.0):
+            writer.write(rawfile.RawPacket(time, 0, "", (b"/x\0\0,\0\0\0",)))
+    with closing(osc.OscReceiver(LOOPBACK, 0)) as somebody:
+        assert main(["replay", str(path), "--osc", f"{LOOPBACK}:{somebody.address[1]}"]) == 0
+    assert "cut off or damaged" in capsys.readouterr().out
+    recording = rawfile.RawFile(path)
+    assert [packet.arrival for packet in recording.packets()] == [1.0]
+    assert recording.damage()
 
 
 def test_control_characters_are_shown_as_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -73,18 +73,6 @@ def test_clients_that_fail_are_named(
     assert not place.exists()
 
 
-def test_without_models_one_line_says_how_to_get_them(
-    place: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    """The same with a folder that has none, whose name the line has."""
-    with pytest.raises(FileNotFoundError, match=r"^no models: `kinespace camera --get-models` fetches them"):
-        models.models_at(None, "full")
-    with pytest.raises(FileNotFoundError, match=rf"^{tmp_path}: no models: .*; --models says where others are$"):
-        models.models_at(tmp_path, "lite")
-    assert not place.exists()
-    assert not capsys.readouterr().out
-
-
 def test_npms_package_has_what_a_browser_needs(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The files are taken out of the archive by their contents, and read by the names that a browser asks for."""
     contents = {name: name.encode() for name in models.BROWSER.values()}

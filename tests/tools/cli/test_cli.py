@@ -7,11 +7,10 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-import shtab
 from programs import ROOT
 
 from kinespace.tools.announcing import finding
-from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main, whole_parser
+from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 from kinespace.tools.programs.recordings import info
 
 
@@ -38,13 +37,6 @@ def test_help_lists_every_program(capsys: pytest.CaptureFixture[str]) -> None:
     assert ended.value.code == 0
     first_words = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("    ")}
     assert set(PROGRAMS) <= first_words
-
-
-def test_a_shell_completes_the_options_of_every_program() -> None:
-    """Shtab finds the programs' options in the whole parser, experiments' too."""
-    completion = shtab.complete(whole_parser(), "bash")
-    assert "--no-plausibility" in completion
-    assert "--without-part" in completion
 
 
 @pytest.mark.parametrize("program", [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)])

@@ -1,11 +1,9 @@
 """`kinespace evaluate stream`: the takes and libraries of each protocol replayed by hand, and what options change."""
 
 import csv
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -54,83 +52,10 @@ def _evaluate(*arguments: object) -> int:
     return main(["evaluate", "stream", *map(str, arguments)])
 
 
-def _scored(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
-    """Run the program with --json, and read its output: one object."""
-    assert _evaluate(*arguments, "--json") == 0
-    score: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return score
-
-
-def _refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """Run it to its failure; the last line it says."""
-    assert _evaluate(*arguments) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    return printed.err.splitlines()[-1]
-
-
 def _replayed(asking: Take, library_of: Sequence[Take]) -> Course:
     """Replay a take, recognised by motions cut from others."""
     library = MotionLibrary.of_clips([motion for take in library_of for motion in take.motions()])
     return course(asking, library, CLASSES, Settings())
-
-
-def _shares(courses: Sequence[Course]) -> tuple[float, float]:
-    """Give the share of known frames guessed right, and of unknown frames named."""
-    truth, guess, named = (
-        np.concatenate([getattr(each, track) for each in courses]) for track in ("truth", "guess", "published")
-    )
-    known = truth >= 0
-    return float(np.mean((guess == truth)[known])), float(((named >= 0) & ~known).sum() / max((~known).sum(), 1))
-
-
-# --- protocols ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("protocol", ["leave-one-take-out", "leave-one-person-out"])
-def test_each_take_is_recognised_by_the_others(
-    protocol: str, folder: Path, takes: list[Take], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The figures equal those of a replay with the others' segments; what one take alone knows is unknown."""
-    score = _scored(capsys, folder, "--protocol", protocol, "--actor-in", "name")
-    courses = [_replayed(take, [each for each in takes if each is not take]) for take in takes]
-    right, named = _shares(courses)
-    assert (score["frame_accuracy"], score["unknown_answered"]) == (pytest.approx(right), pytest.approx(named))
-    assert score["known"] == {"seconds": pytest.approx(20.0, abs=0.1), "segments": 8, "persons": 3}
-    assert "salute" not in score["classes"]
-    if protocol == "leave-one-person-out":
-        shares = [_shares([each])[0] for each in courses[:2]]
-        assert [score["persons"][person]["frame_accuracy"] for person in ("ann", "ben")] == pytest.approx(shares)
-
-
-# --- takes without known motions, and takes whose labels have no times -------------------------------------------
-
-
-def test_tables_of_takes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A take is found when its class is named at some time, one without any is unknown, a doubtful one left out."""
-    table = folder / "takes.list"
-    table.write_text(
-        "file,subject,contains,perhaps,kind\n"
-        "ben_01.amc,1,row,,x\n"
-        'ben_01.amc,1,"clap,hail",row,x\n'
-        "cid_01.amc,2,fly,,x\n"
-        "cid_01.amc,2,,clap,x\n"
-        "cid_01.amc,3,,,x\n"
-    )
-    score = _scored(capsys, "--takes", table, "--library", library)
-    assert score["takes_found"] == 1.0
-    assert score["containing"] == {"seconds": pytest.approx(2 * 7.5, abs=0.1), "segments": 2, "persons": 1}
-    assert score["unknown"] == {"seconds": pytest.approx(7.5, abs=0.1), "segments": 1, "persons": 1}
-    assert score["unknown_answered"] > 0.4
-    by_table = ("--takes", table, "--library", library)
-    chosen = _scored(capsys, *by_table, "--without-subjects", "1", "2")
-    assert (chosen["takes_found"], chosen["unknown"]["segments"]) == (None, 1)
-    assert _scored(capsys, *by_table, "--subjects", "2", "--map", "fly=row")["containing"]["segments"] == 1
-    assert "expected a label that is a class" in _refused(capsys, *by_table, "--subjects", "2")
-    assert _evaluate(*by_table) == 0
-    printed = capsys.readouterr().out
-    assert "takes that contain a class: 15 s, 2 takes, 1 person" in printed
-    assert "\nknown motions" not in printed
 
 
 # --- sensors that skip frames ------------------------------------------------------------------------------------

@@ -7,10 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinespace.stream import osc
-from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.recognition import Answer
-from kinespace.stream.zeromq import answers as zeromq_answers
-from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, classes_in
+from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener
 
 
 def test_every_packet_is_received_in_order_with_its_moment(stage: osc.OscReceiver) -> None:
@@ -29,14 +27,6 @@ def test_every_packet_is_received_in_order_with_its_moment(stage: osc.OscReceive
         assert listener.listen_until(0.0) == []
         sender.send(b"late")
         assert [each.packet for each in listener.listen_until(0.0)] == [b"late"]
-
-
-def test_the_classes_are_read_where_a_recogniser_lists_them() -> None:
-    """By either transport; other packets, and broken ones, list none."""
-    for packet in (osc_answers.encode_classes(("bow", "jump")), zeromq_answers.encode_classes(("bow", "jump"))):
-        assert classes_in(packet) == ["bow", "jump"]
-    for packet in (b"/motion/classes\0,", b"#bundle\0", [b"classes/", b"{}"], [b"classes/"], [b"status/", b"1"]):
-        assert classes_in(packet) == []
 
 
 def answer(label: str, score: float) -> Answer:

@@ -123,19 +123,6 @@ def test_a_lesson_becomes_a_bar() -> None:
     assert [each["state"] for each in told["notices"]] == ["countdown", "recording", "checking", ""]
 
 
-@pytest.mark.parametrize(("refusals", "span"), [(0, [40.0, 42.0]), (1, [48.0, 50.0])])
-def test_a_span_of_the_past_that_was_taught_has_its_bar_there(refusals: int, span: list[float]) -> None:
-    """The bar stands where a page's command says; of a command that was refused nothing stays."""
-    board = _board(_answer("ann"))
-    board.take_command({"do": "last", "performer": "ann", "seconds": 2.0, "class": "dip", "ago": 8.0}, 50.0)
-    board.take_command({"do": "last", "performer": "bob", "seconds": 2.0, "class": "dip"}, 50.0)
-    board.take_command({"do": "last", "performer": "ann", "seconds": "long", "class": "dip"}, 50.0)
-    checked = State("ann", Step.CHECKING, 2.0), Taught("dip", 1, 2.0, "good")
-    for notice in (*[State("ann", Step.REFUSED)] * refusals, *checked):
-        board.take(_notice(notice), 50.0)
-    assert _told(board)[0]["motions"][0][2:] == ["dip", *span, "taught"]
-
-
 def test_performers_come_and_go() -> None:
     """Eight are shown, more are counted; who has gone, or was silent for long, is no longer told."""
     board = Board()

@@ -13,7 +13,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
 from kinespace.tools.page.cameras import Cameras
-from kinespace.tools.page.requests import MAX_MESSAGE, Gate
+from kinespace.tools.page.requests import Gate
 from kinespace.tools.page.server import MAX_PAGES, PageServer
 
 PATIENCE = 60.0
@@ -196,25 +196,6 @@ def test_an_odd_request_leaves_no_traceback(request_line: str, caplog: pytest.Lo
             writing.close()
             assert reply.split()[1:2] in ([b"403"], [b"404"], [])
         assert not [each for each in caplog.records if each.exc_info]
-
-    run(test())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rubbish", "code"), [("{", 1008), ('{"ask": 1}', 1008), (b"\x00", 1008), ("x" * (MAX_MESSAGE + 1), 1009)]
-)
-def test_a_page_that_sends_rubbish_is_closed(rubbish: str | bytes, code: int) -> None:
-    """It is told the reason; the server and the other pages go on."""
-
-    async def test() -> None:
-        async with serving() as served, served.page() as other:
-            async with served.page() as page:
-                await told(page)
-                await page.send(rubbish)
-                await page.wait_closed()
-                assert page.close_code == code
-            assert "number" in await told(other)
 
     run(test())
 

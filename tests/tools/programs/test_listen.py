@@ -13,7 +13,6 @@ import skeletons
 from golden import LAYOUTS, Moment, bundle, message
 from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
-from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
@@ -187,31 +186,7 @@ def test_bones_that_never_came_are_named() -> None:
     assert any(line.startswith("bones that never came, and stay at rest: ") for line in advice(survey, guess, None))
 
 
-SQUAT = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")
 NATIVE = builtin_preset("native")
-
-
-def _squat(positions: np.ndarray[tuple[int, ...], np.dtype[np.floating]], unit: float = 1.0) -> Survey:
-    """Hear a squat at 60 Hz, times in this unit."""
-    survey = Survey()
-    survey.keep(osc.encode_announcement(Announcement("ann", SQUAT.skeleton.joints)), 0.0, ("127.0.0.1", 9))
-    for number, joints in enumerate(positions):
-        moment = number / 60
-        survey.keep(osc.encode_frame(Frame("ann", unit * (1 + moment), joints)), moment, ("127.0.0.1", 9))
-    return survey
-
-
-def _told(survey: Survey) -> list[str]:
-    return advice(survey, survey.looked_at_as(NATIVE), None)
-
-
-def test_joints_in_another_order_are_reported() -> None:
-    """Names that stand in another order than their joints, and angles, make segments that stretch."""
-    shuffled = SQUAT.positions[:, np.random.default_rng(2).permutation(31)]
-    angles = 40 * np.sin(SQUAT.positions[:, ::-1] * np.arange(1, 94).reshape(31, 3))
-    for positions in (shuffled, angles):
-        (line,) = _told(_squat(positions))
-        assert line.startswith("performer ann: many segments change their length by more than a tenth")
 
 
 @pytest.mark.parametrize(

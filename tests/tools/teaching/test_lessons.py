@@ -241,25 +241,6 @@ def _growing(numbers: Sequence[int]) -> list[Change]:
     return [Change(Roster(examples[: count + 1]), Settings(), number) for count, number in enumerate(numbers)]
 
 
-def test_of_changes_that_pour_in_the_newest_is_opened() -> None:
-    """Nine changes while one is opened make one further opening, and the end opens nothing."""
-    windows, changes = Slow(), _growing(range(1, 10))
-    opener = RosterOpener(windows, Teacher(changes[0].roster.examples[0].recording.skeleton, Roster()), lambda *_: ())
-    for change in changes:
-        opener.open(change)
-    windows.may_end.set()
-    until = time.monotonic() + PATIENCE
-    while windows.opened[-1:] != [9] and time.monotonic() < until:
-        time.sleep(0.01)
-    assert len(windows.opened) <= 2
-    windows.may_end.clear()
-    for change in changes:
-        opener.open(change)
-    threading.Timer(0.1, windows.may_end.set).start()
-    opener.close()
-    assert len(windows.opened) <= 3
-
-
 def test_an_example_that_cannot_be_compared_takes_no_other_with_it() -> None:
     """Of several that came together it alone is refused."""
     windows, changes = Slow(), _growing([11, 12, 13, 14])

@@ -91,28 +91,6 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
     assert "3 classes · received 101, malformed 2" in drawn
 
 
-def test_performers_keep_their_rows() -> None:
-    """A performer who leaves leaves a free row for a newcomer; the others keep their rows."""
-    table = LiveTable(CLASSES)
-
-    def rows() -> list[str]:
-        names = ("ann", "bob", "cem", "dora", "eve")
-        return [line.split()[0] for line in shown(table).splitlines() if line.split()[:1] and line.split()[0] in names]
-
-    for name in ("ann", "bob", "cem"):
-        table.publish(recognition(name, "bow"))
-    table.publish_status(status("bob", "cem"))
-    before = shown(table).splitlines()
-    assert rows() == ["bob", "cem"]
-    table.publish(recognition("dora", "bow"))
-    assert rows() == ["dora", "bob", "cem"]
-    assert len(before) == len(shown(table).splitlines())
-    table.publish(recognition("eve", "bow"))
-    assert rows() == ["dora", "bob", "cem", "eve"]
-    table.publish_status(status("dora", "bob"))
-    assert rows() == ["dora", "bob"]
-
-
 def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     """Their counts stand below the table, the last three classes of each performer; in lines each has its own."""
     table, lines = LiveTable(CLASSES), PlainLines()

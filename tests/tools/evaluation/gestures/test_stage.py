@@ -6,7 +6,7 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.evaluation.gestures import evaluate_show
-from kinespace.tools.evaluation.gestures.stage import JOINED, facing, joined, lengths_of, on_bones
+from kinespace.tools.evaluation.gestures.stage import JOINED, joined, lengths_of
 
 LIBRARY = MotionLibrary.builtin()
 PARENTS = LIBRARY.skeleton.parents
@@ -16,25 +16,6 @@ RATE = 60.0
 def motion_of(actor: str, class_name: str) -> np.ndarray:
     """Give the positions of an actor's first motion of a class."""
     return next(each for each in LIBRARY.motions if (each.actor, each.class_name) == (actor, class_name)).positions
-
-
-def test_another_body_keeps_its_lengths_and_takes_the_directions() -> None:
-    """Each segment has the performer's length in every frame, and the movement's direction."""
-    squat, lengths = motion_of("bd", "squat1Reps"), lengths_of(motion_of("mm", "grabHighR"), PARENTS)
-    laid = on_bones(squat, PARENTS, lengths)
-    for joint, parent in enumerate(PARENTS):
-        if parent >= 0:
-            own, given = laid[:, joint] - laid[:, parent], squat[:, joint] - squat[:, parent]
-            along = [float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b))) for a, b in zip(own, given, strict=True)]
-            np.testing.assert_allclose(np.linalg.norm(own, axis=1), lengths[joint], atol=1e-6)
-            assert min(along) > 1 - 1e-5
-
-
-def test_a_piece_turned_away_faces_as_the_posture_before() -> None:
-    """A motion that was turned and moved on the floor comes back to where it began; height stays."""
-    jog, angle = motion_of("bd", "jogLeftCircle4StepsRstart"), 2.0
-    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
-    np.testing.assert_allclose(facing(jog[0], jog @ turn.T + [3.0, 0.0, -2.0], 0), jog, atol=1e-5)
 
 
 def test_no_step_is_larger_than_a_motions_own_or_a_join_allows() -> None:

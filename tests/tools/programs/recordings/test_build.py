@@ -7,9 +7,8 @@ import pytest
 from recorded import JOINTS, SWINGS, write_take, write_takes
 from synthetic import stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
+from kinespace.library import NOTHING, MotionLibrary, read_recordings
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.recordings.build import by_body
 
 pytestmark = pytest.mark.slow
 
@@ -92,17 +91,6 @@ def test_all_damaged_recordings_are_named(tmp_path: Path, capsys: pytest.Capture
     assert message.endswith("; and 2 more\n")
 
 
-def test_motions_too_short_for_a_window_are_named_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A motion shorter than a quarter of a second is in the library, with a line that names it; longer ones are not."""
-    (tmp_path / "cut").mkdir()
-    write_take(tmp_path / "cut", "bd", "bendLeft", 1, frames=30)
-    path = write_take(tmp_path / "cut", "bd", "bendRight", 1, frames=28)
-    assert build(tmp_path / "cut", "-o", tmp_path / "mine.npz") == 0
-    assert [motion.frames for motion in MotionLibrary.load(tmp_path / "mine.npz").motions] == [15, 14]
-    message = "1 of 2 motions shorter than 0.25 s, too short for any window, and kept for playback alone: "
-    assert message + path.stem in capsys.readouterr().out.splitlines()
-
-
 # --- libraries ---------------------------------------------------------------------------------------------------
 
 
@@ -162,16 +150,6 @@ def test_changes_that_cannot_be_made_are_one_line(
     assert build(tmp_path / "stick.npz", "-o", tmp_path / "mine.npz", *options) == 2
     assert capsys.readouterr().err == f"kinespace: {error}\n"
     assert not (tmp_path / "mine.npz").exists()
-
-
-def test_recordings_of_two_skeletons_meet_over_shared_joints() -> None:
-    """Clips of each set of joints make a library of their own, whatever the order of the joints; merged they meet."""
-    one, *others = stick_clips(takes=1)
-    turned = one.as_of(Skeleton(one.skeleton.joints[::-1]))
-    fewer = [each.restricted_to(each.skeleton.joints[:5]) for each in others]
-    whole, rest = by_body([one, *fewer, turned])
-    assert (len(whole), len(rest), len(rest.skeleton.joints)) == (2, len(fewer), 5)
-    assert len(whole.merged_with(rest).skeleton.joints) == 5
 
 
 # --- the file ----------------------------------------------------------------------------------------------------

@@ -1,10 +1,8 @@
 """`kinespace info`: the contents of a motion library, and of folders of recordings."""
 
 import json
-from pathlib import Path
 
 import pytest
-from recorded import write_takes
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
@@ -66,19 +64,3 @@ def test_persons_are_summed_up_and_motions_listed(capsys: pytest.CaptureFixture[
         "frame_rates": [60.0],
         "index": 9,
     }
-
-
-def test_a_folder_is_summed_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Recordings of a folder are summed up by class and person, and listed if asked for; a single one has its row."""
-    takes = write_takes(tmp_path, takes=2, frames=60)
-    assert main(["info", str(tmp_path)]) == 0
-    printed = capsys.readouterr().out
-    assert _row(printed, "bendLeft") == ["bendLeft", "4", "2", "2.0", "120"]
-    assert _row(printed, "mm") == ["mm", "6", "3", "3.0", "120"]
-    assert "recordings: 12, 6 s\n" in printed
-    assert ".amc" not in printed
-    assert main(["info", str(tmp_path), "--clips"]) == 0
-    assert capsys.readouterr().out.count(".amc") == 12
-    assert main(["info", str(takes[0]), "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)["clips"]
-    assert (row["name"], row["class"], row["person"], row["joints"]) == (takes[0].name, "bendLeft", "bd", 6)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, Program, Publisher, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, Program, ghost_cues, started
 from recorded import JOINTS
 
 from kinespace.library.naming.hdm05 import SKELETON
@@ -103,28 +103,6 @@ def test_recorded_packets_are_replayed_bit_for_bit(
         "lost_from": None,
     }
     assert received(stage, 200) == sent
-
-
-def test_zeromq_is_recorded_beside_osc_for_some_seconds(tmp_path: Path) -> None:
-    """Messages of several parts are kept with their parts, and --seconds ends by itself."""
-    publisher = Publisher()
-    path = tmp_path / "a.kinerec"
-    try:
-        with recording(path, "--zmq-in", f">{publisher.address}", "--seconds", 3) as (program, sender):
-            publisher.wait_for_subscriber()
-            messages = [publisher.encode(cue) for cue in ghost_cues("squat1Reps", 0.1)]
-            for message in messages:
-                publisher.send(message)
-            sender.send(b"datagram")
-            assert program.wait() == 0
-            assert program.errors == ""
-    finally:
-        publisher.close()
-    kept = RawFile(path)
-    assert [source.partition(" ")[0] for source in kept.header.sources] == ["osc", "zmq"]
-    packets = list(kept.packets())
-    assert [list(packet.parts) for packet in packets if packet.source == 1] == messages
-    assert [packet.parts for packet in packets if packet.source == 0] == [(b"datagram",)]
 
 
 @pytest.mark.parametrize("program", ["record", "live"])

@@ -3,7 +3,6 @@
 import json
 import re
 import threading
-import time
 from argparse import Namespace
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,8 +14,7 @@ import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port
 from recorded import write_take, write_takes
 
-from kinespace.library import Clip, MotionLibrary, Reading, find_recordings, read_recordings
-from kinespace.library.recordings import RecordingReader
+from kinespace.library import Clip, MotionLibrary, Reading, read_recordings
 from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
 from kinespace.stream.inputs import OscDecoder, Source
@@ -108,27 +106,6 @@ def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) ->
     late = course(begin=0.4, end=0.6)
     classes = [cue.class_name for cue in piece_cues(pieces_of([take], Reading(), late), "me")]
     assert classes == ["up"] * 12 + ["down"] * 12
-
-
-def test_a_recording_that_takes_long_to_read_moves_the_rest(
-    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Each recording is read when its turn comes; when that takes longer than the pause the rest comes later."""
-    paths = find_recordings(write_takes(tmp_path, actors=("bd",), takes=2, frames=30))
-    clips, sent_before = list(read_recordings(paths)), list[int]()
-
-    def slowly(_: RecordingReader, path: Path) -> Clip:
-        if path == paths[3]:
-            time.sleep(1.0)
-        sent_before.append(len(frames_in(received(stage))))
-        return clips[paths.index(path)]
-
-    monkeypatch.setattr(RecordingReader, "clip", slowly)
-    begun = time.perf_counter()
-    assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
-    assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
-    assert sent_before == [0, 30, 30, 30, 30, 30]
-    assert re.search(r"180 frames sent, .*\nthe feed stood still for \d+\.\d s", capsys.readouterr().out)
 
 
 def small_library(monkeypatch: pytest.MonkeyPatch) -> MotionLibrary:

@@ -230,9 +230,8 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     performer.away = False
     until(page, "kinespace.performers.get('ann')?.stage.joints")
     page.click("#theme")
-    if for_readme():
-        sees_motion(page, performer, KICK, takes(KICK)[2])
-        picture(page, "page-light.png", folder)
+    sees_motion(page, performer, KICK, takes(KICK)[2])
+    picture(page, "page-light.png", folder)
     performer.bob = True
     until(page, "document.querySelector('#notes').textContent.includes('bob: frames refused')")
     performer.bob = False
@@ -269,8 +268,6 @@ def teaches(page: Page, performer: Performer) -> None:
         until(page, f"{LESSON}.textContent === ''")
         page.evaluate("document.activeElement.blur()")
     sees_motion(page, performer, "my squat", takes(SQUAT)[2])
-    page.click("#teach button:has-text('Right')")
-    until(page, "kinespace.control.taught['my squat'] === 2")
     page.click("#motions button:has-text('kick')")
     page.select_option("#meant", "nothing")
     page.click("#wrong button.main")
@@ -278,6 +275,8 @@ def teaches(page: Page, performer: Performer) -> None:
     until(page, "[...kinespace.performers.get('ann').motions.values()].some((each) => each.mark === 'wrong')")
     page.click("#teach button:has-text('Undo')")
     until(page, "!('nothing' in kinespace.control.taught)")
+    page.click("#teach button:has-text('Right')")
+    until(page, "kinespace.control.taught['my squat'] === 2")
     teaches_the_past(page, performer)
     # A refusal is told in words, for some seconds.
     page.click("#teach button:has-text('Stop')")

@@ -57,7 +57,7 @@ def asked_source(every: float = 2.0) -> Iterator[tuple[FeedSource, socket.socket
     """Open a source that asks, and the socket of the one that is asked."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.bind((LOOPBACK, 0))
-        sender.settimeout(5.0)
+        sender.settimeout(60.0)
         port = sender.getsockname()[1]
         text = f"""
 port = 1
@@ -107,7 +107,7 @@ def test_the_source_asks_from_its_own_port() -> None:
 
 def wait_for(source: FeedSource, arrival: float) -> list[object]:
     """Take in one datagram, waiting for it."""
-    source.receiver.socket.settimeout(5.0)
+    source.receiver.socket.settimeout(60.0)
     while (taken := source.take(arrival)) is None:
         pass
     return list(taken)

@@ -116,7 +116,7 @@ def sender(receiver: osc.OscReceiver) -> Iterator[osc.OscSender]:
 
 def _receive(receiver: osc.OscReceiver) -> bytes | None:
     """Wait for a datagram that was sent."""
-    readable, _, _ = select.select([receiver.socket], [], [], 10.0)
+    readable, _, _ = select.select([receiver.socket], [], [], 60.0)
     assert readable
     return receiver.receive()
 
@@ -186,7 +186,7 @@ def test_a_host_is_looked_up_without_waiting(monkeypatch: pytest.MonkeyPatch) ->
     others = {*threading.enumerate()}
     found = LookedUp("stage.local", 9)
     for thread in {*threading.enumerate()} - others:
-        thread.join(10.0)
+        thread.join()
     assert (found.address, pauses) == ((LOOPBACK, 9), [5.0, 5.0])
 
 

@@ -205,11 +205,11 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
         for host, name in (("127.0.0.1", "p"), ("127.0.0.2", "q")):
             senders[name] = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             senders[name].bind((host, 0 if back or name != "q" else senders["p"].getsockname()[1]))
-            senders[name].settimeout(5.0)
+            senders[name].settimeout(60.0)
         sink = ReplySink(NativeLayout(), receiver, 0 if back else senders["p"].getsockname()[1], admission)
         assert str(sink) == ("native the sender" if back else f"native the sender:{sink.port}")
         sink.publish(recognition())
-        receiver.socket.settimeout(5.0)
+        receiver.socket.settimeout(60.0)
         for name, sender in senders.items():
             sender.sendto(osc.encode_frame(Frame(name, 1.0, np.zeros((3, 3)))), receiver.address)
             assert source.take(1.0)

@@ -2,39 +2,19 @@
 
 import math
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from golden import message
 
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.preset import AskedMessage, Preset, parse_preset
+from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.inputs.feed_source import SILENCE, FeedSource, is_due, packets_for_sender
+from kinespace.stream.inputs.feed_source import SILENCE, FeedSource, is_due
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 
 LOOPBACK, NEVER = "127.0.0.1", -math.inf
-
-
-def asked(preset: Preset, messages: Sequence[AskedMessage]) -> list[Message]:
-    """Decode the messages for a sender, each in a packet of its own."""
-    return [message for packet in packets_for_sender(preset, messages, 4545) for message in decode_packet(packet)]
-
-
-def test_qualisys_is_shaken_hands_with() -> None:
-    """Connect with our port, then stream; at the end stop and disconnect: as Qualisys' protocol has it."""
-    preset = builtin_preset("qtm")
-    assert preset.asking
-    assert asked(preset, preset.asking.messages) == [
-        Message("/qtm", ["Connect 4545"]),
-        Message("/qtm", ["StreamFrames AllFrames 3D Skeleton:global"]),
-    ]
-    assert asked(preset, preset.asking.farewell) == [
-        Message("/qtm", ["StreamFrames Stop"]),
-        Message("/qtm", ["Disconnect"]),
-    ]
-    assert preset.asking.port == 22225
 
 
 def test_the_handshake_is_repeated_only_while_nothing_comes() -> None:

@@ -1,7 +1,5 @@
 """`kinespace info`: the contents of a motion library, and of folders of recordings."""
 
-import json
-
 import pytest
 
 from kinespace.library import MotionLibrary
@@ -41,26 +39,3 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         f"done, ≤ 6/h false: {opened(library).courses.missed_at(6.0):.0%} of these motions missed",
     ):
         assert f"\n{line}\n" in printed
-
-
-def test_persons_are_summed_up_and_motions_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    """Each person has a row of motions, classes and seconds; --clips lists every motion; --json holds the same."""
-    library = MotionLibrary.builtin()
-    assert main(["info", "built-in", "--clips"]) == 0
-    printed = capsys.readouterr().out
-    own = [motion for motion in library.motions if motion.actor == "tr"]
-    assert _row(printed, "tr")[:4] == ["tr", str(len(own)), "11", f"{sum(motion.duration for motion in own):.1f}"]
-    assert len([line for line in printed.splitlines() if line.startswith("squat1Reps ")]) == 52 + 1
-    assert main(["info", "--clips", "--json"]) == 0
-    described = json.loads(capsys.readouterr().out)
-    assert (described["library"], described["motions"], len(described["clips"])) == ("built-in", 288, 288)
-    assert [row["person"] for row in described["persons"]] == ["bd", "bk", "dg", "mm", "tr"]
-    assert [row["index"] for row in described["classes"]] == list(range(11))
-    assert described["classes"][9] | {"seconds": 0} == {
-        "class": "squat1Reps",
-        "motions": 52,
-        "persons": 5,
-        "seconds": 0,
-        "frame_rates": [60.0],
-        "index": 9,
-    }

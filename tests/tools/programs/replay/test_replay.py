@@ -183,40 +183,6 @@ def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[in
     return len(right), sum(right) / len(right)
 
 
-def test_answers_to_others_are_not_counted(
-    stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Answers that name another performer, and packets that are no answers, are not counted."""
-    port = free_udp_port()
-    bundle = osc.encode_recognition(_recognition("you"))
-    listening = threading.Event()
-    sender = osc.OscSender(LOOPBACK, port)
-
-    def disturb() -> None:
-        while not listening.wait(0.01):
-            sender.send(bundle)
-            sender.send(b"rubbish")
-
-    thread = threading.Thread(target=disturb)
-    thread.start()
-    try:
-        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--json") == 1
-        assert json.loads(capsys.readouterr().out)["answers"] == 0
-        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--performer", "[me]") == 1
-    finally:
-        listening.set()
-        thread.join(PATIENCE)
-        sender.close()
-    assert re.search(r"no answers about '\[me\]' came, but \d+ other packets", capsys.readouterr().out)
-
-
-def _recognition(performer: str) -> object:
-    library = MotionLibrary.builtin()
-    recognizer = Recognizer(library)
-    answers = [recognizer.push(cue.frame) for cue in clip_cues(library.motions[:1], performer)]
-    return next(answer for answer in answers if answer is not None)
-
-
 def test_ctrl_c_ends_the_feed_and_reports(
     stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

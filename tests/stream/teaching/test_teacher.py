@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from synthetic import gesture, stick_clip
 
 from kinespace.library import MotionLibrary
-from kinespace.library.teaching.examples import Check, Example, Roster
+from kinespace.library.teaching.examples import Check, Roster
 from kinespace.stream.frame import Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
@@ -116,22 +116,6 @@ def test_an_example_that_is_undone_before_its_check_is_told() -> None:
     assert stage.teacher.checked(1, None, Tried()) == [State("ann", Step.REFUSED, 0.0, "undone before it was checked")]
 
 
-def test_the_example_holds_the_motion_that_was_shown() -> None:
-    """The example's frames are the motion's, at 30 frames per second."""
-    stage = _taught()
-    (example,) = stage.teacher.roster.examples
-    shown = stage.library.motions[40].positions[::2]
-    recorded = example.motion.positions
-    offsets = range(max(len(recorded) - len(shown), 0) + 4)
-    nearest = min(
-        float(np.abs(recorded[offset : offset + 20] - shown[start : start + 20]).max())
-        for offset in offsets
-        for start in range(4)
-        if len(recorded[offset : offset + 20]) == 20
-    )
-    assert nearest < 0.03
-
-
 def test_undo_and_redo_without_end() -> None:
     """Every change can be undone and redone; a new change forgets the undone ones."""
     stage = _taught()
@@ -169,17 +153,6 @@ def test_undo_and_redo_without_end() -> None:
     stage.ask(commands.Undo())
     stage.ask(commands.Rename("bow", "nod"))
     assert stage.ask(commands.Redo())[0] == State("", Step.REFUSED, 0.0, "nothing to redo")
-
-
-def test_the_last_seconds_become_an_example() -> None:
-    """The example is trimmed to the movement in these seconds."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.perform()
-    stage.ask(commands.Last("", 4.0, "bow"))
-    (example,) = stage.teacher.roster.examples
-    assert example.motion.duration == pytest.approx(stage.library.motions[40].duration, abs=0.4)
-    assert stage.teacher.recent(1) is None
 
 
 def test_recent_minutes_end_where_the_recording_begins() -> None:
@@ -365,16 +338,6 @@ def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
     assert stage.ask(commands.Trim(on=True))[-1].reason.endswith("s kept")
 
 
-def test_stillness_is_a_setting() -> None:
-    """With ten times the usual stillness no motion begins."""
-    stage = Stage()
-    stage.teacher = Teacher(stage.library.skeleton, Roster(), (), 0.1)
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    stage.perform()
-    assert {*stage.steps()} == {Step.WAITING}
-
-
 def test_a_hole_in_the_feed_makes_no_example() -> None:
     """A recording with missing frames is refused, also of the last seconds; a lesson ends with it."""
     stage = Stage()
@@ -389,26 +352,6 @@ def test_a_hole_in_the_feed_makes_no_example() -> None:
     stage.ask(commands.Last("ann", 5.0, "wave"))
     assert stage.reason() == "5 s have not been seen"
     assert (stage.teacher.lesson, stage.teacher.roster.examples) == (None, ())
-
-
-def test_an_example_without_movement_is_not_trimmed() -> None:
-    """What does not move has no beginning and end to find."""
-    still = stick_clip("bow").moved_to(np.repeat(stick_clip("bow").positions[:1], 120, axis=0))
-    stage = Stage(Roster((Example(1, "still", still, 0.0, 1.0),)))
-    assert stage.ask(commands.Trim(on=True)) == [State("", Step.REFUSED, 0.0, "expected 0.4 s or more of movement")]
-
-
-def test_two_at_once() -> None:
-    """The second is refused, the first goes on."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.show([stage.library.motions[0].positions[0]] * 10, "bo")
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    stage.ask(commands.Teach("bo", "bow", 1, 0.0))
-    assert stage.reason() == "ann is being taught wave"
-    stage.stand(0.5)
-    stage.perform()
-    assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"]
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognition import EventKind, Recognition
 from kinespace.stream.recognizer import Performers, Settings
-from kinespace.stream.workers import bus
 from kinespace.stream.workers import gateway as gateway_module
 from kinespace.stream.workers import terms as agreed
 from kinespace.stream.workers import track as track_module
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary
 
 pytest.importorskip("zenoh")
+pytestmark = pytest.mark.slow
 NAMES = ("ann", "bob", "cleo")
 TERMS = agreed.Terms(settings=Settings(), most=len(NAMES))
 RATE = 60
@@ -182,18 +182,6 @@ def feed() -> list[list[Frame]]:
 def described(recognitions: Sequence[Recognition]) -> dict[tuple[str, float], tuple[object, ...]]:
     """Describe answers by performer and time."""
     return {(each.performer, each.time): (each.label, *each.scores.tolist(), each.events) for each in recognitions}
-
-
-def test_a_busy_loop_deals_in_pieces_and_in_order() -> None:
-    """Messages are dealt with in the order in which they came, one at least, further ones while there is time."""
-    inbox, done = bus.Inbox(), list[object]()
-    for message in range(3):
-        inbox.put(done.append, message)
-    inbox.deal(-1.0)
-    assert (done, inbox.is_empty) == ([0], False)
-    inbox.deal()
-    assert (done, inbox.is_empty) == ([0, 1, 2], True)
-    inbox.close()
 
 
 def test_answers_equal_one_processs(on: Bus, feed: Sequence[Sequence[Frame]]) -> None:
@@ -416,22 +404,6 @@ def test_a_worker_that_says_nothing_is_left_out_and_comes_back(
     on.play(gateway, feed[:60])
 
 
-def test_an_address_that_cannot_be_had_is_reported_in_one_line(tmp_path: Any) -> None:  # noqa: ANN401
-    """A port that is taken and a broken configuration are errors of one line each."""
-    place = f"tcp/127.0.0.1:{free_port()}"
-    session = open_session([place], [], None)
-    with pytest.raises(ConnectionError, match=f"Zenoh: {place}: ") as taken:
-        open_session([place], [], None)
-    assert "\n" not in str(taken.value)
-    session.close()
-    broken = tmp_path / "zenoh.json5"
-    broken.write_text("{ nonsense", encoding="utf-8")
-    with pytest.raises(ValueError, match="not a configuration of Zenoh"):
-        open_session([], [], broken)
-    with pytest.raises(ValueError, match="nonsense: expected endpoints like tcp/"):
-        open_session(["nonsense"], [], None)
-
-
 def test_who_is_not_reached_is_said(on: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """A router that is not there is named as long as it is not, by gateway and worker; the gateway works without it."""
     monkeypatch.setattr(worker_module, "_MAX_ALONE", 0.0)
@@ -449,15 +421,14 @@ def test_who_is_not_reached_is_said(on: Bus, monkeypatch: pytest.MonkeyPatch) ->
 
 #: Terms that no gateway of ours has.
 STRANGE = (
-    *({"naming": name} for name in ("/etc/passwd.toml", "../../etc/passwd", "mine.toml", "nobody")),
-    *({"most": most} for most in (0, 10**9, 2**63)),
-    *({"assumed": joints} for joints in (("hip",), ("hip", "hip"), ("",), ("j",) * 5000)),
-    *({"silence": seconds} for seconds in (0.0, 1e300, float("inf"), float("nan"))),
-    *({"classes": classes} for classes in (("nobody",), ("",))),
+    *({"naming": name} for name in ("../../etc/passwd", "nobody")),
+    *({"most": most} for most in (0, 2**63)),
+    *({"assumed": joints} for joints in (("hip", "hip"), ("j",) * 5000)),
+    *({"silence": seconds} for seconds in (0.0, float("nan"))),
+    *({"classes": classes} for classes in (("nobody",),)),
 )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("terms", STRANGE, ids=str)
 def test_no_terms_end_a_worker(on: Bus, terms: dict[str, Any]) -> None:
     """A worker opens no path that a gateway names, believes no number without bounds, and works for another gateway."""

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library.windows.rejection import Evidence
-from kinespace.stream.frame import Announcement, Frame, NewSender
+from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, EventKind, Progress
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.workers import gateway, wire
@@ -25,19 +25,6 @@ if TYPE_CHECKING:
 
 POSITIONS = np.arange(18.0).reshape(6, 3) / 7
 TERMS = agreed.Terms(settings=Settings(hop=0.05), most=32, digest="d" * 64)
-
-
-@pytest.mark.parametrize("kind", ["f4", "f8"])
-def test_frames_come_back_to_the_last_bit(kind: str) -> None:
-    """Positions keep their precision, and all else is as it was sent."""
-    sent = wire.SentFrame.of(Frame("ann", 3.0, POSITIONS.astype(kind)))
-    sent.joints, sent.begins = ("a", "b"), True
-    (found,) = wire.decode(wire.Orders, wire.encode(wire.Orders(seen=[sent]))).seen
-    new, announced, frame = found.events()
-    assert (found, new, announced) == (sent, NewSender("ann"), Announcement("ann", ("a", "b")))
-    assert isinstance(frame, Frame)
-    assert (frame.performer, frame.time, frame.positions.dtype) == ("ann", 3.0, np.dtype(kind))
-    assert np.array_equal(frame.positions, POSITIONS.astype(kind))
 
 
 @pytest.mark.parametrize(
@@ -119,16 +106,3 @@ def test_terms_come_back() -> None:
     assert message.count(hop) == 1
     with pytest.raises(wire.FormatError, match="hop"):
         wire.decode(agreed.Terms, message.replace(hop, msgspec.msgpack.encode(-1.0)))
-
-
-def test_a_library_is_known_by_its_motions(sticks: MotionLibrary) -> None:
-    """The same motions give the same digest, other motions another."""
-    digest = agreed.digest_of(agreed.file_of(sticks))
-    assert agreed.digest_of(agreed.file_of(sticks)) == digest
-    fewer = sticks.without(classes=[sticks.classes[0]])
-    assert agreed.digest_of(agreed.file_of(fewer)) != digest
-
-
-def test_any_name_is_part_of_a_key() -> None:
-    """What means something in Zenoh's keys is written otherwise in ours."""
-    assert wire.key("g", "to", "a/b*?#$ é") == "kin/g/to/a%2Fb%2A%3F%23%24%20%C3%A9"

@@ -83,18 +83,6 @@ def test_clients_that_never_ask_take_little_and_hold_up_nobody() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", ["//[", "http://[evil/", "/%", "/motion/%00", "//"])
-def test_an_odd_request_is_answered(target: str, capfd: pytest.CaptureFixture[str]) -> None:
-    """With a status, and nothing is printed."""
-    with closing(Announcer((LOOPBACK, free_udp_port()), Known(31, ("wave",)))) as announcer:
-        port = int(announcer.address.split(":")[2].strip("/"))
-        with socket.create_connection((LOOPBACK, port), PATIENCE) as client:
-            client.sendall(f"GET {target} HTTP/1.1\r\nHost: {LOOPBACK}\r\n\r\n".encode())
-            assert client.recv(20).startswith((b"HTTP/1.1 404", b"HTTP/1.1 200"))
-    assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.slow
 def test_a_rebound_name_gets_nothing() -> None:
     """A page that calls this machine by a name of its own learns nothing; the threads end with the announcer."""
     with closing(Announcer((LOOPBACK, free_udp_port()), Known(31, ("wave",)))) as announcer:

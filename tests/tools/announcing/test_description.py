@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from typing import Any
 
-import pytest
 from programs import builtin_library, ghost_cues
 from pythonosc.osc_message import OscMessage
 
@@ -12,7 +11,7 @@ from kinespace.stream.osc import encode_announcement
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.outputs.layouts import LAYOUTS
 from kinespace.stream.recognizer import Recognizer
-from kinespace.tools.announcing.description import Known, described, host_info, reply
+from kinespace.tools.announcing.description import Known, described, reply
 
 LIBRARY = builtin_library()
 KNOWN = Known(31, LIBRARY.classes, ("Ada L",), teaches=True)
@@ -73,21 +72,3 @@ def test_what_is_taken_has_its_node() -> None:
         assert (node["TYPE"].replace("d", "f"), node["ACCESS"]) == (_types(message), 2)
     assert node_at("/motion/teach")["TYPE"] == "ss"
     assert reply(described(KNOWN._replace(teaches=False)), {}, "/motion/teach") == (404, None)
-
-
-@pytest.mark.parametrize(
-    ("target", "status"),
-    [("/", 200), ("/motion", 200), ("/motion/", 200), ("/motion/Ada%20L/label?TYPE", 200), ("/motion?TYPE", 204),
-     ("/motion/nobody", 404), ("/motion/frame?WHAT", 400), ("/%2e%2e/etc", 404), ("/motion/frame/further", 404)],
-)  # fmt: skip
-def test_requests(target: str, status: int) -> None:
-    """A node, one of its attributes, none, or nonsense."""
-    assert reply(described(KNOWN), {}, target)[0] == status
-    assert reply(described(KNOWN), {}, "/motion/Ada%20L/label?TYPE")[1] == {"TYPE": "s"}
-
-
-def test_host_info_says_where_osc_goes() -> None:
-    """Port, transport, and the attributes that are there."""
-    info = host_info("kinespace 9310", "127.0.0.1", 9310)
-    assert reply({}, info, "/?HOST_INFO") == (200, info)
-    assert (info["OSC_PORT"], info["OSC_TRANSPORT"], info["EXTENSIONS"]["RANGE"]) == (9310, "UDP", True)

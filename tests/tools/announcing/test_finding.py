@@ -74,59 +74,6 @@ def test_a_program_is_found_by_its_name() -> None:
             finding.named("films", ValueError("--out: expected a name"))
 
 
-class _Silent:
-    """A network on which many programs announce themselves, and only some answer; it keeps its own clock."""
-
-    def __init__(self, *, answering: set[str]) -> None:
-        self.now, self._answering = 0.0, answering
-
-    def monotonic(self) -> float:
-        """Give the seconds that were waited."""
-        return self.now
-
-    def info(self, service: str, name: str) -> Any:  # noqa: ANN401 - what is asked of zeroconf's class alone
-        """Ask for where a program is: all of the time that there is, if it does not answer."""
-
-        def request(_: object, milliseconds: float) -> bool:
-            there = name.removesuffix(f".{service}") in self._answering
-            self.now += 0.01 if there else milliseconds / 1000
-            return there
-
-        return SimpleNamespace(
-            load_from_cache=lambda _: False, request=request, port=7123, parsed_addresses=lambda: [LOOPBACK]
-        )
-
-
-@pytest.fixture
-def silent(monkeypatch: pytest.MonkeyPatch) -> _Silent:
-    """Let a hundred programs announce themselves of which two answer."""
-    network = _Silent(answering={"films", "lights"})
-    names = [*(f"gone {number}" for number in range(60)), "films", "lights", *(f"gone {n}" for n in range(60, 98))]
-
-    def browse(_: object, service: str, handlers: list[Any]) -> None:
-        for name in names:
-            handlers[0](name=f"{name}.{service}")
-
-    monkeypatch.setattr(finding, "time", network)
-    monkeypatch.setattr(zeroconf, "Zeroconf", lambda _: SimpleNamespace(close=lambda: None))
-    monkeypatch.setattr(zeroconf, "ServiceBrowser", browse)
-    monkeypatch.setattr(zeroconf, "ServiceInfo", network.info)
-    return network
-
-
-def test_the_whole_search_is_bounded(silent: _Silent) -> None:
-    """Names that nobody answers for cost no more than the time of the search, however many they are."""
-    assert finding.announced() == []
-    assert silent.now == pytest.approx(finding.WITHIN)
-    assert finding.WITHIN < 2
-
-
-def test_the_program_that_is_wanted_has_its_turn_first(silent: _Silent) -> None:
-    """It is found although many that do not answer came before."""
-    assert finding.Found("films", LOOPBACK, 7123) in finding.announced("films")
-    assert silent.now < 0.1
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -148,25 +95,6 @@ def test_a_mistake_asks_no_network(text: str, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(finding, "announced", lambda *_: pytest.fail("looked for"))
     with pytest.raises(ValueError, match=r"^--out: a mistake$"):
         finding.named(text, ValueError("--out: a mistake"))
-
-
-@pytest.mark.parametrize("option", ["--osc-out", "--out", "--out=max"])
-def test_live_looks_for_no_port_that_is_none(
-    option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A port out of range ends the program with one line, and no program is looked for."""
-    monkeypatch.setattr(finding, "announced", lambda *_: pytest.fail("looked for"))
-    place = ["--out", "max=x:99999"] if "=" in option else [option, "x:99999"]
-    assert main(["live", "--osc-in", ":0", *place]) == 2
-    assert "x:99999" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "text", ["films", "Films at home", "kinespace 9310", "Bühne 2: links", "stage.local", "a" * 63]
-)
-def test_what_may_be_a_name(text: str) -> None:
-    """Programs choose their names freely."""
-    assert finding.is_name(text)
 
 
 def test_the_recogniser_that_is_meant(monkeypatch: pytest.MonkeyPatch, receiver: osc.OscReceiver) -> None:

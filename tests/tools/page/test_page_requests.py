@@ -6,15 +6,10 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from websockets.http11 import Response
 
 from kinespace.tools.camera import models
 from kinespace.tools.page.requests import MAX_MESSAGE, WORKER, Gate, read_message
-
-OURS = {"host": "127.0.0.1:8010", "origin": "http://127.0.0.1:8010"}
-
 
 _ELSEWHERE = ("http://", "https://")
 
@@ -25,14 +20,6 @@ def _status(gate: Gate, target: str, **headers: str) -> int:
 
 
 # --- the gate ----------------------------------------------------------------------------------------------------
-
-
-def test_our_own_page_opens_a_socket() -> None:
-    """The page as this machine's browser shows it gets its files and its WebSocket, by address and by localhost."""
-    gate = Gate.for_host("127.0.0.1")
-    for host in ("127.0.0.1:8010", "localhost:8010", "[::1]:8010"):
-        assert _status(gate, "/", host=host) == 200
-        assert _status(gate, "/live", host=host, origin=f"http://{host}") == 101
 
 
 @pytest.mark.parametrize(
@@ -122,16 +109,6 @@ def test_everything_that_is_given_is_guarded(place: Path) -> None:
         assert reply.headers["X-Content-Type-Options"] == "nosniff"
 
 
-def test_without_models_the_cameras_files_are_one_line(place: Path) -> None:
-    """The line says how to get them; where nobody takes frames, it says that."""
-    for name in (WORKER, *models.BROWSER):
-        reply = _given(name)
-        assert (reply.status_code, reply.body) == (404, f"kinespace: {models.MISSING_BROWSER}\n".encode())
-        reply = _given(name, Gate(no_camera="nobody takes frames"))
-        assert (reply.status_code, reply.body) == (404, b"kinespace: nobody takes frames\n")
-    assert not [*place.iterdir()]
-
-
 def test_the_camera_has_the_tightest_policy_with_which_it_runs(kept: Path) -> None:
     """The page may begin a worker, and stays without `unsafe`; the worker alone may compile, and no more."""
     for file in _STATIC.iterdir():
@@ -155,14 +132,6 @@ def test_the_camera_has_the_tightest_policy_with_which_it_runs(kept: Path) -> No
 
 
 # --- messages of a page ------------------------------------------------------------------------------------------
-
-
-def test_all_messages_are_read() -> None:
-    """Drawn and ask are read with their fields, a body is left to be read."""
-    assert bytes(read_message('{"body": {"at": 7}}').body) == b'{"at": 7}'
-    assert read_message('{"ack": 7}').ack == 7
-    asked = read_message('{"ask": {"do": "teach", "class": "wave", "repetitions": 2, "on": true}}').ask
-    assert asked == {"do": "teach", "class": "wave", "repetitions": 2.0, "on": True}
 
 
 @pytest.mark.parametrize(
@@ -191,12 +160,3 @@ def test_rubbish_of_a_page_is_refused(text: str | bytes) -> None:
     """Anything else raises ValueError, for which the page is closed."""
     with pytest.raises(ValueError, match=r"."):
         read_message(text)
-
-
-@given(st.text(max_size=200))
-def test_any_text_is_read_or_refused(text: str) -> None:
-    """No text raises anything but ValueError."""
-    try:
-        read_message(text)
-    except ValueError:
-        return

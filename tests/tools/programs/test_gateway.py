@@ -3,14 +3,13 @@
 import re
 import shutil
 import socket
-import subprocess
 import sys
 import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
-from programs import LOOPBACK, PATIENCE, finished, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, ghost_cues, started
 
 from kinespace.stream import osc
 from kinespace.tools.cli.main import main
@@ -113,17 +112,6 @@ def test_a_gateway_is_not_open_unless_that_is_said(capsys: pytest.CaptureFixture
     assert "--open" in capsys.readouterr().err
 
 
-def test_what_a_gateway_cannot_do_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """The gateway has no options of teaching and of workers; a convention that workers do not have is one line."""
-    for options in (["--teach", str(tmp_path / "a.npz")], ["--workers", "2"]):
-        with pytest.raises(SystemExit) as ended:
-            main(["gateway", *options])
-        assert ended.value.code == 2
-        assert f"unknown argument {options[0]}" in capsys.readouterr().err
-    assert main(["gateway", "--names", str(tmp_path / "mine.toml")]) == 2
-    assert capsys.readouterr().err.startswith("kinespace: --names: expected")
-
-
 def test_without_zenoh_a_line_says_what_to_install(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -131,25 +119,3 @@ def test_without_zenoh_a_line_says_what_to_install(
     monkeypatch.setitem(sys.modules, "zenoh", None)
     assert main(["live", "--workers", "2"]) == 2
     assert capsys.readouterr().err == "kinespace: Zenoh is missing: pip install 'kinespace[cluster]'\n"
-
-
-@pytest.mark.slow
-def test_a_port_that_is_taken_is_one_line() -> None:
-    """A worker that cannot listen ends with one line and status 2."""
-    with socket.socket() as taken:
-        taken.bind((LOOPBACK, 0))
-        taken.listen()
-        place = f"tcp/{LOOPBACK}:{taken.getsockname()[1]}"
-        status, output, errors = finished("work", "--listen", place)
-    assert (status, output) == (2, "")
-    assert errors.startswith(f"kinespace: Zenoh: {place}: ")
-    assert errors.count("\n") == 1
-
-
-@pytest.mark.slow
-def test_live_alone_loads_nothing_of_it() -> None:
-    """Without the options neither the bus of the workers nor Zenoh is imported."""
-    loaded = "[each for each in sys.modules if 'workers.bus' in each or 'zenoh' in each]"
-    code = f"import sys, kinespace.tools.programs.live.program; print({loaded})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout == "[]\n"

@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 # Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup fetched demo docs figures test quick lint types pytest sanitize fuzz wheel-check clean
+.PHONY: setup fetched demo docs chaos figures test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -49,6 +49,11 @@ $(FETCHED): $(MADE)
 
 fetched: setup
 	@$(BIN)/python tests/support/network/fetched.py
+
+# Eight minutes of attacks and faults, and their effect on a performer; `make test` runs a short form.
+# `make chaos TRIALS=--help` lists its options.
+chaos: setup
+	PYTHONPATH=tests:tests/support $(BIN)/python -m chaos $(TRIALS)
 
 # Every figure of recognition and retrieval, some minutes; `make test` measures a few. `FIGURES=--update` writes them.
 figures: setup

@@ -1,4 +1,4 @@
-"""Attacks of strangers: each runs until it is stopped."""
+"""Attacks of strangers: each runs in a process of its own until it is stopped."""
 
 import socket
 import struct
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from itertools import count, cycle, repeat
-from threading import Event
+from multiprocessing.synchronize import Event
 
 import numpy as np
 import zmq
@@ -131,6 +131,16 @@ def foreign_joints() -> Iterator[bytes]:
 def many_performers() -> Iterator[bytes]:
     """Give frames of 32 invented performers by turns, each a time of an eighth of a second after the one before."""
     return (_body(f"invented{number % 32}", 1.0 + number // 32 / 8) for number in count())
+
+
+def crowd() -> Iterator[bytes]:
+    """Give frames of 20 performers by turns, 60 a second of each."""
+    return (_body(f"p{number % 20}", 1.0 + number // 20 / 60) for number in count())
+
+
+def valid_performers() -> Iterator[bytes]:
+    """Give frames of 1,500 performers by turns, 12 a second of each: as few as make a performer."""
+    return (_body(f"p{number % 1500}", 1.0 + number // 1500 / 12) for number in count())
 
 
 def commands() -> Iterator[bytes]:

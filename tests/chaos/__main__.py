@@ -1,0 +1,63 @@
+"""`make chaos`: attacks and faults, one after the other, and their effect on a performer."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+
+from chaos.trial import Effort, Outcome, tried
+from chaos.trials import TRIALS
+
+from kinespace.tools.bench import crowd
+from kinespace.tools.bench.run import machine
+from kinespace.tools.terminal.console import progress
+
+_HEADINGS = (
+    *("what goes wrong", "answers / expected", "p99 before, ms", "p99, ms", "MB before / most / after", "s to recover"),
+    "counted",
+)
+
+
+def table(outcomes: Sequence[Outcome]) -> str:
+    """Give a row for each trial, in Markdown."""
+    rule = ["---", *["---:"] * (len(_HEADINGS) - 2), "---"]
+    return "\n".join("| " + " | ".join(each) + " |" for each in (_HEADINGS, rule, *map(_row, outcomes)))
+
+
+def _row(outcome: Outcome) -> list[str]:
+    ended = "" if outcome.ended == 0 else f" ENDED with {outcome.ended}"
+    noticed = "" if outcome.noticed is None else f" (noticed after {outcome.noticed:.2f} s)"
+    return [
+        outcome.name + noticed + ended,
+        f"{outcome.answered} / {outcome.expected}",
+        _milliseconds(outcome.p99_before),
+        _milliseconds(outcome.p99),
+        " / ".join(f"{megabytes:.0f}" for megabytes in outcome.memory),
+        "never" if math.isinf(outcome.recovered) else f"{outcome.recovered:.1f}",
+        outcome.counted,
+    ]
+
+
+def _milliseconds(seconds: float) -> str:
+    return "-" if math.isnan(seconds) else f"{seconds * 1000:.1f}"
+
+
+def main() -> int:
+    """Run the trials; return the exit status: 1 when the recogniser ended by itself."""
+    parser = argparse.ArgumentParser(
+        prog="make chaos",
+        description="Runs kinespace live and an innocent performer, attacks them in one way after the other, and "
+        "prints the effect on the performer's answers and on the program. Takes eight minutes and loads the machine.",
+    )
+    parser.add_argument("--seconds", type=float, default=5.0, help="seconds of each attack (default %(default)s)")
+    parser.add_argument("--only", default="", metavar="TEXT,...", help="only trials whose names contain one of these")
+    options = parser.parse_args()
+    wanted = [each for each in TRIALS if any(text in each.name for text in options.only.split(","))]
+    positions, effort = crowd.positions(), Effort(during=options.seconds)
+    outcomes = [tried(each, effort, positions) for each in progress(wanted, "Trials", len(wanted))]
+    print(f"{table(outcomes)}\n\n{machine()}")  # noqa: T201 - a program's output
+    return 0 if all(each.ended == 0 for each in outcomes) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,134 @@
+"""The innocent performer: a thread that sends frames on schedule and notes when each was sent and answered."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from typing import NamedTuple
+
+import numpy as np
+from chaos.attacks import INNOCENT
+from numpy.typing import NDArray
+
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.zeromq import Endpoint, ZmqReceiver
+from kinespace.tools.bench.crowd import Played, play
+from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
+from kinespace.tools.loopback.answers import Listener
+from kinespace.tools.loopback.program import Place
+
+#: Makes faulty cues of the intended cues of a feed.
+Fault = Callable[[list[Cue]], list[Cue]]
+
+FRAME_RATE, ANSWER_RATE = 120.0, 30.0
+NAMES = Announcement(INNOCENT, SKELETON.joints)
+#: Seconds of answers that show that all is well again, and the share of them that must have come in time.
+_WELL, _WELL_SHARE, _WELL_LATENCY = 0.5, 0.9, 0.05
+
+
+class Answer(NamedTuple):
+    """An answer: the time of its frame, when it came, and whether it doubts a joint."""
+
+    time: float
+    arrival: float
+    doubted: bool
+
+
+class Performance(NamedTuple):
+    """What was sent and received; moments as `time.perf_counter` reads them.
+
+    Attributes
+    ----------
+    begun
+        When the schedule began.
+    sent
+        When each frame was sent, by the time in it.
+    answers
+        In the order in which they came.
+    """
+
+    begun: float
+    sent: dict[float, float]
+    answers: list[Answer]
+
+    @classmethod
+    def of(cls, played: Played) -> Performance:
+        """Read the answers."""
+        packets = [(each, json.loads(each.packet[1])) for each in played.received if each.packet[0] != b"status/"]
+        answers = [
+            Answer(said["t"], each.arrival, bool(said["doubted"]) or said["outcome"] == "implausible")
+            for each, said in packets
+            if "t" in said
+        ]
+        return cls(played.begun, {moment: at for (_, moment), at in played.sent.items()}, answers)
+
+    def latencies(self, begin: float, end: float) -> NDArray[np.float64]:
+        """Give the seconds from each frame to its answer, for frames sent between two moments of the schedule."""
+        found: dict[float, float] = {}
+        for answer in self.answers:
+            at = self.sent.get(answer.time, math.nan)
+            if begin <= at - self.begun < end:
+                found.setdefault(answer.time, answer.arrival - at)
+        return np.array(list(found.values()))
+
+    def noticed(self, begin: float, end: float) -> float | None:
+        """Give the seconds from a moment of the schedule until an answer, before another, doubted joints."""
+        since = (answer.arrival - self.begun for answer in self.answers if answer.doubted)
+        return next((seconds - begin for seconds in since if begin <= seconds < end), None)
+
+    def recovery(self, end: float) -> float:
+        """Give the seconds from a moment of the schedule until answers come as they should; infinite for never."""
+        last = max(self.sent.values(), default=0.0) - self.begun
+        for moment in np.arange(end, last - _WELL, 0.05).tolist():
+            latencies = self.latencies(moment, moment + _WELL)
+            if np.count_nonzero(latencies < _WELL_LATENCY) >= _WELL_SHARE * _WELL * ANSWER_RATE:
+                return float(moment - end)
+        return math.inf
+
+
+def cues_of(positions: NDArray[np.float32], begin: float = 1.0) -> list[Cue]:
+    """Cue positions, shape (frames, 31, 3), metres, 120 a second; the first frame has this time."""
+    frames = (Frame(INNOCENT, begin + k / FRAME_RATE, each) for k, each in enumerate(positions))
+    return [Cue(k / FRAME_RATE, frame, k) for k, frame in enumerate(frames)]
+
+
+class Performer:
+    """Plays cues over "osc" or "zmq" in a thread, and names its joints every second, until `end`."""
+
+    def __init__(self, place: Place, cues: Sequence[Cue], over: str) -> None:
+        answers = ZmqReceiver(Endpoint(place.answers, bind=False), f"class/{INNOCENT}/".encode())
+        answers.socket.subscribe(b"status/")
+        self._listener, self._cues = Listener(answers), cues
+        to_zmq = Endpoint(place.frames, bind=False)
+        self._sender = ZmqFrameSender(to_zmq) if over == "zmq" else OscFrameSender(*place.osc)
+        self._ended, self._thread = threading.Event(), ThreadPoolExecutor(1)
+
+    def begin(self) -> float:
+        """Begin once answers can come; give the moment, by `time.perf_counter`."""
+        # The first status says that this subscriber is known.
+        while not any(each.packet[0] == b"status/" for each in self._listener.listen_until(time.perf_counter() + 0.05)):
+            pass
+        self._played = self._thread.submit(play, self._until_ended(), self._sender, self._listener)
+        return time.perf_counter()
+
+    def _until_ended(self) -> Iterator[Cue]:
+        announced = -1.0
+        for cue in self._cues:
+            if self._ended.is_set():
+                return
+            if cue.due >= announced + 1.0:
+                announced = cue.due
+                self._sender.announce(NAMES)
+            yield cue
+
+    def end(self) -> Performance:
+        """Stop; give what was sent and received."""
+        self._ended.set()
+        with self._thread, closing(self._sender), closing(self._listener):
+            return Performance.of(self._played.result())

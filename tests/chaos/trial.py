@@ -1,0 +1,252 @@
+"""One trial: a running `kinespace live`, an innocent performer, and an attack or a fault for some seconds."""
+
+import multiprocessing
+import os
+import re
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from multiprocessing.synchronize import Event, Semaphore
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from chaos.performer import FRAME_RATE, Fault, Performer, cues_of
+from numpy.typing import NDArray
+
+from kinespace.library import MotionLibrary
+from kinespace.stream.inputs.recording import RawFile
+from kinespace.stream.recognizer import Recognizer
+from kinespace.tools.loopback.program import Place, Program
+
+#: Runs until it is stopped.
+Attack = Callable[[Place, Event], None]
+
+#: Seconds a program may take to begin or end.
+_PATIENCE = 60.0
+#: Megabytes within which memory counts as given back.
+_BACK_WITHIN = 50.0
+#: Ports of the recogniser's own choice.
+_ANY = Place(("127.0.0.1", 0), "tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
+
+
+class Effort(NamedTuple):
+    """Seconds before, during and after the attack; memory is measured until the end."""
+
+    before: float = 2.0
+    during: float = 5.0
+    after: float = 3.0
+    memory: float = 10.0
+
+
+class Trial(NamedTuple):
+    """An attack or a fault.
+
+    Attributes
+    ----------
+    name
+        The name for people.
+    attack
+        Runs in a process of its own; None for none.
+    over
+        The transport of the performer's frames: "osc" or "zmq".
+    first
+        Whether the attack begins before the performer.
+    fault
+        The fault of the performer's feed; None for none.
+    deed
+        An action on the recogniser, from our own process, for about the given seconds, with a folder for files; gives
+        a line about it for people.
+    prepared
+        Puts what the options name into the folder for files.
+    killed
+        Whether the recogniser is killed (`kill -9`) and started again on the same ports.
+    options
+        Options of `kinespace live`; `{folder}` is a folder for files, `{number}` counts the programs in it.
+    lasts
+        How many times as long as other attacks it lasts.
+    """
+
+    name: str
+    attack: Attack | None = None
+    over: str = "osc"
+    first: bool = False
+    fault: Fault | None = None
+    deed: Callable[[Program, Path, float], str] | None = None
+    prepared: Callable[[Path], object] | None = None
+    killed: bool = False
+    options: Sequence[str] = ()
+    lasts: float = 1.0
+
+
+class Outcome(NamedTuple):
+    """The result of a trial.
+
+    Attributes
+    ----------
+    name
+        The trial's name.
+    answered, expected
+        Answers to the innocent performer during the attack.
+    p99_before, p99
+        Their latency before the attack and during it, 99th percentile, seconds.
+    memory
+        Resident megabytes of the recogniser: before, at most, and afterwards.
+    recovered
+        Seconds from the end of the attack until all was well; infinite for never.
+    counted
+        The recogniser's counts.
+    ended
+        The program's exit status: 0 when it ended on demand.
+    noticed
+        Seconds from the beginning of a fault until an answer said that joints cannot be believed; None if none did
+        while it lasted.
+    """
+
+    name: str
+    answered: int
+    expected: int
+    p99_before: float
+    p99: float
+    memory: tuple[float, float, float]
+    recovered: float
+    counted: str
+    ended: int
+    noticed: float | None
+
+
+def started(options: Sequence[str] = (), place: Place = _ANY) -> Program:
+    """Start `kinespace live` with the usual limit of open files."""
+    ends = ["--osc-in", "{}:{}".format(*place.osc), "--zmq-in", place.frames, "--zmq-out", place.answers]
+    import resource  # noqa: PLC0415 - there is none on Windows
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(1024, hard), hard))
+    try:
+        return Program("live", *ends, "--plain", *options)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def memory_of(program: Program) -> float:
+    """Give a program's resident memory in megabytes, as Linux counts it; NaN elsewhere, and when it is gone."""
+    try:
+        pages = Path(f"/proc/{program.process.pid}/statm").read_text(encoding="ascii").split()[1]
+    except (OSError, IndexError):
+        return float("nan")
+    return int(pages) * os.sysconf("SC_PAGE_SIZE") / (1 << 20)
+
+
+def page_of(program: Program) -> int:
+    """Give the number of the process of a program's page, as Linux tells."""
+    place = Path(f"/proc/{program.process.pid}/task/{program.process.pid}/children")
+    children = map(int, place.read_text(encoding="ascii").split())
+    return next(each for each in children if "spawn_main" in Path(f"/proc/{each}/cmdline").read_text(encoding="utf-8"))
+
+
+def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outcome:
+    """Run a trial on a performer of these positions, shape (frames, 31, 3), metres, 120 a second, repeated."""
+    during = trial.lasts * effort.during
+    begin, end = effort.before, effort.before + during
+    cues = cues_of(np.resize(positions, (round((end + effort.after + effort.memory) * FRAME_RATE), 31, 3)))
+    # After a jump of the body no answers come, without an attack, too.
+    recognizer = Recognizer(MotionLibrary.builtin())
+    due = sum(recognizer.push(cue.frame) is not None and begin <= cue.due < end for cue in cues)
+    if trial.fault:
+        first, last = (round(moment * FRAME_RATE) for moment in (begin, end))
+        cues[first:last] = trial.fault(cues[first:last])
+    context = multiprocessing.get_context("spawn")
+    with ExitStack() as opened:
+        folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
+        options = [[option.format(folder=folder, number=number) for option in trial.options] for number in (0, 1)]
+        if trial.prepared:
+            trial.prepared(folder)
+        program = opened.enter_context(started(options[0]))
+        place = program.place()
+        ready, go, stop = context.Semaphore(0), context.Event(), context.Event()
+        attacker = context.Process(target=_attack, args=(trial.attack, place, ready, go, stop), daemon=True)
+        attacker.start()
+        ready.acquire(timeout=_PATIENCE)
+        if trial.first:
+            go.set()
+            time.sleep(begin)
+        performer = Performer(place, cues, trial.over)
+        begun = performer.begin()
+        _wait(begun + begin)
+        before = most = memory_of(program)
+        go.set()
+        line = trial.deed(program, folder, during) if trial.deed else ""
+        if trial.killed:
+            program.process.kill()
+            program.process.wait()
+            program = opened.enter_context(started(options[1], place))
+        while time.perf_counter() < begun + end:
+            most = max(most, memory_of(program))
+            time.sleep(0.1)
+        stop.set()
+        attacker.join(_PATIENCE)
+        ended = time.perf_counter() - begun
+        most = max(most, memory_of(program))
+        _wait(begun + ended + effort.after)
+        while memory_of(program) > before + _BACK_WITHIN and time.perf_counter() < begun + ended + effort.memory:
+            time.sleep(0.1)
+        memory = (before, most, memory_of(program))
+        # Ctrl-C while a program starts ends it with 1.
+        program.place()
+        performance, status = performer.end(), ended_with(program)
+        since = begin if trial.killed else end if trial.fault or trial.deed else ended
+        recordings = map(kept, sorted(folder.glob("a*.kinerec")))
+        latencies = performance.latencies(begin, end)
+        return Outcome(
+            trial.name,
+            *(len(latencies), due),
+            *(_p99(performance.latencies(0.5, begin)), _p99(latencies)),
+            memory,
+            performance.recovery(since),
+            ", ".join(filter(None, [_counted(program.printed), line, *recordings])),
+            status,
+            performance.noticed(begin, end) if trial.fault else None,
+        )
+
+
+def _attack(attack: Attack | None, place: Place, ready: Semaphore, go: Event, stop: Event) -> None:
+    """Run in the attacker's process: wait for the signal, so that no attack begins with the start of a process."""
+    ready.release()
+    go.wait()
+    if attack:
+        attack(place, stop)
+
+
+def _wait(moment: float) -> None:
+    time.sleep(max(moment - time.perf_counter(), 0.0))
+
+
+def ended_with(program: Program) -> int:
+    """Ask a program to end; give its exit status, or the one with which it had ended before."""
+    program.process.send_signal(signal.SIGTERM)
+    try:
+        return program.process.wait(_PATIENCE)
+    except subprocess.TimeoutExpired:
+        return -1
+
+
+def kept(recording: Path) -> str:
+    """Say how many packets can be read in a recording."""
+    return f"{sum(1 for _ in RawFile(recording).packets()):,} packets recorded"
+
+
+def _p99(latencies: NDArray[np.float64]) -> float:
+    return float(np.percentile(latencies, 99)) if latencies.size else float("nan")
+
+
+def _counted(printed: str) -> str:
+    """Give the counts apart from `received`: every count that is not 0."""
+    summary = re.sub(r" \([^)]*\)", "", printed.rpartition("received ")[2])
+    named = re.findall(r"([a-z][a-z ]*?) (\d+)(?=[,\n ])", summary.partition(" answers of")[0])
+    found = [f"{name} {int(count):,}" for name, count in named if int(count)]
+    late, lost = (re.findall(rf"([1-9]\d*) {what}", summary) for what in ("left out", "could not be written"))
+    found += [f"{int(count):,} answers left out" for count in late] + [f"{int(count):,} frames lost" for count in lost]
+    return ", ".join(found)

@@ -1,0 +1,206 @@
+"""The trials: attacks of strangers, faults of the performer's feed, and what befalls the recogniser's process."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from chaos import attacks
+from chaos.attacks import flood, publish
+from chaos.performer import FRAME_RATE, Fault
+from chaos.trial import Trial, kept, page_of
+from numpy.typing import NDArray
+
+from kinespace.library import MotionLibrary
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream import osc
+from kinespace.tools.feeding.feed import Cue
+from kinespace.tools.loopback.program import Program
+
+_WRISTS = [SKELETON.joints.index(name) for name in ("lwrist", "rwrist")]
+#: Bytes after which a disk is full.
+_FULL = 100_000
+
+
+def _with_drops(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Drop a share of the frames, 0 to 1, at random."""
+    for cue in cues:
+        if generator.random() >= share:
+            yield cue
+
+
+def _with_jitter(cues: Iterable[Cue], seconds: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Delay each frame by a random time of up to some seconds; keep the order."""
+    latest = 0.0
+    for cue in cues:
+        latest = max(latest, cue.due + generator.uniform(0.0, seconds))
+        yield replace(cue, due=latest)
+
+
+def _with_reordering(cues: Iterable[Cue], share: float, generator: np.random.Generator) -> Iterator[Cue]:
+    """Let a share of the frames, 0 to 1, change places with the next frame."""
+    held: Cue | None = None
+    for cue in cues:
+        if held is not None:
+            yield replace(cue, due=held.due)
+            yield replace(held, due=cue.due)
+            held = None
+        elif generator.random() < share:
+            held = cue
+        else:
+            yield cue
+    if held is not None:
+        yield held
+
+
+def _network(cues: list[Cue]) -> list[Cue]:
+    """Lose 30 % of the frames, exchange and double a tenth, delay all by up to 50 ms."""
+    generator = np.random.default_rng(3)
+    kept_cues = _with_reordering(_with_drops(cues, 0.3, generator), 0.1, generator)
+    doubled = [each for cue in kept_cues for each in ([cue, cue] if generator.random() < 0.1 else [cue])]
+    return list(_with_jitter(doubled, 0.05, generator))
+
+
+def _late_clock(cues: list[Cue]) -> list[Cue]:
+    return [replace(cue, frame=replace(cue.frame, time=cue.frame.time + 1000.0)) for cue in cues]
+
+
+def _posed(change: Callable[[NDArray[np.floating], NDArray[np.floating]], NDArray[np.floating]]) -> Fault:
+    """Change the positions of every frame, given those of the first."""
+
+    def made(cues: list[Cue]) -> list[Cue]:
+        first = cues[0].frame.positions
+        return [replace(cue, frame=replace(cue.frame, positions=change(cue.frame.positions, first))) for cue in cues]
+
+    return made
+
+
+def _with(positions: NDArray[np.floating], joints: list[int], places: NDArray[np.floating]) -> NDArray[np.floating]:
+    changed = positions.copy()
+    changed[joints] = places
+    return changed
+
+
+def _elsewhere(cues: list[Cue]) -> list[Cue]:
+    """Put the body some metres away at each frame."""
+    places = 3.0 * np.random.default_rng(5).standard_normal((len(cues), 3)).astype(np.float32)
+    moved = [cue.frame.positions + place for cue, place in zip(cues, places, strict=True)]
+    return [replace(cue, frame=replace(cue.frame, positions=each)) for cue, each in zip(cues, moved, strict=True)]
+
+
+def _stop_and_go(program: Program, _: Path, seconds: float) -> str:
+    program.process.send_signal(signal.SIGSTOP)
+    time.sleep(seconds)
+    program.process.send_signal(signal.SIGCONT)
+    return ""
+
+
+def _slow(program: Program, _: Path, seconds: float) -> str:
+    """Give the recogniser 15 ms of each tenth of a second, as a limit of CPU does."""
+    ending = time.monotonic() + seconds
+    while time.monotonic() < ending:
+        time.sleep(0.015)
+        program.process.send_signal(signal.SIGSTOP)
+        time.sleep(0.085)
+        program.process.send_signal(signal.SIGCONT)
+    return ""
+
+
+def _full_disk(program: Program, _: Path, seconds: float) -> str:
+    """Let no file grow, as on a full disk, and then again."""
+    import resource  # noqa: PLC0415 - there is none on Windows
+
+    usual = resource.prlimit(program.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(program.process.pid, resource.RLIMIT_FSIZE, (_FULL, usual[1]))
+    time.sleep(seconds)
+    resource.prlimit(program.process.pid, resource.RLIMIT_FSIZE, usual)
+    return ""
+
+
+def _kill_the_page(program: Program, _: Path, seconds: float) -> str:
+    """Kill the page's process (`kill -9`), and see whether it is begun again."""
+    os.kill(page_of(program), signal.SIGKILL)
+    time.sleep(seconds)
+    program.expect(r"(?s)page: http.*page: http")
+    return "the page was begun again"
+
+
+def _kill_a_recorder(_: Program, folder: Path, seconds: float) -> str:
+    """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read its file."""
+    recording, sent = folder / "killed.kinerec", 0
+    with Program("record", str(recording), "--osc-in", "127.0.0.1:0") as recorder:
+        port = int(recorder.expect(r"osc 127\.0\.0\.1:(\d+)")[1])
+        with closing(osc.OscSender("127.0.0.1", port)) as sender:
+            ending = time.monotonic() + seconds
+            while time.monotonic() < ending:
+                sender.send(b"/a\0\0,\0\0\0")
+                sent += 1
+                time.sleep(1 / FRAME_RATE)
+    return f"{kept(recording)} of {sent:,}"
+
+
+def _large_library(folder: Path) -> None:
+    """Make a library of four times as many classes as the built-in one's."""
+    builtin = MotionLibrary.builtin()
+    motions = [replace(each, class_name=f"{each.class_name} {n}") for n in range(4) for each in builtin.motions]
+    replace(builtin, motions=tuple(motions)).save(folder / "large.npz", compressed=False)
+
+
+TRIALS: tuple[Trial, ...] = (
+    Trial("nothing"),
+    Trial("nothing, by ZeroMQ", over="zmq"),
+    Trial("20,000 packets of garbage a second", partial(flood, attacks.garbage, 20_000)),
+    Trial("10,000 new names a second", partial(flood, attacks.new_names, 10_000)),
+    Trial("30 Mbit/s, 4,000 messages a datagram", partial(flood, attacks.many_messages, 0)),
+    Trial("30 Mbit/s, 110 right frames a datagram", partial(flood, attacks.packed_frames, 0)),
+    Trial(f"30 Mbit/s, {osc.MAX_FRAMES} right frames a datagram", partial(flood, attacks.full_datagrams, 0)),
+    Trial("20,000 right frames a second, one performer", partial(flood, attacks.right_frames, 20_000)),
+    Trial("the performer's name from another port", partial(flood, attacks.impostor, 3 * 120)),
+    Trial(
+        "joints announced from another port before the performer comes",
+        partial(flood, attacks.foreign_joints, 10),
+        first=True,
+    ),
+    Trial(
+        "32 invented performers before the performer comes", partial(flood, attacks.many_performers, 32 * 8), first=True
+    ),
+    Trial("ZeroMQ: 20,000 messages of garbage a second", partial(publish, attacks.zmq_garbage, 20_000), "zmq"),
+    Trial("ZeroMQ: 30 Mbit/s of empty lists in msgpack", partial(publish, attacks.zmq_lists, 0), "zmq"),
+    Trial("ZeroMQ: 30 Mbit/s of deep and long headers", partial(publish, attacks.zmq_headers, 116), "zmq"),
+    Trial("ZeroMQ: 20,000 parts a second", partial(publish, attacks.zmq_parts, 20), "zmq"),
+    Trial("ZeroMQ: the performer's name from another connection", partial(publish, attacks.zmq_impostor, 240), "zmq"),
+    Trial("ZeroMQ: 20 subscriptions of 1 MB", attacks.large_subscriptions, "zmq"),
+    Trial("ZeroMQ: 1,300 silent connections before the performer's", attacks.silent_connections, "zmq", first=True),
+    Trial("30 % lost, reordered, doubled, 50 ms late", fault=_network),
+    Trial("the performer's clock jumps by 1,000 s and back", fault=_late_clock),
+    Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
+    Trial("15 % of a core, 20 more performers at 60 Hz", partial(flood, attacks.crowd, 20 * 60), deed=_slow, lasts=2.0),
+    Trial("31 strangers, a port each, 500 right frames a second", attacks.many_ports),
+    Trial(
+        "1,500 performers of one port, 12 frames a second",
+        partial(flood, attacks.valid_performers, 1500 * 12),
+        options=("--performers", "3000"),
+    ),
+    Trial(
+        "20 datagrams a second of 255 or 8 commands",
+        partial(flood, attacks.commands, 20),
+        options=("--teach", "{folder}/mine.npz"),
+    ),
+    Trial("a library four times as large", prepared=_large_library, options=("--library", "{folder}/large.npz")),
+    Trial("answers to a closed port", options=("--osc-out", "127.0.0.1:9")),
+    Trial("disk full while recording", deed=_full_disk, options=("--record", "{folder}/a.kinerec")),
+    Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/a{number}.kinerec")),
+    Trial("a recorder beside it killed (kill -9)", deed=_kill_a_recorder),
+    Trial(
+        "two wrists exchanged", fault=_posed(lambda positions, _: _with(positions, _WRISTS, positions[_WRISTS[::-1]]))
+    ),
+    Trial("a wrist frozen", fault=_posed(lambda positions, first: _with(positions, _WRISTS[:1], first[_WRISTS[:1]]))),
+    Trial("the whole body elsewhere at each frame", fault=_elsewhere),
+    Trial("the page's process killed (kill -9)", deed=_kill_the_page, options=("--page", "127.0.0.1:0")),
+    Trial("unit changed to millimetres", fault=_posed(lambda positions, _: positions * 1000)),
+)

@@ -1,6 +1,5 @@
 """Fixtures for every test: recordings and other programs, found in one place; hypothesis made repeatable."""
 
-import importlib
 import os
 import pickle
 import shutil
@@ -9,7 +8,6 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, nullcontext, suppress
 from pathlib import Path
-from types import ModuleType
 from typing import NoReturn
 
 import numpy as np
@@ -88,15 +86,6 @@ def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
         _without(_NOT_COMPILED, "the compiled functions")
     with compiled.left_aside() if request.param == "numpy" else nullcontext():
         yield request.param
-
-
-@pytest.fixture(scope="session")
-def pyliblo() -> ModuleType:
-    """Give liblo's Python module."""
-    try:
-        return importlib.import_module("pyliblo3")
-    except ImportError as error:
-        _without(f"{error}; pip install pyliblo3", "pyliblo3")
 
 
 @pytest.fixture(scope="session")

@@ -272,25 +272,8 @@ def teaches(page: Page, performer: Performer) -> None:
     until(page, "[...kinespace.performers.get('ann').motions.values()].some((each) => each.mark === 'wrong')")
     page.click("#teach button:has-text('Undo')")
     until(page, "!('nothing' in kinespace.control.taught)")
-    # The last name was right, or wrong; and a motion is recorded while a key is held.
-    page.evaluate("document.activeElement.blur()")
-    sees_motion(page, performer, "my squat", takes(SQUAT)[2])
-    page.keyboard.press("n")
-    until(page, "kinespace.control.taught.nothing === 1")
-    page.click("#teach button:has-text('Undo')")
-    until(page, "!('nothing' in kinespace.control.taught)")
     page.click("#teach button:has-text('Right')")
     until(page, "kinespace.control.taught['my squat'] === 2")
-    page.fill("#name", "statue")
-    page.evaluate("document.activeElement.blur()")
-    page.keyboard.down("h")
-    until(page, f"{LESSON}.textContent === 'recording'")
-    performer.show(takes(KICK)[2])
-    page.wait_for_timeout(1500)
-    page.keyboard.up("h")
-    until(page, "kinespace.control.taught.statue === 1")
-    page.click("#teach button:has-text('Undo')")
-    until(page, "!('statue' in kinespace.control.taught)")
     teaches_the_past(page, performer)
     # A refusal is told in words, for some seconds.
     page.click("#teach button:has-text('Stop')")
@@ -312,7 +295,7 @@ def moves_at_will(page: Page, performer: Performer) -> None:
 
 
 def teaches_the_past(page: Page, performer: Performer) -> None:
-    """Drag over a motion on the timeline, and name it; then the same by the keyboard alone."""
+    """Drag over a motion on the timeline, and name it."""
     sees_motion(page, performer, KICK, takes(KICK)[1])
     until(page, f"{DOING}.textContent === ''")
     box = page.locator("#timeline").bounding_box()
@@ -332,13 +315,6 @@ def teaches_the_past(page: Page, performer: Performer) -> None:
     page.keyboard.press("Enter")
     until(page, "kinespace.control.taught['my kick'] === 1 && span === null")
     until(page, f"[...{MOTIONS}].some((each) => each.className === 'my kick' && each.mark === 'taught')")
-    performer.show(takes(KICK)[2])
-    page.wait_for_timeout(3000)
-    page.focus("#span-from")
-    for text in ("3.2", "0", "my kick"):
-        page.keyboard.type(text)
-        page.keyboard.press("Enter" if text == "my kick" else "Tab")
-    until(page, "kinespace.control.taught['my kick'] === 2")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")

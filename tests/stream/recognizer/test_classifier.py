@@ -15,6 +15,8 @@ from kinespace.library.windows.cutting import window_ends
 from kinespace.stream import MotionClassifier
 from kinespace.stream.recognizer.windows.live_windows import LiveWindows
 
+pytestmark = pytest.mark.slow
+
 CLASSES = tuple(sorted(STICK_CLASSES)[:3])
 CLIPS = [
     replace(stick_clip(name, seed=seed, frames=120, rate=60.0), actor=f"actor {seed % 3}")
@@ -86,7 +88,6 @@ def test_who_taught_is_said_and_groups_are_persons(builtin: MotionLibrary) -> No
         classifier.fit(arrays, names, groups=["bd"])
 
 
-@pytest.mark.slow
 def test_arrays_are_clips_of_the_skeleton_given() -> None:
     """Positions alone are named as a clip is; without a skeleton they are of HDM05's joints."""
     arrays = [each.positions for each in CLIPS]
@@ -134,7 +135,6 @@ def test_parameters_that_mean_nothing_are_refused(builtin: MotionLibrary, name: 
     assert MotionClassifier(frame_rate=np.int64(60), hop=np.float32(0.1)).fit(motions, ["a", "b"]).library_
 
 
-@pytest.mark.slow
 def test_scikit_learn_takes_it() -> None:
     """Its own checks pass, a clone has the same parameters, and it divides clips by person."""
     base, checks = pytest.importorskip("sklearn.base"), pytest.importorskip("sklearn.utils.estimator_checks")

@@ -116,22 +116,6 @@ def test_an_example_that_is_undone_before_its_check_is_told() -> None:
     assert stage.teacher.checked(1, None, Tried()) == [State("ann", Step.REFUSED, 0.0, "undone before it was checked")]
 
 
-def test_the_example_holds_the_motion_that_was_shown() -> None:
-    """The example's frames are the motion's, at 30 frames per second."""
-    stage = _taught()
-    (example,) = stage.teacher.roster.examples
-    shown = stage.library.motions[40].positions[::2]
-    recorded = example.motion.positions
-    offsets = range(max(len(recorded) - len(shown), 0) + 4)
-    nearest = min(
-        float(np.abs(recorded[offset : offset + 20] - shown[start : start + 20]).max())
-        for offset in offsets
-        for start in range(4)
-        if len(recorded[offset : offset + 20]) == 20
-    )
-    assert nearest < 0.03
-
-
 def test_undo_without_end() -> None:
     """Every change can be undone."""
     stage = _taught()
@@ -168,17 +152,6 @@ def test_no_class_takes_the_name_of_another() -> None:
             State("", Step.REFUSED, 0.0, f"{name}: there is such a class already")
         ]
     assert stage.teacher.roster.classes == ("wave",)
-
-
-def test_the_last_seconds_become_an_example() -> None:
-    """The example is trimmed to the movement in these seconds."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.perform()
-    stage.ask(commands.Last("", 4.0, "bow"))
-    (example,) = stage.teacher.roster.examples
-    assert example.motion.duration == pytest.approx(stage.library.motions[40].duration, abs=0.4)
-    assert stage.teacher.recent(1) is None
 
 
 def test_recent_minutes_end_where_the_recording_begins() -> None:
@@ -363,16 +336,6 @@ def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
     assert [each.seconds for each in stage.teacher.roster.of("nod")] == [pytest.approx(2.0, abs=0.4)] * 2
 
 
-def test_stillness_is_a_setting() -> None:
-    """With ten times the usual stillness no motion begins."""
-    stage = Stage()
-    stage.teacher = Teacher(stage.library.skeleton, Roster(), (), 0.1)
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    stage.perform()
-    assert {*stage.steps()} == {Step.WAITING}
-
-
 def test_a_hole_in_the_feed_makes_no_example() -> None:
     """A recording with missing frames is refused, also of the last seconds; a lesson ends with it."""
     stage = Stage()
@@ -387,19 +350,6 @@ def test_a_hole_in_the_feed_makes_no_example() -> None:
     stage.ask(commands.Last("ann", 5.0, "wave"))
     assert stage.reason() == "5 s have not been seen"
     assert (stage.teacher.lesson, stage.teacher.roster.examples) == (None, ())
-
-
-def test_two_at_once() -> None:
-    """The second is refused, the first goes on."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.show([stage.library.motions[0].positions[0]] * 10, "bo")
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    stage.ask(commands.Teach("bo", "bow", 1, 0.0))
-    assert stage.reason() == "ann is being taught wave"
-    stage.stand(0.5)
-    stage.perform()
-    assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"]
 
 
 @pytest.mark.parametrize(

@@ -66,27 +66,6 @@ def test_a_small_library_names_its_motions(
 
 
 @BOTH
-def test_a_library_of_one_motion(signature: LiveSignature) -> None:
-    """One class has no runner-up: its score is its margin, and the motion itself is named."""
-    clip = _performed("wave")
-    answers = _answers(MotionLibrary.of_clips([clip]), clip, signature)
-    assert {answer.best for answer in answers} == {0}
-    assert {answer.second_index for answer in answers} == {-1}
-    assert all(answer.margin == answer.score for answer in answers)
-    assert answers[-1].class_name == "wave"
-
-
-@BOTH
-def test_a_class_of_short_motions_alone_is_never_named(signature: LiveSignature) -> None:
-    """A class without a window takes part in no comparison, and the others are recognised."""
-    clips = [clip for clip in stick_clips() if clip.class_name != "jump"]
-    library = MotionLibrary.of_clips([*clips, stick_clip("jump", seed=8, frames=12)])
-    assert library.classes == STICK_CLASSES
-    answers = _answers(library, _performed("wave"), signature)
-    assert {answer.classes[answer.best] for answer in answers[5:]} == {"wave"}
-
-
-@BOTH
 def test_motions_of_the_class_nothing_are_unknown(signature: LiveSignature) -> None:
     """A class renamed to `nothing` competes, has no score of its own, and is answered unknown with a best guess."""
     library = MotionLibrary.of_clips(stick_clips()).renamed({"wave": NOTHING})

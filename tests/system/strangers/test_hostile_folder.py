@@ -6,8 +6,6 @@ from pathlib import Path
 import pytest
 from programs import started
 
-from kinespace.tools.cli.main import PROGRAMS
-
 #: What makes each program start processes or threads, and import what it needs, and a line after which it is ended; the
 #: others show their options.
 ARGUMENTS = {
@@ -27,7 +25,7 @@ ARGUMENTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("program", ARGUMENTS)
 def test_nothing_of_the_current_folder_runs(program: str, tmp_path: Path) -> None:
     """Modules of the names of Python's own and of packages that we use lie there; none is imported."""
     ran = tmp_path / "ran"

@@ -24,15 +24,6 @@ def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -
     assert host_and_port(text) == expected
 
 
-@pytest.mark.parametrize(
-    "text", ["", "here", "here:", "here:port", "here:-1", "here:65536", "here:1.5", "here: 1", "here:²", "1" * 5000]
-)
-def test_an_address_without_a_port_is_refused(text: str) -> None:
-    """Text without a port of 0 to 65535 raises an error with the expectation and the text."""
-    with pytest.raises(ValueError, match=r"address: expected HOST:PORT, the port from 0 to 65535, got '"):
-        host_and_port(text)
-
-
 @given(st.text(max_size=20))
 def test_any_text_is_an_address_or_refused(text: str) -> None:
     """Any text gives a host and a usable port, or the one error."""

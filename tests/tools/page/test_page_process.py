@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import threading
 import time
 import urllib.error
@@ -16,26 +15,6 @@ from kinespace.tools.page.process import PagePlan, PageProcess
 
 #: An endpoint at which nobody publishes: a page waits for it without complaint.
 NOBODY = "tcp://127.0.0.1:9"
-
-
-def test_a_port_that_is_taken_is_told() -> None:
-    """The message names the address."""
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        address = f"127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(OSError, match=address):
-            PagePlan(address, NOBODY).serve(lambda _: None, lambda: True)
-
-
-def test_a_page_is_served_until_it_is_to_end() -> None:
-    """The address is told once the port is open, with a token where other machines reach it."""
-    told: list[str] = []
-    PagePlan("127.0.0.1:0", NOBODY).serve(told.append, lambda: bool(told))
-    PagePlan("0.0.0.0:0", NOBODY).serve(told.append, lambda: len(told) > 1)
-    assert told[0].startswith("http://127.0.0.1:")
-    assert "token" not in told[0]
-    assert "?token=" in told[1]
 
 
 def _wait(true: Callable[[], bool]) -> None:

@@ -12,7 +12,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
-from kinespace.tools.page.server import MAX_MESSAGE, MAX_PAGES, MAX_REPLIES, Gate, PageServer
+from kinespace.tools.page.server import MAX_PAGES, Gate, PageServer
 
 PATIENCE = 60.0
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.
@@ -170,20 +170,6 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
     run(test())
 
 
-def test_replies_do_not_pile_up_for_a_page_that_draws_nothing() -> None:
-    """Of two hundred refused commands it gets the last replies, once it has drawn the message before."""
-
-    async def test() -> None:
-        async with serving() as served, served.page() as page:
-            news = await told(page)
-            for number in range(200):
-                await page.send(json.dumps({"ask": {"do": "undo", "number": number}}))
-            news = await drawn_until(page, news, "replies")
-            assert len(news["replies"]) == MAX_REPLIES
-
-    run(test())
-
-
 @pytest.mark.parametrize(
     "request_line",
     [
@@ -205,25 +191,6 @@ def test_an_odd_request_leaves_no_traceback(request_line: str, caplog: pytest.Lo
             writing.close()
             assert reply.split()[1:2] in ([b"403"], [b"404"], [])
         assert not [each for each in caplog.records if each.exc_info]
-
-    run(test())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rubbish", "code"), [("{", 1008), ('{"ask": 1}', 1008), (b"\x00", 1008), ("x" * (MAX_MESSAGE + 1), 1009)]
-)
-def test_a_page_that_sends_rubbish_is_closed(rubbish: str | bytes, code: int) -> None:
-    """It is told the reason; the server and the other pages go on."""
-
-    async def test() -> None:
-        async with serving() as served, served.page() as other:
-            async with served.page() as page:
-                await told(page)
-                await page.send(rubbish)
-                await page.wait_closed()
-                assert page.close_code == code
-            assert "number" in await told(other)
 
     run(test())
 

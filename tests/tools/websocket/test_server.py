@@ -78,11 +78,3 @@ def test_origins_and_hosts(origin: str | None, host: str, status: int | None) ->
     headers = {"host": host} | ({} if origin is None else {"origin": origin})
     response = answer(Gate(), (EDITOR,), "/", headers)
     assert (response.status_code if response else None) == status
-
-
-def test_beyond_this_machine_a_token_is_needed() -> None:
-    """Without the token that is printed, or with another, the answer is 401."""
-    gate = Gate.for_host("0.0.0.0")  # noqa: S104 - not opened
-    for target, status in (("/", 401), ("/?token=x", 401), (f"/?token={gate.token}", None)):
-        response = answer(gate, (), target, {"host": "10.0.0.5:9313"})
-        assert (response.status_code if response else None) == status

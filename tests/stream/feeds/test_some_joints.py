@@ -60,3 +60,15 @@ def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
     lost = [each for each in made if isinstance(each, Frame) and np.isnan(each.positions).any()]
     assert 0.8 * FORGET_AFTER * 30 < len(lost) < FORGET_AFTER * 30
     assert all(np.isnan(each.positions).any(axis=1).sum() == 1 for each in lost)
+
+
+def test_touchdesigner_may_use_names_of_the_tables() -> None:
+    """Channels of one coordinate, named as Mixamo names bones, are a body."""
+    assembler, made = FrameAssembler(builtin_preset("touchdesigner")), list[Announcement | Frame]()
+    for number in range(10):
+        for place, name in enumerate(NAMES):
+            for axis in "xyz":
+                packet = message(f"/p1/{name}:t{axis}", "f", place + number / 10)
+                made += assembler.push(decode_packet(packet), 1 + number / 30)
+    assert set(_announced(made)[0]) == set(NAMES.values())
+    assert {each.performer for each in made if isinstance(each, Frame)} == {"p1"}

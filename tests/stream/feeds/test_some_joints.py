@@ -5,6 +5,7 @@ from golden import message
 
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import decode_packet
 
@@ -64,11 +65,12 @@ def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
 
 def test_touchdesigner_may_use_names_of_the_tables() -> None:
     """Channels of one coordinate, named as Mixamo names bones, are a body."""
-    assembler, made = FrameAssembler(builtin_preset("touchdesigner")), list[Announcement | Frame]()
+    preset, made = builtin_preset("touchdesigner"), list[Announcement | Frame]()
+    assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
     for number in range(10):
         for place, name in enumerate(NAMES):
             for axis in "xyz":
                 packet = message(f"/p1/{name}:t{axis}", "f", place + number / 10)
-                made += assembler.push(decode_packet(packet), 1 + number / 30)
+                made += assembler.push(unpack(packet), 1 + number / 30 + place * 1e-4)
     assert set(_announced(made)[0]) == set(NAMES.values())
     assert {each.performer for each in made if isinstance(each, Frame)} == {"p1"}

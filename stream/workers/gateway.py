@@ -33,9 +33,9 @@ from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Decision
-from kinespace.stream.recognizer.limits import needed_lead, usual_sensitivity
 from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts, remember
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
+from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
 from kinespace.stream.service.background import signals_held
 from kinespace.stream.status import InputCounts
 from kinespace.stream.workers.wire import Orders, Report, SentFrame, decode_answers, encode

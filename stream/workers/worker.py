@@ -25,7 +25,7 @@ from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers, Recognizer, RecognizerCounts, SentJoints, Settings
-from kinespace.stream.recognizer.limits import index_for
+from kinespace.stream.recognizer.settings import index_for
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent
 from kinespace.stream.service.loop import Service
 from kinespace.stream.status import InputCounts

@@ -13,7 +13,7 @@ from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparer import compare
-from kinespace.stream.recognizer.windows.window import NEAR, read_distances, read_points, slide
+from kinespace.stream.recognizer.window import NEAR, read_distances, read_points, slide
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -11,7 +11,7 @@ from pathlib import Path
 from kinespace.library import Clip, Reading, read_recordings
 from kinespace.library.motion_library.library_file import locked
 from kinespace.library.naming import summary
-from kinespace.library.windows.oddities import remarks
+from kinespace.library.windows.segments import remarks
 from kinespace.tools.terminal.console import note, progress
 
 

@@ -10,9 +10,8 @@ from naive_windows import body_of, rank_k_product
 from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary, distance_rows
-from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
+from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis, signature_of, similarity
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.leading import signature_of, similarity
 from kinespace.library.signature.parts import (
     Eigenpairs,
     Moments,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from kinespace.library.signature.parts import Part
-    from kinespace.library.windows.metric import Metric
+    from kinespace.library.windows.comparison import Metric
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SECONDS = 1.0

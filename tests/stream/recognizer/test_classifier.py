@@ -13,7 +13,7 @@ from kinespace.library import MotionLibrary, SkeletonMismatchError, distance_row
 from kinespace.library.windows.comparison import NEAREST
 from kinespace.library.windows.cutting import window_ends
 from kinespace.stream import MotionClassifier
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.stream.recognizer.live_windows import LiveWindows
 
 pytestmark = pytest.mark.slow
 

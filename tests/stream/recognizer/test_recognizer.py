@@ -23,8 +23,8 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
-from kinespace.stream.recognizer.limits import index_for
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.settings import index_for
 from kinespace.tools.feeding.feed import resampled
 
 

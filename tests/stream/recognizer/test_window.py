@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveWindow
 
-from kinespace.stream.recognizer.windows.window import MAX_FEED_RATE, Window
+from kinespace.stream.recognizer.window import MAX_FEED_RATE, Window
 
 #: Everything holds of the compiled functions and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")

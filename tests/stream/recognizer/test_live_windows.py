@@ -18,12 +18,11 @@ from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.comparison import by_paper
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows
-from kinespace.stream.recognizer.windows.smoothing import NOISY, RowSmoother
+from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoother
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip
-    from kinespace.stream.recognizer.windows.live_windows import Seen
+    from kinespace.stream.recognizer.live_windows import Seen
 
 
 # --- smoothing --------------------------------------------------------------------------------------------------------

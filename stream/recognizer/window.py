@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.compiled import compiled
+from kinespace.library.signature.basis import leading_eigenvectors
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.leading import leading_eigenvectors
 from kinespace.library.signature.parts import (
     FORMULAS,
     LEVEL_REMOVED,

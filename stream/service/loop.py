@@ -27,8 +27,8 @@ from kinespace.stream.teaching.commands import Asked, State, Step
 
 if TYPE_CHECKING:
     # A worker runs this loop itself.
-    from kinespace.stream.workers.gateway import Gateway, GatewaySource
-    from kinespace.stream.workers.worker import Worker
+    from kinespace.stream.service.gateway import Gateway, GatewaySource
+    from kinespace.stream.service.worker import Worker
 
 #: Seconds for which a packet may wait before it is taken in. When one waited longer, all that wait are taken in, and
 #: performers are answered by turns, each by its newest frame.

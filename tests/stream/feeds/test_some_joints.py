@@ -63,9 +63,9 @@ def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
     assert all(np.isnan(each.positions).any(axis=1).sum() == 1 for each in lost)
 
 
-def test_touchdesigner_may_use_names_of_the_tables() -> None:
+def test_channels_of_touchdesigner_may_use_names_of_the_tables() -> None:
     """Channels of one coordinate, named as Mixamo names bones, are a body."""
-    preset, made = builtin_preset("touchdesigner"), list[Announcement | Frame]()
+    preset, made = builtin_preset("joints"), list[Announcement | Frame]()
     assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
     for number in range(10):
         for place, name in enumerate(NAMES):

@@ -28,14 +28,15 @@ NAMES = [each.class_name for each in CLIPS]
 
 @pytest.mark.parametrize("timing", [0.0, 0.5])
 def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> None:
-    """Scores are by the live windows' distances, a window of another time being farther; the learned is named."""
+    """Scores are by the live windows' distances, a window of another time being farther, the first counting less."""
     classifier = MotionClassifier(timing=timing)
     assert classifier.fit(CLIPS[::2], NAMES[::2]) is classifier
     assert classifier.classes_.tolist() == list(CLASSES)
     asked, index = CLIPS[1], opened(classifier.library_)
     windows, logs, before = LiveWindows(index), [], 0
     whose = [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
-    for end in window_ends(asked, 0.1).tolist():
+    ends = window_ends(asked, 0.1)
+    for end in ends.tolist():
         some = slice(before, end)
         windows.push(asked.times[some], distance_rows(asked.positions[some], asked.skeleton))
         seen, before = windows.read(), end
@@ -49,7 +50,8 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
         else:
             logs.append(seen.distances.named)
     scores = classifier.decision_function(CLIPS[1::2])
-    np.testing.assert_allclose(scores[0], np.mean(1 / (1 + np.exp(logs)), axis=0), rtol=2e-3)
+    weights = [min(end / 60, 0.6) ** 2 for end in ends.tolist()]
+    np.testing.assert_allclose(scores[0], np.average(1 / (1 + np.exp(logs)), axis=0, weights=weights), rtol=2e-3)
     named = [CLASSES[max(range(3), key=row.__getitem__)] for row in scores.tolist()]
     assert classifier.predict(CLIPS[1::2]).tolist() == named
     assert classifier.predict(CLIPS[:6:2]).tolist() == [CLASSES[0]] * 3

@@ -34,9 +34,9 @@ from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background import BackgroundViews
+from kinespace.stream.service.gateway import GatewaySource
 from kinespace.stream.service.loop import Recognising, Service
 from kinespace.stream.status import Status
-from kinespace.stream.workers.gateway import GatewaySource
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import (
     OSC_IN,
@@ -81,8 +81,8 @@ def _made(options: argparse.Namespace, library: Known, joints: SentJoints, class
     if not options.workers:
         views = BackgroundViews()
         return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
-    from kinespace.stream.workers.gateway import Gateway  # noqa: PLC0415 - only where there are workers
-    from kinespace.stream.workers.worker import Terms  # noqa: PLC0415 - as above
+    from kinespace.stream.service.gateway import Gateway  # noqa: PLC0415 - only where there are workers
+    from kinespace.stream.service.worker import Terms  # noqa: PLC0415 - as above
 
     if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
         library = opened(library)

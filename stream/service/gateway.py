@@ -37,9 +37,9 @@ from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, Pe
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
 from kinespace.stream.service.background import signals_held
+from kinespace.stream.service.wire import Orders, Report, SentFrame, decode_answers, encode
+from kinespace.stream.service.worker import Terms, work
 from kinespace.stream.status import InputCounts
-from kinespace.stream.workers.wire import Orders, Report, SentFrame, decode_answers, encode
-from kinespace.stream.workers.worker import Terms, work
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
 MAX_SILENT = 0.8

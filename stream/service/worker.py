@@ -28,8 +28,8 @@ from kinespace.stream.recognizer import Performers, Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import index_for
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent
 from kinespace.stream.service.loop import Service
+from kinespace.stream.service.wire import Answers, Report, decode_orders, encode
 from kinespace.stream.status import InputCounts
-from kinespace.stream.workers.wire import Answers, Report, decode_orders, encode
 
 #: Seconds between two reports.
 REPORT_EVERY = 0.25

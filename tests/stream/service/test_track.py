@@ -9,10 +9,10 @@ import numpy as np
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
-from kinespace.stream.workers.gateway import DUE, HISTORY, Track
+from kinespace.stream.service.gateway import DUE, HISTORY, Track
 
 if TYPE_CHECKING:
-    from kinespace.stream.workers.wire import SentFrame
+    from kinespace.stream.service.wire import SentFrame
 
 CLASSES = ("squat", "jog")
 JOINTS = ("a", "b", "c")

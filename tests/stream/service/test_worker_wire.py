@@ -12,7 +12,7 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.stream.frame import Announcement, Frame, NewSender
 from kinespace.stream.recognition import Event, EventKind, Progress
 from kinespace.stream.recognizer import Recognizer
-from kinespace.stream.workers import wire
+from kinespace.stream.service import wire
 
 if TYPE_CHECKING:
     from kinespace.library.motion_library import MotionLibrary

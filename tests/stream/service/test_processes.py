@@ -19,10 +19,10 @@ from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers, Settings
-from kinespace.stream.workers import gateway as gateways
-from kinespace.stream.workers import worker
-from kinespace.stream.workers.gateway import Gateway
-from kinespace.stream.workers.worker import Terms, Worker
+from kinespace.stream.service import gateway as gateways
+from kinespace.stream.service import worker
+from kinespace.stream.service.gateway import Gateway
+from kinespace.stream.service.worker import Terms, Worker
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -55,7 +55,8 @@ def _without_hurry(name: str, place: str) -> None:
 class Fed:
     """A gateway with workers of its own, the feed, and the answers of one process."""
 
-    def __init__(self, library: MotionLibrary, gateway: Gateway) -> None:
+    def __init__(self, library: MotionLibrary, gateway: Gateway, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self.gateway, self._one = gateway, Performers(opened(library))
         clips = [stick_clip(name, seed=80, frames=4 * RATE).positions[::2] for name in STICK_CLASSES]
         self._moments = [
@@ -68,9 +69,9 @@ class Fed:
     def play(self, count: int) -> None:
         """Send some moments' frames; read until the last of them are answered."""
         for frames in [self._moments.pop(0) for _ in range(count)]:
-            self.gateway.push_all(frames, time.monotonic())
+            self.gateway.push_all(frames, self._clock())
             self.expected += [each for each in self._one.push_all(frames, frames[0].time) if each]
-            self.gateway.tend(time.monotonic())
+            self.gateway.tend(self._clock())
         newest = {each.performer: each.time for each in self.expected}
         self.until(
             lambda: {each.performer for each in self.heard if each.time > newest[each.performer] - HOP} == {*NAMES}
@@ -81,7 +82,7 @@ class Fed:
         end = time.monotonic() + PATIENCE
         while not reached():
             assert time.monotonic() < end, (self.gateway.notes, len(self.heard), len(self.expected))
-            self.gateway.tend(time.monotonic())
+            self.gateway.tend(self._clock())
             time.sleep(0.001)
 
     @property
@@ -102,7 +103,9 @@ def test_answers_equal_one_processs(sticks: MotionLibrary, monkeypatch: pytest.M
     """Two workers give the answers of one process, each once, bit by bit; a gateway that stood still drops none."""
     monkeypatch.setattr(gateways, "work", _without_hurry)
     with closing(Gateway(2, opened(sticks), Terms(Settings(), 8))) as gateway:
-        fed = Fed(sticks, gateway)
+        # By a clock that stands still no motion ends because the machine does.
+        now = time.monotonic()
+        fed = Fed(sticks, gateway, lambda: now)
         fed.play(150)
         fed.until(lambda: len(fed.heard) == len(fed.expected))
         assert _described(fed.heard) == _described(fed.expected)

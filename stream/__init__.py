@@ -4,7 +4,7 @@ from kinespace.library.windows.rejection import Evidence
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer import LiveSignature, MotionClassifier, Performers, Recognizer, Settings, recognise
-from kinespace.stream.service.background_opener import BackgroundViews
+from kinespace.stream.service.background import BackgroundViews
 
 __all__ = [
     "Announcement",

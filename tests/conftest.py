@@ -1,6 +1,5 @@
 """Fixtures for every test: recordings and other programs, found in one place; hypothesis made repeatable."""
 
-import importlib
 import os
 import pickle
 import shutil
@@ -9,7 +8,6 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, nullcontext, suppress
 from pathlib import Path
-from types import ModuleType
 from typing import NoReturn
 
 import numpy as np
@@ -91,15 +89,6 @@ def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def pyliblo() -> ModuleType:
-    """Give liblo's Python module."""
-    try:
-        return importlib.import_module("pyliblo3")
-    except ImportError as error:
-        _without(f"{error}; pip install pyliblo3", "pyliblo3")
-
-
-@pytest.fixture(scope="session")
 def data_folder() -> Path:
     """Give the folder of the recordings."""
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -174,15 +163,6 @@ def camera_models(camera_extra: None) -> Path:
     except OSError as error:
         _without(str(error), "the models")
     return models.cache()
-
-
-@pytest.fixture(scope="session")
-def browser_models() -> None:
-    """Be sure of what a browser needs to find bodies, which `make` fetches once for this user."""
-    if not models.browser_has_models():
-        if shutil.which("npm") is None:
-            pytest.skip("no npm here, whose package a browser's camera needs")
-        _without(models.MISSING_BROWSER, "the models")
 
 
 @pytest.fixture(scope="session")

@@ -38,8 +38,8 @@ _SOME_PERSONS = tuple(
 )
 
 
-#: The evaluations that the tests measure, too: of a stream, of motions that were done, of retrieval.
-QUICK = ("own_takes", "done", "gestures", "retrieval_raw_split")
+#: The evaluations that the tests measure, too.
+QUICK = ("done", "retrieval_raw_split")
 
 #: The arguments of `kinespace evaluate` for each evaluation; `{data}` is the folder of recordings.
 RUNS: Mapping[str, tuple[str, ...]] = {

@@ -1,6 +1,6 @@
 /* The compiled functions of a hop. Each is the twin of the numpy function of its name, and computes the same but for rounding:
  *
- *   slide       stream/recognizer/windows/window.py
+ *   slide       stream/recognizer/window.py
  *   read_distances, read_points   the same
  *   compare     library/windows/comparer.py
  *   pair_distances   library/distances.py

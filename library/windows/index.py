@@ -21,14 +21,11 @@ from kinespace.library.progress.phase_table import PhaseTable
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Signature
-from kinespace.library.windows.comparer import Comparer, Distances
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing
+from kinespace.library.windows.comparer import Comparer, Distances, Head, Likelihood
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Lessons, Weighing
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
-from kinespace.library.windows.head import Head
 from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
-from kinespace.library.windows.likelihood import Likelihood
-from kinespace.library.windows.metric import Lessons
 from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
 from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments

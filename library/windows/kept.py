@@ -14,8 +14,14 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.motion_library.learned import TAUGHT, Learned
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.parts import Kind
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, MAX_AXES, WITHIN_LABORATORY, Comparison, Weighing
-from kinespace.library.windows.metric import Metric
+from kinespace.library.windows.comparison import (
+    ACROSS_LABORATORIES,
+    MAX_AXES,
+    WITHIN_LABORATORY,
+    Comparison,
+    Metric,
+    Weighing,
+)
 
 #: Raised when basis or metrics are learned in another way: numbers of another version are learned again.
 _VERSION = 1

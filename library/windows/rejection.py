@@ -126,7 +126,7 @@ class Rejection:
     held
         How much the evidence for a named motion may fall below the threshold.
     by_likelihood
-        Whether it judges likelihood ratios (`library.windows.likelihood`), as one group, in place of distances.
+        Whether it judges likelihood ratios (`library.windows.comparer`), as one group, in place of distances.
     """
 
     weights: NDArray[np.float64] = field(repr=False)

@@ -26,10 +26,9 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind, Part
-from kinespace.library.windows.comparison import Comparison, Weighing
+from kinespace.library.windows.comparer import Head
+from kinespace.library.windows.comparison import Comparison, Metric, Weighing
 from kinespace.library.windows.courses import Courses, Pieces, Screen
-from kinespace.library.windows.head import Head
-from kinespace.library.windows.metric import Metric
 from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import Segments
 

@@ -7,10 +7,16 @@ same decoders, with the recorded arrivals and senders.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Protocol
 
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.preset import Preset
+from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
 from kinespace.stream.frame import Input
 from kinespace.stream.osc.frames import decode as decode_datagram
+from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, parts_of
 from kinespace.stream.status import InputCounts, Refusals
 from kinespace.stream.zeromq.frames import FormatError, NumberedFrame, SequenceGaps, decode_packed
@@ -114,3 +120,130 @@ class ZmqDecoder(OscDecoder):
         self._gaps.see(numbered.frame.performer, numbered.seq)
         self.counts.missing = self._gaps.missing
         return (numbered.announcement, numbered.frame) if numbered.announcement else (numbered.frame,)
+
+
+#: Senders to one port at once, and ports of one of their hosts that are remembered.
+MAX_SENDERS = 16
+#: Packets from a port after which a program is known to keep to it.
+STEADY = 8
+
+
+class FeedDecoder:
+    """Reads OSC packets of another product: datagrams, or the last parts of ZeroMQ messages.
+
+    Parameters
+    ----------
+    preset
+        The meaning of the product's messages.
+
+    Attributes
+    ----------
+    assembler
+        Makes frames of the joints.
+    """
+
+    expires = True
+
+    def __init__(self, preset: Preset) -> None:
+        self.assembler = FrameAssembler(preset)
+        self._unpack = UNPACKERS[preset.packing]()
+        self._whole = preset.packing not in LOOSE
+        self._received = self._undecodable = 0
+        self._senders = SenderNumbers()
+        self.refusals = Refusals()
+
+    @property
+    def counts(self) -> InputCounts:
+        """Counts of packets, and of packets that could not be read."""
+        made = self.assembler.counts
+        return InputCounts(
+            received=self._received,
+            malformed=self._undecodable + made.malformed,
+            foreign=made.foreign,
+            incomplete=made.incomplete + made.absurd,
+        )
+
+    def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
+        """Decode one packet; give the frames that it completed."""
+        self._received += 1
+        datagram = datagram_of(packet)
+        try:
+            messages = self._unpack(datagram)
+        except PacketError as error:
+            self._undecodable += 1
+            self.refusals.note("malformed", str(error), sender, packet)
+            return ()
+        host, port = sender or ("", 0)
+        number = self._senders.number(host, arrival, port, messages[0].address if messages else "")
+        counts = self.assembler.counts
+        malformed = counts.malformed
+        made = self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
+        if counts.malformed > malformed:
+            self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
+        return made
+
+    def expire(self, now: float) -> Sequence[Input]:
+        """Close frames that wait for too long."""
+        return self.assembler.expire(now)
+
+
+@dataclass(slots=True)
+class _Port:
+    """A port of a host: when packets came, how many, some addresses that begin them, whether it is a program's."""
+
+    first: float
+    last: float = 0.0
+    packets: int = 0
+    addresses: set[str] = field(default_factory=set)
+    own: bool = False
+
+    def rivals(self, other: _Port) -> bool:
+        """Say whether two ports are of two programs that send the same messages at the same time."""
+        steady = min(self.packets, other.packets) >= STEADY and other.last > self.first
+        return steady and not self.addresses.isdisjoint(other.addresses)
+
+
+class SenderNumbers:
+    """Numbers the senders to one port; a sender that has been silent gives its number back.
+
+    Programs on one host share its number, because many send each packet from another port; but two that keep to their
+    ports, and send the same messages, have numbers of their own.
+    """
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[str, int], tuple[int, float]] = {}
+        self._ports: dict[str, dict[int, _Port]] = {}
+
+    def number(self, host: str, now: float, port: int = 0, address: str = "") -> int:
+        """Give a sender's number, from 1; beyond `MAX_SENDERS` they share the last."""
+        sender = host, self._own_port(host, now, port, address)
+        if sender in self._numbers:
+            number = self._numbers[sender][0]
+        else:
+            self._numbers = {
+                name: (number, last) for name, (number, last) in self._numbers.items() if now - last <= FORGET_AFTER
+            }
+            taken = {number for number, _ in self._numbers.values()}
+            free = [number for number in range(1, MAX_SENDERS + 1) if number not in taken]
+            if not free:
+                return MAX_SENDERS
+            number = free[0]
+        self._numbers[sender] = (number, now)
+        return number
+
+    def _own_port(self, host: str, now: float, port: int, address: str) -> int:
+        """Give the port of a program that another one of its host, which came before, rivals; else 0."""
+        if host not in self._ports and len(self._ports) >= MAX_SENDERS:
+            self._ports.clear()
+        ports = self._ports.setdefault(host, {})
+        if port not in ports and len(ports) >= MAX_SENDERS:
+            del ports[min(ports, key=lambda each: ports[each].last)]
+        known = ports.setdefault(port, _Port(now))
+        known.packets, known.last = known.packets + 1, now
+        if len(known.addresses) < MAX_SENDERS:
+            known.addresses.add(address)
+        # Of two such programs the first keeps the host's number.
+        known.own = known.own or any(
+            known.rivals(other) for other in takewhile(lambda each: each is not known, ports.values())
+        )
+        return port if known.own else 0

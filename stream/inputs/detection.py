@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05
-from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper, MessageError
 from kinespace.stream.feeds.preset import Means, Preset
 from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS, Unpacker
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.inputs.decoder import Decoder, OscDecoder
+from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder
 from kinespace.stream.osc.frames import SKELETON, decode
 from kinespace.stream.osc.packet import Message, PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, sender_name

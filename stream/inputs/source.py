@@ -15,13 +15,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
+from kinespace.stream.feeds.preset import AskedMessage, Asking, Preset
 from kinespace.stream.frame import Admitted, Input
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import CommandReader
-from kinespace.stream.inputs.decoder import Decoder
+from kinespace.stream.inputs.decoder import Decoder, FeedDecoder
 from kinespace.stream.inputs.detection import Survey
-from kinespace.stream.inputs.recording.kinerec import Recorder
+from kinespace.stream.inputs.kinerec import Recorder
 from kinespace.stream.osc.frames import beginning_of
+from kinespace.stream.osc.packet import encode_message
+from kinespace.stream.osc.udp import LookedUp, OscReceiver
 from kinespace.stream.packet import Packet, Receiver, Sender, sender_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
@@ -44,8 +47,8 @@ _MAX_DEBT = 0.1
 PER_EVENT = 5e-5
 #: Seconds after which a silent sender counts as gone.
 _THERE = 1.0
-#: Seconds without a frame after which packets are looked at otherwise.
-_SILENCE = 1.0
+#: Seconds without a frame after which a sender is silent, and packets are looked at otherwise.
+SILENCE = 1.0
 #: Seconds between two frames of a performer, at least, while the service cannot keep up: windows need no more.
 APART = 0.03
 #: Performers whose last frames are known then, at most.
@@ -170,7 +173,7 @@ class Source:
         recording = [self.recorder.note] if self.recorder and self.recorder.note else []
         last = [sender_name(sender) or "a sender" for sender in self._turns.last(self._now)[:_MAX_NAMED]]
         greedy = [f"{name} sends more than its share: served last" for name in last]
-        unread = self.unread.note(self._now) if self.unread and self._now - self._made > _SILENCE else ""
+        unread = self.unread.note(self._now) if self.unread and self._now - self._made > SILENCE else ""
         return [*recording, *greedy, *([unread] if unread else self.decoder.refusals.lines())]
 
     def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
@@ -191,7 +194,7 @@ class Source:
         decoded = self.decoder.decode(packet, arrival, sender) if has_frames else ()
         if decoded:
             self._made = arrival
-        elif self.unread and asked is None and arrival - self._made > _SILENCE:
+        elif self.unread and asked is None and arrival - self._made > SILENCE:
             self.unread.keep(packet, arrival, sender)
         self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
         admitted = self._admitted(decoded, arrival, known)
@@ -349,3 +352,109 @@ class Turns:
 
 def _size(packet: Packet) -> int:
     return len(packet) if isinstance(packet, bytes) else sum(map(len, packet))
+
+
+class FeedSource(Source):
+    """Frames from OSC packets of another product.
+
+    Parameters
+    ----------
+    receiver
+        Where the packets come in. Only a UDP port can also send messages to the sender.
+    preset
+        The meaning of the packets.
+    sender
+        The host that gets the messages, for presets that have any.
+    recorder
+        Keeps every packet; None for no recording.
+    admission
+        Admits frames or refuses them; None admits all.
+
+    Attributes
+    ----------
+    unasked
+        Packets to the sender that the system would not send.
+    """
+
+    decoder: FeedDecoder
+
+    def __init__(
+        self,
+        receiver: Receiver,
+        preset: Preset,
+        *,
+        sender: str = "127.0.0.1",
+        recorder: Recorder | None = None,
+        admission: Admission | None = None,
+    ) -> None:
+        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
+        self.preset = preset
+        self.unasked = 0
+        self._asked = self._last_frame = -math.inf
+        self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None
+
+    def __str__(self) -> str:
+        return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
+
+    def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
+        """Take in one packet; give its commands, and the frames that it completed; None when no packet waits."""
+        made = super().take(arrival)
+        if made:
+            self._last_frame = arrival
+        return made
+
+    def tend(self, now: float) -> Sequence[Admitted]:
+        """Close frames that wait for too long, and send the sender its messages when they are due."""
+        asking = self.preset.asking
+        if asking and is_due(asking, now, self._asked, self._last_frame):
+            self._asked = now
+            self._send(asking.messages)
+        return super().tend(now)
+
+    def _send(self, messages: Sequence[AskedMessage]) -> None:
+        if self._sender is None or not isinstance(self.receiver, OscReceiver):
+            return
+        target = self._sender.address
+        packets = packets_for_sender(self.preset, messages, self.receiver.address[1])
+        self.unasked += sum(target is None or not self.receiver.send_to(packet, target) for packet in packets)
+
+    def close(self) -> None:
+        """Ask the sender to stop, and close the socket."""
+        if self.preset.asking:
+            self._send(self.preset.asking.farewell)
+        super().close()
+
+
+def is_due(asking: Asking, now: float, asked: float, last_frame: float) -> bool:
+    """Say whether messages to the sender are due.
+
+    Parameters
+    ----------
+    asking
+        The messages for the sender, and how often they are due.
+    now, asked, last_frame
+        Seconds on one clock: now, when messages were last sent, and when the last frame came; -inf for never.
+    """
+    return now - asked >= asking.every and not (asking.while_silent and now - last_frame <= SILENCE)
+
+
+def packets_for_sender(preset: Preset, messages: Sequence[AskedMessage], port: int) -> list[bytes]:
+    """Encode messages for the sender, those with `{joint}` once for each joint; `port` is the port we listen on."""
+    packets = list[bytes]()
+    for each in messages:
+        asks_for_joints = "{joint}" in each.address + "".join(map(str, each.arguments))
+        joints = [name for name, target in preset.joint_map.items() if target] if asks_for_joints else [""]
+        packets += [_message(each, joint, port) for joint in joints]
+    return packets
+
+
+def _message(asked: AskedMessage, joint: str, port: int) -> bytes:
+    filled = [
+        port
+        if argument == "{port}"
+        else argument.replace("{joint}", joint).replace("{port}", str(port))
+        if isinstance(argument, str)
+        else argument
+        for argument in asked.arguments
+    ]
+    return encode_message(asked.address.replace("{joint}", joint), *filled)

@@ -2,7 +2,7 @@
 
 python-osc encodes messages. The packets of live feeds are decoded here: our plain frames take a fourteenth of the time
 that python-osc takes (`kinespace bench stages`), and it sorts by time tags and raises several kinds of errors for
-packets that are no OSC. Here time tags are ignored and there is one error. The tests compare both, and liblo.
+packets that are no OSC. Here time tags are ignored and there is one error. The tests compare both.
 """
 
 from __future__ import annotations

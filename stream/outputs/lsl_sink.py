@@ -9,8 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from kinespace.stream.outputs.extra import extra
-from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.outputs.sink import Sink, extra
 from kinespace.stream.recognition import Done, Event, Recognition
 
 #: The name among the layouts of `--out`.

@@ -9,8 +9,7 @@ import time
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from kinespace.stream.outputs.extra import extra
-from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.outputs.sink import Sink, extra
 from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
+from types import ModuleType
 
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.notices import Notice
+from kinespace.stream.teaching.commands import Notice
 
 
 class Sink:
@@ -45,3 +47,12 @@ class Sink:
 
     def close(self) -> None:
         """Give sockets back."""
+
+
+def extra(package: str, name: str) -> ModuleType:
+    """Load a package of an extra; ImportError says how to get it."""
+    try:
+        return import_module(package)
+    except (ImportError, RuntimeError) as error:
+        # RuntimeError: pylsl is there without the library that it calls.
+        raise ImportError(f"{name.upper()} needs {package}: pip install 'kinespace[{name}]'") from error

@@ -12,10 +12,10 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.notices import Notice
+from kinespace.stream.teaching.commands import Notice
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq import answers
-from kinespace.stream.zeromq.bodies import encode_body
+from kinespace.stream.zeromq.answers import encode_body
 from kinespace.stream.zeromq.sockets import ZmqSender
 
 #: Seconds between two bodies of a performer.

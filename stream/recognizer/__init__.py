@@ -1,7 +1,6 @@
 """The recogniser: frames go in with their time, recognitions come out. No socket, clock, thread or print in here."""
 
-from kinespace.stream.recognizer.classifier import MotionClassifier
+from kinespace.stream.recognizer.classifier import MotionClassifier, recognise
 from kinespace.stream.recognizer.performers import Performers, SentJoints
 from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
 from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.whole import recognise

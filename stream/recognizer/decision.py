@@ -24,7 +24,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import Evidence, Rejection
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
 
 #: The lead after which a class becomes the guess.
 LEAD = 0.6

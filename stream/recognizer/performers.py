@@ -14,12 +14,11 @@ from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.index import WindowIndex
-from kinespace.library.windows.oddities import FLAT
+from kinespace.library.windows.segments import FLAT
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried, carried_by
-from kinespace.stream.recognizer.joints.kinds import NOTES
-from kinespace.stream.recognizer.limits import index_for, usual_sensitivity
+from kinespace.stream.recognizer.joints.fitting import NOTES
 from kinespace.stream.recognizer.recognizer import (
     MAX_PAUSE,
     Recognizer,
@@ -28,7 +27,7 @@ from kinespace.stream.recognizer.recognizer import (
     refuse_copies,
     require_order,
 )
-from kinespace.stream.recognizer.settings import Settings
+from kinespace.stream.recognizer.settings import Settings, index_for, usual_sensitivity
 
 
 @dataclass(frozen=True, slots=True)

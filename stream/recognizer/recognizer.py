@@ -2,7 +2,7 @@
 
 There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts again after
 gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`joints.mending`), what the
-windows show and how near the library's are (`windows`), what that means (`decision`), how far the motion is
+windows show and how near the library's are (`live_windows`), what that means (`decision`), how far the motion is
 (`progress`), and whether a motion was really done (`done`).
 """
 
@@ -26,14 +26,11 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
 from kinespace.stream.recognizer.done import DoneFollower, Found, Look
-from kinespace.stream.recognizer.joints.fitting import Fitting
-from kinespace.stream.recognizer.joints.kinds import Kind
+from kinespace.stream.recognizer.joints.fitting import Fitting, Kind
 from kinespace.stream.recognizer.joints.mending import Joints
-from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for
+from kinespace.stream.recognizer.live_windows import Covariance, LiveWindows, RowSmoother, Seen
 from kinespace.stream.recognizer.progress import ProgressFollower
-from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.windows.live_windows import Covariance, LiveWindows, Seen
-from kinespace.stream.recognizer.windows.smoothing import RowSmoother
+from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, needed_lead, threshold_for
 
 #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
 #: nothing can be compared by these joints.

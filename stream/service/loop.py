@@ -1,4 +1,4 @@
-"""The loop: frames from sources, through one recogniser per performer, to sinks."""
+"""The loop: frames from sources, through one recogniser per performer, to sinks; in overload by turns."""
 
 from __future__ import annotations
 
@@ -7,27 +7,110 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Concatenate, ParamSpec, Protocol, Self
+from itertools import islice
+from typing import TYPE_CHECKING, Concatenate, NamedTuple, ParamSpec, Protocol, Self, TypeAlias
 
 import numpy as np
 import zmq
 
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
-from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.inputs.commands import RequestSource
+from kinespace.stream.inputs.source import APART, TENDING, Source
 from kinespace.stream.osc.answers import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
-from kinespace.stream.recognizer import Settings
-from kinespace.stream.recognizer.joints.carried import Carried
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.service.overload import LATE, MAX_AGE, MAX_HESITATION, PATIENCE, Overload, Taken
+from kinespace.stream.recognizer import Performers
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import Asked
-from kinespace.stream.teaching.notices import State, Step
+from kinespace.stream.teaching.commands import Asked, State, Step
+
+if TYPE_CHECKING:
+    # A worker runs this loop itself.
+    from kinespace.stream.service.gateway import Gateway, GatewaySource
+    from kinespace.stream.service.worker import Worker
+
+#: Seconds for which a packet may wait before it is taken in. When one waited longer, all that wait are taken in, and
+#: performers are answered by turns, each by its newest frame.
+LATE = 0.15
+#: Seconds after which a frame is dropped unread then.
+PATIENCE = 0.2
+#: Packets that are all answered, even late: no more than wait when the machine has hesitated. And seconds after which
+#: not even these are: listeners would take the past for the present.
+MAX_HESITATION = 64
+MAX_AGE = 1.0
+#: Seconds for which turns go on after a late packet: else the loop would fall behind again at once.
+CAUTION = 1.0
+#: Frames of a performer that wait for its turn, at most: as many seconds as an answer needs.
+MAX_WAITING = 24
+#: Performers that wait for their turns, at most; only a program that makes up names reaches the limit.
+MAX_PERFORMERS = 1024
+
+
+class Taken(NamedTuple):
+    """A frame or announcement; when its packet was looked at, and for how long it had waited then, seconds."""
+
+    event: Admitted
+    started: float
+    waited: float
+
+
+class Overload:
+    """What waits for each performer's turn.
+
+    Attributes
+    ----------
+    until
+        Until when performers are answered by turns, seconds on the service's clock; inf while some wait.
+    stale
+        Frames that were dropped while they waited.
+    """
+
+    def __init__(self) -> None:
+        self.until = self._cautious_until = -math.inf
+        self.stale = 0
+        #: The performer who is to be answered first stands first; for some nothing waits.
+        self._waiting: dict[str, list[Taken]] = {}
+
+    def keep(self, all_taken: Iterable[Taken], now: float, *, is_late: bool = False) -> None:
+        """Keep frames and announcements until their performers' turns; `is_late`: one had waited for too long."""
+        if is_late:
+            self._cautious_until = now + CAUTION
+        for taken in all_taken:
+            name = taken.event.performer
+            if name in self._waiting or len(self._waiting) < MAX_PERFORMERS:
+                self._add(self._waiting.setdefault(name, []), taken)
+            else:
+                self.stale += 1
+        self.until = math.inf if self._waiting else self._cautious_until
+
+    def _add(self, waiting: list[Taken], taken: Taken) -> None:
+        """Add to what waits for a performer; keep the newest frame, and of those before as many as windows need."""
+        if len(waiting) > 1 and _apart(waiting[-2], taken) < APART and _apart(waiting[-1], taken) < APART:
+            del waiting[-1]
+            self.stale += 1
+        waiting.append(taken)
+        if len(waiting) > MAX_WAITING:
+            del waiting[next((place for place, each in enumerate(waiting) if isinstance(each.event, Frame)), 0)]
+            self.stale += 1
+
+    def turns(self, most: int) -> list[Taken]:
+        """Give all that waits for the performers who have waited for longest, in order; they wait no more."""
+        names = [*islice((name for name, waiting in self._waiting.items() if waiting), most)]
+        taken = [each for name in names for each in self._waiting.pop(name)]
+        if len(self._waiting) + most >= MAX_PERFORMERS or not any(self._waiting.values()):
+            self._waiting = {name: waiting for name, waiting in self._waiting.items() if waiting}
+        # They keep their places: whoever had a turn comes behind all others, whose frames came earlier or later.
+        self._waiting.update((name, []) for name in names if self._waiting)
+        self.until = math.inf if self._waiting else self._cautious_until
+        return taken
+
+
+def _apart(before: Taken, after: Taken) -> float:
+    """Give the seconds from one frame to another; inf where one is an announcement."""
+    first, last = before.event, after.event
+    return abs(last.time - first.time) if isinstance(first, Frame) and isinstance(last, Frame) else math.inf
+
 
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
@@ -56,133 +139,9 @@ _MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
 _Told = ParamSpec("_Told")
-
-
-class Source(Protocol):
-    """A source of frames; `kinespace.stream.inputs.Source` is one.
-
-    Attributes
-    ----------
-    lag
-        Seconds for which the packet waited that was received last, at most; 0 when no more waits, or it is not known.
-    patience
-        In overload seconds, and else inf: then frames that waited for longer, and those shortly after another one of
-        the same performer, may be dropped, and counted.
-    """
-
-    lag: float
-    patience: float
-
-    @property
-    def place(self) -> str:
-        """Where frames come in, for a person; empty where none do."""
-
-    @property
-    def pollable(self) -> object:
-        """The object that `zmq.Poller` waits for: an owner of a file number, or a ZeroMQ socket."""
-
-    @property
-    def tended_within(self) -> float:
-        """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
-
-    @property
-    def has_put_aside(self) -> bool:
-        """Whether packets were put aside; `pollable` does not wake the loop for them."""
-
-    @property
-    def waited(self) -> float:
-        """Seconds for which the last packet waited before it was taken in; 0 when not known."""
-
-    @property
-    def counts(self) -> InputCounts:
-        """Counts of all that came in."""
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """Notes on it for a person, a line each."""
-
-    def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
-        """Take in one packet; give its commands and frames in order, or None when no packet waits. Never raises."""
-
-    def tend(self, now: float) -> Sequence[Admitted]:
-        """Do the work that is due by the clock; give the frames that it completed, in order. Never raises."""
-
-    def close(self) -> None:
-        """Close sockets."""
-
-
-class Recognising(Protocol):
-    """The recognisers of several performers, here or elsewhere; `kinespace.stream.recognizer.Performers` is one."""
-
-    silence: float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The performers now followed, in the order of their first frames."""
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """The classes that are answered; an answer's index counts in this list."""
-
-    @property
-    def settings(self) -> Settings:
-        """The settings of all recognisers."""
-
-    @property
-    def sensitivity(self) -> float:
-        """The sensitivity of all recognisers."""
-
-    @property
-    def promise(self) -> tuple[float, float | None]:
-        """False alarms an hour that `done` promises, and the share of the library's motions missed (`Status`)."""
-
-    @property
-    def counts(self) -> PerformerCounts:
-        """Counts of all frames so far, by their fate; a copy."""
-
-    @property
-    def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, with the reason."""
-
-    @property
-    def doubted(self) -> dict[str, str]:
-        """Performers with joints that cannot be believed, and the reason."""
-
-    @property
-    def compared(self) -> dict[str, str]:
-        """Performers with other joints than the library's, or a body unlike its bodies, and what that means."""
-
-    def push_all(
-        self, events: Sequence[Admitted], arrival: float, *, newest_only: bool = False
-    ) -> Sequence[Recognition | None]:
-        """Take in frames and announcements, in order; give for each the recognition that is there at once, or None."""
-
-    def set_sensitivity(self, share: float) -> None:
-        """Recognise all performers with another sensitivity."""
-
-    def exchange(self, library: WindowIndex, order: Sequence[str] = ()) -> list[Event]:
-        """Compare all performers with another library; give the ends of the motions whose class it lacks."""
-
-    def drop_silent(self, now: float) -> list[Event]:
-        """Forget silent performers; give the ends of their motions."""
-
-    def end_paused(self, now: float) -> list[Event]:
-        """Give the ends of the motions of performers who send nothing for now."""
-
-    def end(self) -> list[Event]:
-        """Give the ends of all motions going on, because nothing more will come."""
-
-    def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since the last call."""
-
-    def ordered(self, frame: Frame) -> Frame | None:
-        """Give a frame in the order of the library's joints; None if it cannot be compared."""
-
-    def skeleton_of(self, name: str) -> Skeleton | None:
-        """Give the joints of a performer's frames; None for a stranger."""
-
-    def carried(self, name: str) -> Carried | None:
-        """Say which joints carry the last answer to a performer; None without an answer."""
+#: What may be a source, and the recognisers of several performers: here, or in workers.
+AnySource: TypeAlias = "Source | RequestSource | GatewaySource | Worker"
+Recognising: TypeAlias = "Performers | Gateway"
 
 
 class Commanded(Protocol):
@@ -227,7 +186,7 @@ class Service:
     def __init__(  # noqa: PLR0913 - all by keyword but three
         self,
         performers: Recognising,
-        sources: Sequence[Source],
+        sources: Sequence[AnySource],
         sinks: Sequence[Sink],
         *,
         admission: Admission | None = None,
@@ -320,7 +279,7 @@ class Service:
         self._answer_by_turns()
         self._looked = self._clock()
 
-    def _deal_with_waiting(self, source: Source, most: int) -> int:
+    def _deal_with_waiting(self, source: AnySource, most: int) -> int:
         """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
         # One alone: some take hundredths of a second, in which nobody is answered.
         if self._asked:
@@ -345,7 +304,7 @@ class Service:
         self._deal_with(taken)
         return wanted
 
-    def _take(self, source: Source, taken: list[Taken]) -> bool:
+    def _take(self, source: AnySource, taken: list[Taken]) -> bool:
         """Take in a packet: carry out its commands, add its frames and announcements; say whether one waited."""
         started = time.perf_counter()
         events = source.take(self._clock())
@@ -371,7 +330,7 @@ class Service:
         elif asked.reply:
             asked.reply(refused, {})
 
-    def _catch_up(self, source: Source, taken: list[Taken]) -> None:
+    def _catch_up(self, source: AnySource, taken: list[Taken]) -> None:
         """Take in all that waits; answer it all if it is little and not too old, else let performers wait for turns."""
         until = self._clock() + _MAX_CATCHING_UP
         lag = source.lag if taken else 0.0

@@ -19,8 +19,7 @@ from kinespace.library.teaching.movement import (
     StretchFinder,
     stillness_of,
 )
-from kinespace.stream.teaching.commands import Hold, Teach
-from kinespace.stream.teaching.notices import State, Step
+from kinespace.stream.teaching.commands import Hold, State, Step, Teach
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
@@ -36,7 +35,7 @@ _LEAST_RATE = 8
 _GOOD_RATE = 10
 #: Seconds that rounding may add to a countdown.
 _TIE = 1e-6
-#: Seconds kept before the movement, so that undoing the trim shows them.
+#: Seconds of the recording that are kept before the movement.
 BEFORE = 0.3
 
 

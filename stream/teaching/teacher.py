@@ -19,11 +19,9 @@ from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Stretch,
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import Command
+from kinespace.stream.teaching.commands import UNDONE, Changed, Command, Notice, State, Step, Taught, Tried
 from kinespace.stream.teaching.lesson import AT_WILL, HeldLesson, Lesson, Recorded
-from kinespace.stream.teaching.memory import REMEMBERED, Memory, Remembered
-from kinespace.stream.teaching.named import NamedMotion, NamedMotions
-from kinespace.stream.teaching.notices import UNDONE, Changed, Notice, State, Step, Taught, Tried
+from kinespace.stream.teaching.memory import REMEMBERED, Memory, NamedMotion, NamedMotions, Remembered
 
 #: Seconds without a frame after which a performer counts as absent, as long as the recognisers keep a performer.
 _GONE = 5.0
@@ -69,7 +67,6 @@ class Teacher:
         self.skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
         self._memories: dict[str, Memory] = {}
         self.named = NamedMotions()
-        self._undone: list[Roster] = []
         self._before: list[Roster] = []
         #: The performers of the examples shown here, and when, on their clocks.
         self._shown: dict[int, tuple[str, Stretch]] = {}
@@ -126,13 +123,13 @@ class Teacher:
             case commands.Cancel():
                 return self._cancelled()
             case commands.Undo():
-                return self._moved(self._before, self._undone, "nothing to undo")
-            case commands.Redo():
-                return self._moved(self._undone, self._before, "nothing to redo")
+                return self._undo()
             case commands.Forget(""):
                 return self._change(Roster((), self.roster.disabled), "all forgotten")
             case commands.Rename(name, _) | commands.Forget(name) if name not in self.roster.classes:
                 return [_unknown(name)]
+            case commands.Rename(_, new) if new in (*self._base, *self.roster.classes):
+                return [_refused("", f"{new}: there is such a class already")]
             case commands.Rename(old, new):
                 return self._change(self.roster.renamed(old, new), f"{old} is {new}")
             case commands.Forget(name):
@@ -141,8 +138,6 @@ class Teacher:
                 return [_unknown(name)]
             case commands.Enable(name, on):
                 return self._change(self.roster.enabled(name, on=on), f"{name} {'on' if on else 'off'}")
-            case commands.Trim(on):
-                return self._trimmed(on=on)
             case _:
                 return []
 
@@ -281,16 +276,6 @@ class Teacher:
         performer, self.lesson = self.lesson.performer, None
         return [State(performer, Step.DONE, 0.0, "cancelled")]
 
-    def _trimmed(self, *, on: bool) -> list[Notice | Changed]:
-        if not self.roster.examples:
-            return [_refused("", "nothing was taught")]
-        last = max(self.roster.examples, key=lambda each: each.number)
-        kept = moved_at_all(last.recording) if on else Stretch(0.0, last.recording.duration)
-        if kept is None:
-            return [_refused("", f"expected {MIN_SECONDS:g} s or more of movement")]
-        changed = replace(last, begin=kept.start, end=kept.end)
-        return self._change(self.roster.with_example(changed), f"{kept.duration:.2f} s kept")
-
     def _change(self, roster: Roster, change: str) -> list[Notice | Changed]:
         self._remember()
         self.roster = roster
@@ -298,13 +283,11 @@ class Teacher:
 
     def _remember(self) -> None:
         self._before.append(self.roster)
-        self._undone.clear()
 
-    def _moved(self, taken_from: list[Roster], kept_in: list[Roster], otherwise: str) -> list[Notice | Changed]:
-        if not taken_from:
-            return [_refused("", otherwise)]
-        kept_in.append(self.roster)
-        self.roster = taken_from.pop()
+    def _undo(self) -> list[Notice | Changed]:
+        if not self._before:
+            return [_refused("", "nothing to undo")]
+        self.roster = self._before.pop()
         examples, classes = len(self.roster.examples), len(self.roster.classes)
         now = f"{examples} example{'s' if examples != 1 else ''} of {classes} class{'es' if classes != 1 else ''}"
         return [Changed(self.roster), State("", Step.DONE, 0.0, now)]

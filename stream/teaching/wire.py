@@ -15,8 +15,7 @@ from typing import Any, get_args, get_type_hints
 
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import Command, CommandError
-from kinespace.stream.teaching.notices import Notice, State
+from kinespace.stream.teaching.commands import Command, CommandError, Notice, State
 
 #: The beginning of commands' addresses.
 TEACH = "/motion/teach"

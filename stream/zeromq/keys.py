@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
@@ -54,28 +52,21 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
     if not name or name.startswith(".") or not name.isprintable() or set(name) & set("/\\*?[]"):
         raise ValueError(f"keys: expected a name for files, got {name!r}")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with both_or_none(folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}") as (public, secret):
-        # No other user may read the secret key between its writing and a change of the file's mode.
-        mask = os.umask(0o777 & ~SECRET_MODE)
-        try:
-            create_certificates(folder, name)
-        finally:
-            os.umask(mask)
-    return public, secret
-
-
-@contextmanager
-def both_or_none(*paths: Path) -> Iterator[Sequence[Path]]:
-    """Leave no half of a pair of new files when the other cannot be written; FileExistsError where one is there."""
-    for path in paths:
+    public, secret = folder / f"{name}{PUBLIC}", folder / f"{name}{SECRET}"
+    for path in (public, secret):
         if path.exists():
             raise FileExistsError(0, "there are keys of this name already", str(path))
+    # No other user may read the secret key between its writing and a change of the file's mode.
+    mask = os.umask(0o777 & ~SECRET_MODE)
     try:
-        yield paths
+        create_certificates(folder, name)
     except BaseException:
-        for path in paths:
+        for path in (public, secret):
             path.unlink(missing_ok=True)
         raise
+    finally:
+        os.umask(mask)
+    return public, secret
 
 
 class Keyring:

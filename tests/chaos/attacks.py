@@ -14,7 +14,7 @@ from golden import bundle
 
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.tools.loopback.program import Place
+from kinespace.tools.feeding.service import Place
 
 #: The performer whom the attacks must not harm.
 INNOCENT = "innocent"

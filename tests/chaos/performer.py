@@ -20,8 +20,7 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.bench.crowd import Played, play
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
-from kinespace.tools.loopback.answers import Listener
-from kinespace.tools.loopback.program import Place
+from kinespace.tools.feeding.service import Listener, Place
 
 #: Makes faulty cues of the intended cues of a feed.
 Fault = Callable[[list[Cue]], list[Cue]]

@@ -31,7 +31,7 @@ from kinespace.stream.teaching.memory import REMEMBERED
 from kinespace.tools.bench import crowd
 from kinespace.tools.bench.run import machine
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
-from kinespace.tools.loopback.program import Place, Program
+from kinespace.tools.feeding.service import Place, Program
 
 #: Performers, frames a second of each, and seconds for which each is there and is away: longer than a silence.
 PERFORMERS, FRAME_RATE, THERE, AWAY = 8, 30.0, 4.5, 5.5

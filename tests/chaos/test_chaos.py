@@ -1,6 +1,5 @@
 """The short form of `make chaos`: nothing ends the program, and the performer is still answered. No time is held."""
 
-import math
 import signal
 import threading
 import time
@@ -9,10 +8,9 @@ from itertools import count
 
 import numpy as np
 import pytest
-from chaos.__main__ import table
 from chaos.attacks import INNOCENT
 from chaos.performer import NAMES, cues_of
-from chaos.trial import Effort, ended_with, started, tried
+from chaos.trial import ended_with, started
 from chaos.trials import TRIALS
 from numpy.typing import NDArray
 from programs import PATIENCE
@@ -55,20 +53,3 @@ def test_nothing_ends_the_program(played: NDArray[np.float32]) -> None:
         assert "Traceback" not in program.printed
         for counted in ("malformed", "foreign", "no room"):
             assert f"{counted} 0" not in program.printed.rpartition("received")[2]
-
-
-@pytest.mark.slow
-def test_a_trial_has_an_outcome(played: NDArray[np.float32]) -> None:
-    """The performer is answered before and after, what happened is in a row, and the program ends when asked."""
-    name = "killed while recording, begun again"
-    (trial,) = [each for each in TRIALS if each.name == name]
-    found = tried(trial, Effort(before=1.0, during=1.0, after=0.5, memory=1.0), played)
-    assert (found.name, found.ended) == (name, 0)
-    assert found.expected > 10
-    assert found.memory[0] > 10
-    assert "packets recorded" in found.counted
-    never = found._replace(p99=math.nan, recovered=math.inf, ended=1, noticed=0.5)
-    row = table([never]).splitlines()[2]
-    assert row.startswith(f"| {name} (noticed after 0.50 s) ENDED with 1 | {found.answered} / {found.expected} | ")
-    assert " | - | " in row
-    assert f" | never | {found.counted} |" in row

@@ -20,7 +20,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
 from kinespace.tools.feeding.feed import Cue
-from kinespace.tools.loopback.program import Program
+from kinespace.tools.feeding.service import Program
 
 _WRISTS = [SKELETON.joints.index(name) for name in ("lwrist", "rwrist")]
 #: Bytes after which a disk is full.

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +13,7 @@ from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparer import compare
-from kinespace.stream.recognizer.windows.window import NEAR, read_distances, read_points, slide
+from kinespace.stream.recognizer.window import NEAR, read_distances, read_points, slide
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -159,11 +156,3 @@ def test_numpy_takes_what_is_too_large() -> None:
         values, vectors, *_ = read_points(*sums, 0.0, np.full((NEAR, size), near), 4)
         assert values.shape == (NEAR,)
         assert vectors.shape == (NEAR, size)
-
-
-def test_it_can_be_switched_off() -> None:
-    """KINESPACE_COMPILED=0 computes by numpy."""
-    code = "from kinespace.library import compiled; print(compiled.kind())"
-    environment = os.environ | {"KINESPACE_COMPILED": "0"}
-    said = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == "numpy"

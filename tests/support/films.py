@@ -67,16 +67,3 @@ def fetched_demo(film: Path) -> Path:
             with zipfile.ZipFile(next(Path(folder).glob("*.whl"))) as wheel:
                 smaller(Path(wheel.extract("Sports2D/Demo/demo.mp4", folder)), film)
     return film
-
-
-def raw(film: Path, path: Path) -> Path:
-    """Write a film as YUV4MPEG2 (4:2:0), which Chromium takes in place of a camera."""
-    import cv2  # noqa: PLC0415 - as above
-
-    capture = cv2.VideoCapture(str(film))
-    with path.open("wb") as file:
-        size = "W{:.0f} H{:.0f} F{:.0f}:1".format(*map(capture.get, (3, 4, 5)))
-        file.write(f"YUV4MPEG2 {size} Ip A1:1 C420jpeg\n".encode())
-        while (read := capture.read())[0]:
-            file.write(b"FRAME\n" + cv2.cvtColor(read[1], cv2.COLOR_BGR2YUV_I420).tobytes())
-    return path

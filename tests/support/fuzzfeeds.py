@@ -23,10 +23,10 @@ from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS
 from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs import Source, ZmqDecoder
-from kinespace.stream.inputs.feed_source import FeedSource
+from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.zeromq.bodies import decode_body, encode_body
+from kinespace.stream.zeromq.answers import decode_body, encode_body
 from kinespace.stream.zeromq.frames import decode_packed
 
 #: Bytes with a meaning in OSC are tried more often than others.

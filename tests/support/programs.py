@@ -22,10 +22,9 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Frame, osc, zeromq
 from kinespace.stream.recognition import Answer
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, Packet, without_pause
-from kinespace.tools.loopback.answers import Listener, answer_in
-from kinespace.tools.loopback.service_process import Transport
+from kinespace.tools.feeding.service import Listener, Transport, answer_in
 
-#: A line on what is odd about a body or a file that could be read (`library.windows.oddities.remarks`, `Clip.notes`).
+#: A line on what is odd about a body or a file that could be read (`library.windows.segments.remarks`, `Clip.notes`).
 REMARK = re.compile(
     r"^[^:]*: (names not known|joints|flat|size|frame rate|"
     r"frames|times|units|left out|not seen|twice|parts|no positions|positions): "
@@ -92,14 +91,12 @@ class Program:
 def started(
     *arguments: object, environment: dict[str, str] | None = None, at: Path = ROOT, begins: Sequence[object] = _COMMAND
 ) -> Iterator[Program]:
-    """Start `kinespace` with some arguments, unannounced; a program that still runs at the end is killed."""
-    if arguments[0] in ("live", "gateway") and "--announce" not in arguments:
-        arguments = (arguments[0], "--no-announce", *arguments[1:])
+    """Start `kinespace` with some arguments; a program that still runs at the end is killed."""
     with tempfile.TemporaryDirectory() as folder:
         output, errors = Path(folder) / "output", Path(folder) / "errors"
         with output.open("wb") as out, errors.open("wb") as err:
             surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200", **(environment or {})}
-            command = [*map(str, begins), *(str(each) for each in arguments if each != "--announce")]
+            command = [*map(str, begins), *map(str, arguments)]
             process = subprocess.Popen(
                 command, cwd=at, env=surroundings, stdin=subprocess.DEVNULL, stdout=out, stderr=err
             )

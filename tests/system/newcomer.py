@@ -114,7 +114,7 @@ def _answered(program: Path, sender: str, message: bytes, *options: object) -> N
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as answers:
         answers.bind(("127.0.0.1", 0))
         answers.settimeout(_PATIENCE)
-        ends = ("--osc-in", f"127.0.0.1:{port}", "--osc-out", answers.getsockname()[1], "--no-announce")
+        ends = ("--osc-in", f"127.0.0.1:{port}", "--osc-out", answers.getsockname()[1])
         live = _running(program, "live", "--plain", *ends, *options)
         with live, _running(program.with_name("python"), "-c", sender, port):
             while message not in answers.recv(20_000):

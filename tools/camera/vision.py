@@ -1,4 +1,4 @@
-"""The thin file in front of OpenCV and LiteRT: pictures opened, cut out and drawn on, and networks run.
+"""The thin file in front of OpenCV and LiteRT: pictures opened and cut out, and networks run.
 
 Nothing here decides anything; no other file needs either library (the extra `camera`).
 """
@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
-from typing import Any
 
 # Both libraries write their own notes to the terminal, past ours, unless told otherwise before they are loaded.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 os.environ.setdefault("OPENCV_FFMPEG_CAPTURE_OPTIONS", "rtsp_transport;tcp")
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -22,9 +21,6 @@ from ai_edge_litert.interpreter import Interpreter
 from numpy.typing import NDArray
 
 cv2.setNumThreads(1)
-_GREEN, _WHITE = (80, 220, 80), (255, 255, 255)
-#: Quality of the pictures that are shown, 0 to 100.
-_QUALITY = 80
 
 
 class Network:
@@ -110,29 +106,3 @@ class Capture:
     def close(self) -> None:
         """Give the camera back."""
         self._capture.release()
-
-
-def drawn(picture: NDArray[np.uint8], bodies: Iterable[tuple[str, Any, Any]], width: int) -> bytes:
-    """Draw bodies into a copy of a picture, `width` wide at most, and give it as a JPEG.
-
-    Parameters
-    ----------
-    picture
-        (height, width, 3).
-    bodies
-        Of each its name, joints as (joints, 2) in pixels, NaN where there is none, and lines as pairs of joints.
-    width
-        Pixels.
-    """
-    shrunk = min(1.0, width / picture.shape[1])
-    shown = cv2.resize(picture, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)
-    for name, joints, lines in bodies:
-        places = [None if np.isnan(each).any() else tuple((each * shrunk).astype(int).tolist()) for each in joints]
-        for first, second in lines:
-            if places[first] and places[second]:
-                cv2.line(shown, places[first], places[second], _GREEN, 2, cv2.LINE_AA)
-        seen = [each for each in places if each]
-        if seen:
-            top = min(seen, key=lambda place: place[1])
-            cv2.putText(shown, name, (top[0], max(top[1] - 12, 16)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, _WHITE, 2)
-    return bytes(cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1])

@@ -19,15 +19,13 @@ from kinespace.stream.recognizer.settings import (
     SENSITIVITY_ONE,
     SENSITIVITY_OWN,
 )
-from kinespace.tools.cli.choice import meant
+from kinespace.tools.cli.values import meant
 
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
 #: Where the page is unless the user says otherwise.
 PAGE = "127.0.0.1:8010"
-#: Where a camera's picture is unless the user says otherwise.
-SHOW = "127.0.0.1:8011"
 #: The name of the built-in library wherever a library may be named.
 BUILT_IN = Path("built-in")
 
@@ -42,7 +40,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "--keys": {
         "type": Path,
         "metavar": "DIR",
-        "help": "accept only those whose .key (ZeroMQ) or .pem (Zenoh, tls/...) is there: kinespace keys makes them",
+        "help": "accept by ZeroMQ only those whose .key is there: kinespace keys makes them",
     },
     "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
     "--page": {
@@ -62,12 +60,6 @@ _SHARED: dict[str, dict[str, Any]] = {
         "action": "store_true",
         "help": "a motion may be done by either side: add each example mirrored, too",
     },
-    "--show": {
-        "nargs": "?",
-        "const": SHOW,
-        "metavar": "[HOST:]PORT",
-        "help": f"show the camera's picture and skeletons in the browser (default {SHOW})",
-    },
     "--sender": {"metavar": "HOST", "default": "127.0.0.1", "help": "host to ask for frames, for feeds that ask"},
     "--feed": {
         "metavar": "NAME",
@@ -75,11 +67,6 @@ _SHARED: dict[str, dict[str, Any]] = {
     },
     "--library": {"type": Path, "metavar": "FILE", "help": f"a motion library (default: {BUILT_IN})"},
     "--json": {"action": "store_true", "help": "print JSON and nothing else (.github/docs/json.md says what)"},
-    "--no-announce": {
-        "dest": "announce",
-        "action": "store_false",
-        "help": "announce nothing by mDNS, and look for no program that does (it needs kinespace[discovery])",
-    },
     "--overwrite": {"action": "store_true", "help": "write over an existing file (default: refuse)"},
     "--actor-in": {
         "choices": [each.value for each in ActorIn],
@@ -211,8 +198,8 @@ def naming_of(parsed: argparse.Namespace) -> Naming:
 
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
-    from kinespace.stream.inputs.recording.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
-    from kinespace.tools.cli.preset import preset_named  # noqa: PLC0415 - as above
+    from kinespace.stream.inputs.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
+    from kinespace.tools.cli.presets import preset_named  # noqa: PLC0415 - as above
 
     if path.suffix.lower() in FILMS:
         from kinespace.tools.camera.joints import film_clip  # noqa: PLC0415 - as above

@@ -15,7 +15,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
-from kinespace.tools.cli.choice import meant
+from kinespace.tools.cli.values import meant
 
 #: Module, below `kinespace.tools`, and line of help of each program, by name.
 Programs = Mapping[str, tuple[str, str]]
@@ -24,18 +24,16 @@ Programs = Mapping[str, tuple[str, str]]
 PROGRAMS: Programs = {
     "demo": ("programs.demo", "play motions into a recogniser on this machine, with the built-in library alone"),
     "live": ("programs.live.program", "recognise a feed"),
-    "gateway": ("programs.gateway", "receive feeds and answer, and let workers on other machines recognise"),
-    "work": ("programs.work", "recognise performers for gateways"),
-    "camera": ("programs.camera.program", "find bodies in a camera's or a film's pictures, and send their joints"),
-    "replay": ("programs.replay.program", "send recordings, or the built-in library's motions, as a fake live feed"),
+    "camera": ("programs.camera", "find bodies in a camera's or a film's pictures, and send their joints"),
+    "replay": ("programs.replay", "send recordings, or the built-in library's motions, as a fake live feed"),
     "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
-    "record": ("programs.recordings.record", "keep a feed's packets as they come, to replay them"),
-    "convert": ("programs.recordings.convert", "write recordings as plain numbers"),
+    "record": ("programs.record", "keep a feed's packets as they come, to replay them"),
+    "convert": ("programs.convert", "write recordings as plain numbers"),
     "latency": ("programs.latency", "measure the time from frame to answer, and of a bare echo"),
-    "cut": ("programs.recordings.cut", "propose labels for a recording: a row for each movement"),
-    "build": ("programs.recordings.build", "make a motion library from recordings and other libraries"),
+    "cut": ("programs.cut", "propose labels for a recording: a row for each movement"),
+    "build": ("programs.build", "make a motion library from recordings and other libraries"),
     "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
-    "info": ("programs.recordings.info", "describe a motion library or recordings"),
+    "info": ("programs.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
     "bench": ("bench.run", "measure the cost of every step"),
     "keys": ("programs.keys", "make keys, so that only known programs connect by ZeroMQ"),
@@ -51,11 +49,8 @@ EXPERIMENTS: Programs = {
     "stream": ("evaluation.evaluate_stream", "play takes through the live recogniser"),
     "faults": ("evaluation.evaluate_faults", "play takes with joints frozen, lost or exchanged, and bodies that jump"),
     "teach": ("evaluation.evaluate_teach", "teach a few examples of one person, and ask further motions"),
-    "gestures": (
-        "evaluation.gestures.evaluate_gestures",
-        "teach a gesture by one example, and count words in long takes",
-    ),
-    "show": ("evaluation.gestures.evaluate_show", "teach gestures, and count words in everyday movement between them"),
+    "gestures": ("evaluation.evaluate_gestures", "teach a gesture by one example, and count words in long takes"),
+    "show": ("evaluation.evaluate_show", "teach gestures, and count words in everyday movement between them"),
     "peers": ("evaluation.evaluate_peers", "name whole motions beside what a researcher would otherwise take"),
     "progress": ("evaluation.evaluate_progress", "measure the errors of phase and speed"),
     "done": ("evaluation.evaluate_done", "play takes, and count the motions that were done and the false alarms"),

@@ -18,11 +18,9 @@ from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked
-from kinespace.tools.evaluation.scoring.done_score import DoneTake, Said, by_class, score_done
-from kinespace.tools.evaluation.scoring.words import said_in
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import print_scores
+from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
+from kinespace.tools.terminal.console import print_scores, progress
 
 #: Seconds for which the body stands still behind a take, because a motion is said a moment after its end, and behind a
 #: motion that is broken off.

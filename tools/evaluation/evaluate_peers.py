@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.signature.own_frame import at_steps, corners_of, size_of
 from kinespace.library.windows.cutting import FIRST_WINDOW
-from kinespace.stream.outputs.extra import extra
+from kinespace.stream.outputs.sink import extra
 from kinespace.stream.recognizer.classifier import MotionClassifier
 from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.evaluation import harness
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.tables import counted, print_scores
+from kinespace.tools.terminal.console import counted, print_scores, progress
 
 #: Shares of a motion that are seen.
 _SHARES = 0.25, 0.5, 0.75, 1.0

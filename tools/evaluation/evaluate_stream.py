@@ -20,14 +20,21 @@ from kinespace.library.windows.index import WindowIndex, usual_weighing
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.scoring.annotations import is_annotation, write_annotations
-from kinespace.tools.evaluation.scoring.answer_tables import answer_rows, segment_rows, write_rows
-from kinespace.tools.evaluation.scoring.stream_score import LOWER_IS_BETTER, score_courses
-from kinespace.tools.evaluation.scoring.stream_tables import print_persons, print_score
-from kinespace.tools.evaluation.scoring.timeline import Course, course_of
+from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
+from kinespace.tools.evaluation.stream_score import (
+    LOWER_IS_BETTER,
+    Course,
+    answer_rows,
+    course_of,
+    print_persons,
+    print_score,
+    score_courses,
+    segment_rows,
+    write_rows,
+)
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.output_path import require_place_for_report
+from kinespace.tools.terminal.files import require_place_for_report
 
 _Values = dict[str, float | None]
 

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.library.teaching.examples import EVERY
 from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.index import WindowIndex, teacher_of
 from kinespace.stream.recognition import EventKind, Outcome
@@ -23,11 +22,10 @@ from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.scoring.bootstrap import Percentile, Ratio, values_of
+from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.feeding.feed import resampled
-from kinespace.tools.terminal.console import note, progress
-from kinespace.tools.terminal.tables import counted, print_scores
+from kinespace.tools.terminal.console import counted, note, print_scores, progress
 
 #: A motion, and the name of the recording that it was cut from.
 Motion = tuple[str, Clip]
@@ -83,16 +81,11 @@ class Taught:
     index
         The windows of all motions that the person may teach.
     takes
-        For each of the library's motions the name of the recording that it was cut from; empty for motions that nobody
-        teaches: the built-in ones.
+        For each of the library's motions the name of the recording that it was cut from.
     """
 
     index: WindowIndex
     takes: tuple[str, ...]
-
-    def opened(self, examples: Sequence[int]) -> WindowIndex:
-        """Open some examples, with the motions that nobody teaches."""
-        return self.index.of_some([*(place for place, take in enumerate(self.takes) if not take), *examples])
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,21 +98,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--draws", type=above_zero, default=20, help=text)
     text = "the persons who teach (default: all, in turn)"
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
-    either = parser.add_mutually_exclusive_group()
-    either.add_argument("--beside", action="store_true", help="compare with the built-in library, too")
     text = "ask each motion again with its class left out: how much of its time is named all the same?"
-    either.add_argument("--left-out", action="store_true", help=text)
+    parser.add_argument("--left-out", action="store_true", help=text)
     add_settings(parser)
     add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Draw examples, teach them, let other motions ask, and print how right the first start events were.
-
-    With the built-in library, the person who teaches is left out of it, and the taught classes are called `my ...`:
-    they must win over the built-in classes, even over those of the same motion. The built-in library knows its own
-    persons, so they do not ask.
-    """
+    """Draw examples, teach them, let other motions ask, and print how right the first start events were."""
     takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
     by_person = _motions(takes, options)
     if strange := {*options.teachers} - {*by_person}:
@@ -148,15 +134,14 @@ def _replies(
     """Ask what each teacher's draws teach; give the replies by who asks, and by the number of examples."""
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
-        own, taught = by_person[teacher], taught_by(by_person[teacher], with_builtin=options.beside)
-        not_asked = {teacher, *(MotionLibrary.builtin().actors if options.beside else ())}
-        others = [clip for name, each in by_person.items() if name not in not_asked for _, clip in each]
+        own, taught = by_person[teacher], taught_by(by_person[teacher])
+        others = [clip for name, each in by_person.items() if name != teacher for _, clip in each]
         for draw in range(options.draws):
             for count in options.examples:
                 generator = np.random.default_rng([_SEED, place, draw, count])
                 examples, left = drawn(own, taught, count, generator)
                 if examples:
-                    index = taught.opened(examples)
+                    index = taught.index.of_some(examples)
                     known = sorted({taught.index.library.motions[each].class_name for each in examples})
                     for whose, clips in (("same", left), ("other", others)):
                         asked = _some(clips, known, _ASKED[whose], generator)
@@ -180,19 +165,16 @@ def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
 
 def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:
     """Give each person's motions, over the joints that the built-in library has, too: its persons teach the metrics."""
-    builtin, mine = MotionLibrary.builtin(), "my {}" if options.beside else "{}"
     by_person = defaultdict[str, list["Motion"]](list)
-    joints = harness.shared_joints([*(take.clip.skeleton for take in takes), builtin.skeleton])
+    joints = harness.shared_joints([*(take.clip.skeleton for take in takes), MotionLibrary.builtin().skeleton])
     for take in takes:
         for clip in take.motions():
-            actor, named = clip.actor or options.person, mine.format(clip.class_name)
-            by_person[actor].append(
-                (take.clip.name, replace(clip.restricted_to(joints), class_name=named, actor=actor))
-            )
+            actor = clip.actor or options.person
+            by_person[actor].append((take.clip.name, replace(clip.restricted_to(joints), actor=actor)))
     return by_person
 
 
-def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:
+def taught_by(own: Sequence[Motion]) -> Taught:
     """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
     library = MotionLibrary.of_clips([clip for _, clip in own])
     person = own[0][1].actor
@@ -200,11 +182,6 @@ def taught_by(own: Sequence[Motion], *, with_builtin: bool) -> Taught:
     strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
     # A library's motions are sorted, but keep their order within a class and person.
     names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
-    if with_builtin:
-        taught = [replace(motion, actor="").as_of(strangers.skeleton) for motion in library.motions]
-        index = WindowIndex.of(strangers).with_motions(taught, every=EVERY)
-        own_names = iter(names)
-        return Taught(index, tuple("" if motion.actor else next(own_names) for motion in index.library.motions))
     teacher = teacher_of(library)
     if teacher is not library:
         teacher = replace(strangers, learned=None).restricted_to(library.skeleton.joints)
@@ -236,11 +213,10 @@ def drawn(
     -------
     Indices of the examples in the library, and the motions to ask; empty where no class has enough examples.
     """
-    takes = sorted({*taught.takes} - {""})
+    takes = sorted({*taught.takes})
     order = {takes[place]: rank for rank, place in enumerate(generator.permutation(len(takes)).tolist())}
     chosen = defaultdict[str, list[int]](list)
-    places = [place for place, take in enumerate(taught.takes) if take]
-    for place in sorted(places, key=lambda each: order[taught.takes[each]]):
+    for place in sorted(range(len(taught.takes)), key=lambda each: order[taught.takes[each]]):
         chosen[taught.index.library.motions[place].class_name].append(place)
     examples = [place for each in chosen.values() if len(each) >= count for place in each[:count]]
     used = {taught.takes[place] for place in examples}
@@ -271,7 +247,7 @@ def _strangers(asked: Sequence[Clip], taught: Taught, examples: Sequence[int], s
     # What is done says nothing about names, and takes long to open.
     settings = replace(settings, false_alarms=0.0)
     opened = {
-        name: taught.opened([each for each in examples if motions[each].class_name != name])
+        name: taught.index.of_some([each for each in examples if motions[each].class_name != name])
         for name in {clip.class_name for clip in asked}
     }
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]

@@ -24,9 +24,9 @@ from kinespace.library.recordings.formats.labels import (
     read_labels,
     renamed,
 )
-from kinespace.tools.feeding.joint_sets import joints_of
+from kinespace.tools.cli.presets import joints_of
 from kinespace.tools.terminal.console import note, progress
-from kinespace.tools.terminal.named_joints import NameNotes
+from kinespace.tools.terminal.files import NameNotes
 
 _COLUMNS = ("file", "subject", "contains", "perhaps")
 

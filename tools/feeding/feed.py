@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kinespace.library import Clip
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.tools.cli.interruption import check_interrupted
+from kinespace.tools.cli.entry import check_interrupted
 
 #: Seconds between two announcements of the skeleton: live senders repeat it for receivers that start later.
 ANNOUNCE_EVERY = 1.0

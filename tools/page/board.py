@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
 
@@ -17,8 +17,9 @@ import msgspec
 
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.recognition import GONE, EventKind
-from kinespace.stream.teaching.notices import UNDONE, Step
-from kinespace.stream.zeromq.bodies import BodyHeader, decode_body
+from kinespace.stream.status import Status
+from kinespace.stream.teaching.commands import UNDONE, Step
+from kinespace.stream.zeromq.answers import BodyHeader, decode_body
 from kinespace.tools.terminal.live_table import counted, promise, said_of
 
 #: Performers that are shown, at most; further ones are counted.
@@ -61,25 +62,6 @@ class _Classes(msgspec.Struct):
     classes: list[str]
 
 
-class _Status(msgspec.Struct):
-    inputs: dict[str, int]
-    outcomes: dict[str, int | dict[str, int]]
-    hop_p50: float
-    hop_p99: float
-    frames_per_second: float = 0.0
-    unsent: int = 0
-    admission: dict[str, int] = {}
-    refused: dict[str, str] = {}
-    doubted: dict[str, str] = {}
-    compared: dict[str, str] = {}
-    clocks: dict[str, str] = {}
-    notes: list[str] = []
-    promised: float = 0.0
-    missed: float | None = None
-    listening: list[str] = []
-    answered: float = 1.0
-
-
 class _Notice(msgspec.Struct):
     performer: str = ""
     state: str = ""
@@ -91,7 +73,7 @@ class _Notice(msgspec.Struct):
     examples: int = 0
 
 
-_KINDS = {"class": _Answer, "event": _Event, "done": _Done, "classes": _Classes, "status": _Status, "teach": _Notice}
+_KINDS = {"class": _Answer, "event": _Event, "done": _Done, "classes": _Classes, "status": Status, "teach": _Notice}
 _decoders: dict[str, msgspec.json.Decoder[Any]] = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
 _encode = msgspec.json.Encoder().encode
 
@@ -184,7 +166,7 @@ class Board:
             case _Classes():
                 if message.classes != self._classes.shown:
                     self._classes = _Noted(message.classes, self.number)
-            case _Status():
+            case Status():
                 self._take_status(message, now)
             case _Notice():
                 self._take_notice(message, now)
@@ -251,17 +233,17 @@ class Board:
         while performer.motions and (performer.motions[0].end or now) < now - _KEPT:
             performer.motions.popleft()
 
-    def _take_status(self, status: _Status, now: float) -> None:
+    def _take_status(self, status: Status, now: float) -> None:
         for name in [name for name, each in self._performers.items() if each.arrived < now - _SILENT]:
             self._forget(name)
         self._further = {name: arrived for name, arrived in self._further.items() if arrived >= now - _SILENT}
         shown = {
             "at": now,
-            "counters": list(counted(msgspec.to_builtins(status))),
+            "counters": list(counted(asdict(status))),
             "frames": status.frames_per_second,
             "promise": promise(status.promised, status.missed),
             "hop": [status.hop_p50, status.hop_p99],
-            "notes": [*said_of(status), *status.notes],  # type: ignore[arg-type]  # of the same fields
+            "notes": [*said_of(status), *status.notes],
             "further": len(self._further),
             "listening": status.listening,
         }
@@ -301,7 +283,7 @@ class Board:
             self.number += 1
             self._control = _Noted(control, self.number)
 
-    def news(self, seen: int, now: float, replies: Sequence[object] = (), camera: object = None) -> bytes:
+    def news(self, seen: int, now: float, replies: Sequence[object] = ()) -> bytes:
         """Encode all that is newer than a number: bytes of JSON (u32), the JSON, spaces up to a multiple of 4, bodies.
 
         Parameters
@@ -312,12 +294,8 @@ class Board:
             Seconds on our clock.
         replies
             Replies to the page's commands.
-        camera
-            What is known of the page's own camera.
         """
         shown: dict[str, object] = {"number": self.number, "now": now, "replies": [*replies]}
-        if camera:
-            shown["camera"] = camera
         for name in ("here", "classes", "status", "control"):
             noted: _Noted = getattr(self, f"_{name}")
             if noted.number > seen:

@@ -1,27 +1,114 @@
-"""The page in a process of its own, so that no browser ever makes a recogniser wait."""
+"""The page in a process of its own, so that no browser ever makes a recogniser wait, and its link to the recogniser."""
 
 from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 from urllib.parse import urlsplit
 
-from kinespace.stream.service.child_process import Child, leave_signals_to_parent
-from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
-from kinespace.tools.cli.address import host_and_port
-from kinespace.tools.page.link import Subscription, ask_control
+import msgspec
+import zmq
+
+from kinespace.stream.service.background import Child, leave_signals_to_parent
+from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.tools.cli.values import host_and_port
+
+#: The messages that a page always needs, and the messages that only an open page needs.
+_TOPICS = (b"event/", b"done/", b"class/", b"classes/", b"status/", b"teach/")
+_BODIES = b"body/"
+#: Messages taken in one turn, at most, so that a flood leaves turns for the pages.
+_MAX_IN_TURN = 512
+#: Milliseconds to wait for the control socket.
+_MAX_REPLY = 2000
+_encode = msgspec.json.Encoder().encode
+
+
+class _Reply(msgspec.Struct):
+    states: list[dict[str, Any]] = []
+    classes: list[str] = []
+    taught: dict[str, int] = {}
+    off: list[str] = []
+    sensitivity: float | None = None
+    teaches: bool = False
+
+
+_read = msgspec.json.Decoder(_Reply).decode
+
+
+class Subscription:
+    """A subscription to a recogniser's messages; it connects again by itself after the recogniser was away.
+
+    Parameters
+    ----------
+    endpoint
+        The endpoint at which the recogniser publishes.
+    keyring
+        Keys of both ends; None for none.
+    """
+
+    def __init__(self, endpoint: Endpoint, keyring: Keyring | None = None) -> None:
+        self._socket = endpoint.open(zmq.SUB, keyring=keyring)
+        for topic in _TOPICS:
+            self._socket.subscribe(topic)
+        self._bodies = False
+
+    def fileno(self) -> int:
+        """Give the file number that becomes readable when messages may have come."""
+        return int(self._socket.getsockopt(zmq.FD))
+
+    def want_bodies(self, *, wanted: bool) -> None:
+        """Subscribe to bodies, or to none while no page is open."""
+        if wanted != self._bodies:
+            self._bodies = wanted
+            (self._socket.subscribe if wanted else self._socket.unsubscribe)(_BODIES)
+
+    def messages(self) -> Iterator[list[bytes]]:
+        """Take the messages that wait."""
+        for _ in range(_MAX_IN_TURN):
+            try:
+                yield self._socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def ask_control(endpoint: Endpoint, keyring: Keyring | None, command: Mapping[str, object]) -> dict[str, Any] | None:
+    """Ask the control socket of a recogniser; from any thread.
+
+    Parameters
+    ----------
+    endpoint
+        The address of `--control`.
+    keyring
+        Keys of both ends; None for none.
+    command
+        The command.
+
+    Returns
+    -------
+    The reply; None when no reply comes in two seconds.
+    """
+    # A socket that got no reply could not ask again: each command has its own.
+    with closing(endpoint.open(zmq.REQ, keyring=keyring)) as asking, suppress(zmq.ZMQError, ValueError):
+        asking.send(_encode(command), zmq.NOBLOCK)
+        if asking.poll(_MAX_REPLY):
+            reply: dict[str, Any] = msgspec.to_builtins(_read(asking.recv()))
+            return reply
+    return None
+
 
 #: Seconds after which a process that is to end is killed.
 _MAX_END = 5.0
-
-_NO_FRAMES = "no camera here: start kinespace live with --page, or kinespace page with --frames"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +149,6 @@ class PagePlan(Plan):
         The ZeroMQ endpoint on which a recogniser publishes.
     control
         The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
-    frames
-        The ZeroMQ endpoint at which the recogniser takes the frames of pages' cameras; None: it takes none.
     keys
         Folder of the keys of all ZeroMQ; None for none.
     """
@@ -71,24 +156,18 @@ class PagePlan(Plan):
     name = "page"
     source: str
     control: str | None = None
-    frames: str | None = None
     keys: Path | None = None
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Serve browsers."""
-        from kinespace.tools.page.cameras import Cameras  # noqa: PLC0415 - loads numpy
-        from kinespace.tools.page.requests import Gate  # noqa: PLC0415 - slow to load, and this process alone needs it
-        from kinespace.tools.page.server import PageServer  # noqa: PLC0415 - as above
+        from kinespace.tools.page.server import Gate, PageServer  # noqa: PLC0415 - slow to load, and this process alone needs it
 
-        gate = Gate.for_host(host_and_port(self.address)[0], "" if self.frames else _NO_FRAMES)
+        gate = Gate.for_host(host_and_port(self.address)[0])
         with ExitStack() as opened:
             keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
             subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
             control = partial(ask_control, _to(self.control), keyring) if self.control else None
-            cameras = None
-            if self.frames:
-                cameras = Cameras(opened.enter_context(closing(ZmqSender(_to(self.frames), keyring))).send)
-            PageServer(subscription, control, gate, cameras).serve(self.address, "page", started, wants_end)
+            PageServer(subscription, control, gate).serve(self.address, "page", started, wants_end)
 
 
 def _to(address: str) -> Endpoint:

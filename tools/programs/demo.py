@@ -27,11 +27,18 @@ from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, clip_cues
-from kinespace.tools.loopback.answers import AnswerMatcher, Expected, Listener, Received, answer_in, expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService, Transport
-from kinespace.tools.terminal.console import console
+from kinespace.tools.feeding.service import (
+    AnswerMatcher,
+    BackgroundService,
+    Expected,
+    Listener,
+    Received,
+    Transport,
+    answer_in,
+    expected_answers,
+)
+from kinespace.tools.terminal.console import console, table_of
 from kinespace.tools.terminal.live_table import score_shown
-from kinespace.tools.terminal.tables import table_of
 
 PERFORMER = "demo"
 #: Seconds of the shortest motion that is played, if a class has a longer one: recognition begins after half a second.

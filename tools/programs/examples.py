@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from kinespace.tools.cli.choice import meant
+from kinespace.tools.cli.values import meant
 from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:

@@ -1,17 +1,14 @@
-"""`kinespace keys`: a pair of keys for ZeroMQ, and a certificate for Zenoh.
+"""`kinespace keys`: a pair of keys for ZeroMQ.
 
-Makes a pair of keys (CURVE) and a certificate (TLS) in a folder. Copy NAME.key and NAME.pem into the folders of
-programs that must let NAME in; NAME.key_secret and NAME.pem_secret stay here. live, replay, record, gateway and work
-use the folder with --keys.
+Makes a pair of keys (CURVE) in a folder. Copy NAME.key into the folders of programs that must let NAME in;
+NAME.key_secret stays here. live, replay and record use the folder with --keys.
 """
 
 from __future__ import annotations
 
 import argparse
-from contextlib import suppress
 from pathlib import Path
 
-from kinespace.stream.workers.certificates import make_certificate
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.terminal.console import say
 
@@ -28,16 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    made, there = list[tuple[Path, Path]](), list[FileExistsError]()
-    for make in (make_keys, make_certificate):
-        # The certificate's package is an extra: only gateways and workers use it, and it may have come later.
-        with suppress(ImportError):
-            try:
-                made.append(make(options.keys or Path(options.name), options.name))
-            except FileExistsError as error:
-                there.append(error)
-    if not made:
-        raise there[0]
-    for line in (f"{each}: {advice}" for pair in made for each, advice in zip(pair, _ADVICE, strict=True)):
-        say(line)
+    made = make_keys(options.keys or Path(options.name), options.name)
+    for path, advice in zip(made, _ADVICE, strict=True):
+        say(f"{path}: {advice}")
     return 0

@@ -22,10 +22,16 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
-from kinespace.tools.loopback.answers import AnswerMatcher, Listener, Received, answer_in, expected_answers
-from kinespace.tools.loopback.service_process import BackgroundService, Transport
-from kinespace.tools.terminal.console import console
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.feeding.service import (
+    AnswerMatcher,
+    BackgroundService,
+    Listener,
+    Received,
+    Transport,
+    answer_in,
+    expected_answers,
+)
+from kinespace.tools.terminal.console import console, table_of
 
 #: Seconds after the last frame in which answers may still come.
 _LINGER = 0.5

@@ -20,13 +20,12 @@ from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknow
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
-from kinespace.stream.inputs.feed_source import FeedSource
+from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
-from kinespace.tools.cli.address import host_and_port, opening
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
-from kinespace.tools.cli.preset import preset_named
-from kinespace.tools.terminal.console import console, say
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.cli.values import host_and_port, opening
+from kinespace.tools.terminal.console import console, say, table_of
 
 #: The preset of our own messages, whose joints need not be named.
 _NATIVE = "native"

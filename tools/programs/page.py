@@ -9,9 +9,9 @@ from __future__ import annotations
 import argparse
 import threading
 
-from kinespace.tools.cli.address import host_and_port
 from kinespace.tools.cli.arguments import PAGE, add_shared
-from kinespace.tools.cli.interruption import stop_on_signals
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.process import PagePlan
 from kinespace.tools.terminal.console import say
 
@@ -24,9 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--from", dest="source", default=SOURCE, metavar="ENDPOINT", help="default %(default)s")
     parser.add_argument(
         "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"
-    )
-    parser.add_argument(
-        "--frames", metavar="ENDPOINT", help="send there what pages' cameras see; kinespace live --zmq-in listens"
     )
     host, port = host_and_port(PAGE)
     parser.add_argument(
@@ -43,6 +40,6 @@ def run(options: argparse.Namespace) -> int:
     ended = threading.Event()
     stop_on_signals(ended.set)
     place = f"{options.host}:{options.port}"
-    plan = PagePlan(place, options.source, options.control, options.frames, options.keys)
+    plan = PagePlan(place, options.source, options.control, options.keys)
     plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
     return 0

@@ -18,13 +18,12 @@ _LOOK = 0.1
 HINT = (
     "t teach a new motion · a another example · h hold: record a new motion now, h again ends it · "
     "= name the last motion · 1 to 9 choose the performer · y the last name was right · n it was wrong · "
-    "m move as you will: nothing · space stop · x cancel · u undo · r redo · s save"
+    "m move as you will: nothing · space stop · x cancel · u undo · s save"
 )
 _PLAIN: dict[str, Command] = {
     " ": commands.Stop(),
     "x": commands.Cancel(),
     "u": commands.Undo(),
-    "r": commands.Redo(),
     "s": commands.Save(),
 }
 #: Keys that say whether the last name was right.

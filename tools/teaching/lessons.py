@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import math
 import queue
+import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
-from kinespace.library.motion_library import NOTHING
-from kinespace.library.teaching.examples import Roster, TaughtWindows
-from kinespace.library.windows.index import WindowIndex
+import numpy as np
+
+from kinespace.library.clip import Clip
+from kinespace.library.motion_library import MIN_JOINTS, NOTHING, MotionLibrary
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
+from kinespace.library.teaching.movement import STILLNESS
+from kinespace.library.windows.index import WindowIndex, opened, teaches_itself
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Event
+from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
-from kinespace.tools.teaching.opener import Change, RosterOpener
+from kinespace.stream.teaching.commands import Tried
+from kinespace.stream.teaching.memory import Remembered
 from kinespace.tools.teaching.roster_file import RosterFile
+from kinespace.tools.terminal.console import say
 
 #: Seconds after a lesson in which its performer is still not answered: a motion is done some tenths after its end.
 _MUTED_AFTER = 0.5
@@ -99,6 +111,10 @@ class Lessons(Sink):
             case commands.Sensitivity(share):
                 self.performers.set_sensitivity(share)
                 notices = [State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
+            case commands.List() if asked.reply is None:
+                # Whoever asks by OSC gets the answer there.
+                tell(self.sinks, Sink.publish_classes, self.classes)
+                notices = [State("", Step.DONE, 0.0, self._listed())]
             case command:
                 notices = map(self._explained, self._teacher.command(command, self._clock()))
         states = self._publish(notices)
@@ -144,6 +160,13 @@ class Lessons(Sink):
             "sensitivity": self.performers.sensitivity,
             "teaches": True,
         }
+
+    def _listed(self) -> str:
+        """Give the classes and the settings in a line."""
+        roster = self._teacher.roster
+        taught = ", ".join(f"{name} {len(roster.of(name))}" for name in roster.classes) or "nothing"
+        off = f"; off: {', '.join(sorted(roster.disabled))}" if roster.disabled else ""
+        return f"taught: {taught}{off}; sensitivity {self.performers.sensitivity:g}"
 
     def _explained(self, notice: Notice | Changed) -> Notice | Changed:
         """Explain to a performer why frames that cannot be used prevent teaching."""
@@ -194,7 +217,8 @@ class ClassPlaces:
     def of(self, roster: Roster) -> tuple[str, ...]:
         """Give all classes that were ever known, in order."""
         taught = roster.classes
-        for name in taught:
+        # Those of a file come as `--library` gives them.
+        for name in sorted(taught):
             if name == NOTHING:
                 continue
             numbers = [each.number for each in roster.of(name)]
@@ -207,3 +231,259 @@ class ClassPlaces:
                     self._names.append(name)
             self._examples.update(dict.fromkeys(numbers, self._names.index(name)))
         return tuple(self._names)
+
+
+#: Seconds between two answers when an example is tried on the last minutes: enough to count what is said.
+_TRIED_EVERY = 0.1
+#: Frames after which the thread pauses for other threads.
+_FRAMES_AT_ONCE = 6
+#: Seconds of the pause.
+_PAUSE = 0.002
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """A roster to open.
+
+    Attributes
+    ----------
+    roster
+        All examples now.
+    settings
+        The settings of the recognisers.
+    number
+        The number of an example to check and to try; 0 for none.
+    before
+        The performer's last minutes before that example, on which it is tried; None where they are not known.
+    """
+
+    roster: Roster
+    settings: Settings
+    number: int = 0
+    before: Remembered | None = None
+
+
+class RosterOpener:
+    """Opens the newest roster, and checks all examples that have come since the last one; ends when it is closed.
+
+    Parameters
+    ----------
+    windows
+        Opens rosters.
+    teacher
+        Takes the checks of examples.
+    exchange
+        Takes an opened roster; without an index while nothing is taught and nothing else is compared.
+    """
+
+    def __init__(
+        self,
+        windows: TaughtWindows,
+        teacher: Teacher,
+        exchange: Callable[[Roster, WindowIndex | None], Sequence[Notice | Changed]],
+    ) -> None:
+        self._windows, self._teacher, self._exchange = windows, teacher, exchange
+        self._changes: queue.SimpleQueue[Change | None] = queue.SimpleQueue()
+        #: What is to be done in the caller's thread; each call gives notices.
+        self._results: queue.SimpleQueue[Callable[[], Sequence[Notice | Changed]]] = queue.SimpleQueue()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
+        self._thread.start()
+
+    def open(self, change: Change) -> None:
+        """Open, check and try a change soon."""
+        self._changes.put(change)
+
+    def results(self) -> Iterator[Notice | Changed]:
+        """Hand over the results since the last call, in order; give the notices on them."""
+        while not self._results.empty():
+            yield from self._results.get()()
+
+    def close(self) -> None:
+        """End; changes that wait are not opened any more."""
+        self._ending.set()
+        self._changes.put(None)
+        self._thread.join()
+
+    def _work(self) -> None:
+        while change := self._changes.get():
+            waiting: list[Change | None] = [change]
+            while not self._changes.empty():
+                waiting.append(self._changes.get())
+            changes = [each for each in waiting if each]
+            if self._ending.is_set():
+                return
+            if not self._opened(changes, changes[-1].roster) and len(changes) > 1:
+                # One of them cannot be compared: which one?
+                failed = set[int]()
+                for each in changes:
+                    kept = tuple(example for example in each.roster.examples if example.number not in failed)
+                    if not self._opened([each], replace(each.roster, examples=kept)):
+                        failed.add(each.number)
+            if len(changes) < len(waiting):
+                return
+
+    def _opened(self, changes: Sequence[Change], roster: Roster) -> bool:
+        """Open a roster and check the examples that came with it; say whether it could be opened."""
+        last = changes[-1]
+        try:
+            index = self._windows.index_of(roster)
+            if index is not None:
+                # A first recogniser prepares the windows here; between two frames there is no time for this.
+                Recognizer(index, last.settings)
+        except (ValueError, MemoryError) as error:
+            reason = " ".join(str(error).split())
+            if last.number and len(changes) == 1:
+                self._results.put(partial(self._teacher.failed, last.number, reason))
+            elif len(changes) == 1:
+                self._results.put(lambda: [State("", Step.REFUSED, 0.0, reason)])
+            return False
+        self._results.put(partial(self._exchange, roster, index))
+        numbers = {each.number for each in roster.examples}
+        for each in changes:
+            if each.number and not self._ending.is_set():
+                known = index if each.number in numbers else None
+                check = checked(known, each.number) if known else None
+                tried = self._tried(each, known) if known else Tried()
+                self._results.put(partial(self._teacher.checked, each.number, check, tried))
+        return True
+
+    def _tried(self, change: Change, index: WindowIndex) -> Tried:
+        """Count how often the new class would have been said in the performer's last minutes.
+
+        Neither the end of the program nor another change, which somebody wants to see at once, waits for a count.
+        """
+        name = next((each.class_name for each in change.roster.examples if each.number == change.number), NOTHING)
+        if change.before is None or name == NOTHING:
+            return Tried()
+        recognizer = Recognizer(index, replace(change.settings, hop=_TRIED_EVERY))
+        before, begin = change.before.clip(), change.before.frames[0][0]
+        started, done = list[float](), list[float]()
+        for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
+            if place % _FRAMES_AT_ONCE == 0 and (self._ending.wait(_PAUSE) or not self._changes.empty()):
+                return Tried()
+            recognition = recognizer.push(Frame("before", moment, positions))
+            for event in recognition.events if recognition else ():
+                started += [event.time] * (event.kind is EventKind.START and event.label == name)
+            if recognition and recognition.done and recognition.done.label == name:
+                done.append(recognition.done.start + recognition.done.duration / 2)
+        own = [(each.start - begin, each.end - begin) for each in change.before.shown]
+        starts, ends = (sum(not any(a <= at <= b for a, b in own) for at in times) for times in (started, done))
+        return Tried(starts, ends, before.duration)
+
+
+#: The share of a feed's joints, or of HDM05's, that both must have for HDM05's metrics to compare the examples: a hand
+#: with twenty bones has neither.
+_ENOUGH = 0.5
+
+
+def open_lessons(
+    file: Path,
+    library: MotionLibrary | None,
+    joints: Sequence[str],
+    performers: Callable[[WindowIndex, Sequence[str]], Recognising],
+    stillness: float = STILLNESS,
+    *,
+    either_side: bool = False,
+) -> Lessons:
+    """Open the taught library for lessons.
+
+    Parameters
+    ----------
+    file
+        A library of taught motions; it may be missing.
+    library
+        The library that is compared together with the taught motions; None for none.
+    joints
+        The joints of frames, if known; used without a library.
+    performers
+        Makes the recognisers from an opened library and the order of its classes.
+    stillness
+        Movement below which a performer stands still (`library.teaching.movement`).
+    either_side
+        Whether taught motions may be done by either side.
+
+    Raises
+    ------
+    ValueError
+        The file is no library, has too few of the library's joints, or another program teaches there.
+    OSError
+        The file cannot be read, or its folder is missing.
+    """
+    kept = RosterFile(file)
+    with ExitStack() as failing:
+        failing.callback(kept.close)
+        taught = kept.library
+        base = _base(library, taught, joints)
+        roster = _roster_of(taught, base) if taught else Roster()
+        windows = TaughtWindows(base, with_base=library is not None, either_side=either_side)
+        index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
+        teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
+        order = ClassPlaces(windows.base_classes).of(roster)
+        lessons = Lessons(performers(index, order or index.classes), teacher, windows, kept)
+        failing.pop_all()
+    return lessons
+
+
+def open_taught(taught: MotionLibrary, without: Collection[str] = ()) -> WindowIndex:
+    """Open taught motions alone, as a file of them is opened without a library.
+
+    Parameters
+    ----------
+    taught
+        The examples.
+    without
+        Persons of the built-in library whose motions teach no metric: for measuring, with motions of theirs.
+
+    Raises
+    ------
+    ValueError
+        No motion is long enough for a window.
+    """
+    base = _base(None, taught, (), without)
+    index = TaughtWindows(base, with_base=False).index_of(_roster_of(taught, base))
+    if index is None:
+        raise ValueError("taught: expected a motion that is long enough for a window, got none")
+    return index
+
+
+def _roster_of(taught: MotionLibrary, base: WindowIndex | None) -> Roster:
+    """Take a library's motions as examples, by the joints of the windows that they are compared with."""
+    if base:
+        skeleton = base.library.skeleton
+        shared = taught.restricted_to(skeleton.joints)
+        taught = MotionLibrary(skeleton, tuple(motion.as_of(skeleton) for motion in shared.motions))
+    return Roster.of_library(taught)
+
+
+def _base(
+    library: MotionLibrary | None, taught: MotionLibrary | None, joints: Sequence[str], without: Collection[str] = ()
+) -> WindowIndex | None:
+    """Open the windows whose metrics compare the examples, by the joints taught or, else, known.
+
+    Without a library the built-in one's metrics compare, by the joints that both have, without some persons. None where
+    these are few, or where many persons were taught by other joints: then the examples learn their own metrics.
+    """
+    joints = taught.skeleton.joints if taught else joints
+    if library:
+        return opened(library.restricted_to(joints) if taught else library)
+    builtin = MotionLibrary.builtin()
+    wanted = builtin.skeleton.joints
+    joints = joints or wanted
+    left_out = [name for name in joints if name not in wanted]
+    shared = len(joints) - len(left_out)
+    few = shared < max(MIN_JOINTS, _ENOUGH * min(len(joints), len(wanted)))
+    if few or (left_out and taught and teaches_itself(taught)):
+        return None
+    if left_out:
+        say(f"taught motions are compared by {shared} of {len(joints)} joints, without {', '.join(left_out)}")
+    # One motion is no teacher of its own: as in a library's file, the built-in persons' metrics compare, by all axes.
+    one = replace(builtin, motions=builtin.motions[:1], learned=None).restricted_to(joints)
+    return WindowIndex.of(one, builtin.without(actors=without).restricted_to(joints)) if without else opened(one)
+
+
+def _any_motion(joints: Sequence[str]) -> MotionLibrary:
+    """Make a library of joints without taught motions: recognisers need a library, but are not asked with this one."""
+    generator = np.random.default_rng(0)
+    positions = np.cumsum(generator.normal(0, 0.05, (60, len(joints), 3)), axis=0)
+    return MotionLibrary.of_clips([Clip(Skeleton(tuple(joints)), positions, 30.0, class_name=NOTHING)])

@@ -17,10 +17,9 @@ from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.notices import Notice, State, Step
+from kinespace.stream.teaching.commands import Notice, State, Step
 from kinespace.stream.teaching.wire import as_line
-from kinespace.tools.terminal.console import console, printable, say
-from kinespace.tools.terminal.tables import shortened, table_of
+from kinespace.tools.terminal.console import console, printable, say, shortened, table_of
 
 #: Characters of a score's bar.
 _BAR = 20

@@ -1,16 +1,43 @@
-"""Whether a performer's body is like the library's: said once some seconds of movement have shown it."""
+"""Whether a performer's body and kind of feed are the library's: said once some seconds of movement show it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinespace.library import MotionLibrary
+from kinespace.library.signature.landmark_body import are_of_landmarks
 from kinespace.library.windows.index import WindowIndex
-from kinespace.library.windows.oddities import is_flat
-from kinespace.library.windows.segments import logs_of
-from kinespace.stream.recognizer.joints.kinds import Kind, kind_of, kinds_of
+from kinespace.library.windows.segments import is_flat, logs_of
+
+#: Joints guessed from one camera's pictures, or measured by a suit, markers or a depth sensor.
+Kind = Literal["guessed", "measured"]
+TITLES: dict[Kind, str] = {"guessed": "one camera", "measured": "measured bodies"}
+#: What is said of a performer when its kind did not teach the library.
+NOTES: dict[Kind, str] = {
+    "guessed": "one camera's body, and measured ones taught the library: expect few right names, teach your own "
+    "(--teach)",
+    "measured": "a measured body, and one camera's taught the library: its names are less sure",
+}
+#: Where in each motion a body is looked at: a quick limb between two pictures is too short.
+_IN_MOTIONS = (0.25, 0.5, 0.75)
+
+
+def kind_of(joints: Sequence[str], positions: NDArray[np.floating]) -> Kind:
+    """Give the kind of a feed by some of its bodies, shape (bodies, joints, 3), metres."""
+    return "guessed" if 2 * np.count_nonzero(are_of_landmarks(joints, positions)) > len(positions) else "measured"
+
+
+def kinds_of(library: MotionLibrary) -> frozenset[Kind]:
+    """Give the kinds of feed that taught a library's motions."""
+    bodies = [each.positions[int(each.frames * look)] for each in library.motions for look in _IN_MOTIONS]
+    found = are_of_landmarks(library.skeleton.joints, np.array(bodies)).reshape(-1, len(_IN_MOTIONS))
+    return frozenset("guessed" if each.any() else "measured" for each in found)
+
 
 #: From here on a body is unlike the library's (`Segments.unlike`): between the bodies by whose joints the built-in
 #: library names motions (HDM05's, CMU's, UI-PRMD's by markers and by Kinect 2) and those by whose joints it does not

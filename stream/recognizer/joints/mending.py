@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.windows.oddities import in_disorder
-from kinespace.library.windows.segments import Segments
+from kinespace.library.windows.segments import Segments, in_disorder
 from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, steps_of
 
 #: Seconds for which a lost joint keeps its place relative to its parent.

@@ -1,7 +1,7 @@
 """The motion library: made of clips, changed, merged, and the one that comes with the package."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -65,36 +65,6 @@ def test_clips_become_motions(library: MotionLibrary) -> None:
         assert motion.skeleton == STICK
 
 
-def test_where_a_clip_comes_from_is_kept() -> None:
-    """Each motion keeps source, licence and attribution; the library lists each different one once."""
-    first = dataclasses.replace(stick_clip("bow"), source="a", licence="CC0", attribution="Ann")
-    second = dataclasses.replace(stick_clip("jump"), source="b", licence="CC BY 4.0", attribution="Bob")
-    library = MotionLibrary.of_clips([second, first, stick_clip("wave"), dataclasses.replace(first, take="2")])
-    assert [(each.source, each.licence, each.attribution) for each in library.motions] == [
-        ("a", "CC0", "Ann"),
-        ("a", "CC0", "Ann"),
-        ("b", "CC BY 4.0", "Bob"),
-        ("", "", ""),
-    ]
-    assert (library.licence, library.attribution) == ("CC0 / CC BY 4.0", "Ann / Bob")
-    assert MotionLibrary.of_clips([stick_clip("bow")]).licence == ""
-
-
-def test_motions_are_sorted_by_class_and_person_and_otherwise_as_given() -> None:
-    """Mixed clips are sorted by class and actor; takes of one actor stay in the given order."""
-    clips = [
-        dataclasses.replace(stick_clip(class_name, seed=seed, actor=actor), take=str(9 - seed))
-        for seed in range(2)
-        for actor in ("bb", "aa")
-        for class_name in reversed(STICK_CLASSES)
-    ]
-    library = MotionLibrary.of_clips(iter(clips))
-    assert [(motion.class_name, motion.actor, motion.take) for motion in library.motions] == [
-        (class_name, actor, take) for class_name in STICK_CLASSES for actor in ("aa", "bb") for take in ("9", "8")
-    ]
-    assert (library.classes, library.actors) == (STICK_CLASSES, ("aa", "bb"))
-
-
 @pytest.mark.parametrize(
     ("rate", "every", "kept"),
     [
@@ -125,14 +95,6 @@ def test_the_order_of_hdm05s_joints_never_matters(builtin: MotionLibrary) -> Non
     assert all(np.array_equal(a.positions, b.positions) for a, b in zip(unknown.motions, mixed.motions, strict=True))
 
 
-def test_joints_of_other_bodies_stand_in_the_first_clips_order() -> None:
-    """Clips of a body that is not HDM05's get the first one's order, whatever theirs, added ones too."""
-    clips = stick_clips(takes=1)
-    mixed = [clips[0], *(_shuffled(clip, seed) for seed, clip in enumerate(clips[1:]))]
-    _assert_equal(MotionLibrary.of_clips(mixed), MotionLibrary.of_clips(clips))
-    _assert_equal(MotionLibrary.of_clips(mixed[:1]).with_motions(mixed[1:]), MotionLibrary.of_clips(clips))
-
-
 WAVE = stick_clip("wave")
 #: Clips that make no motion, and why.
 REFUSED: list[tuple[Clip, str]] = [
@@ -160,24 +122,6 @@ def test_a_clip_that_makes_no_motion_is_refused(clip: Clip, message: str) -> Non
         MotionLibrary.of_clips(iter([stick_clip("bow"), clip]))
     with pytest.raises(error, match=message):
         MotionLibrary.of_clips([stick_clip("bow")]).with_motions(iter([clip]))
-
-
-def test_no_clips_make_no_library() -> None:
-    """Without clips, or motions, there is no library."""
-    with pytest.raises(ValueError, match="clips: expected at least one, got none"):
-        MotionLibrary.of_clips([])
-    with pytest.raises(ValueError, match="motions: expected at least one, got none"):
-        MotionLibrary(STICK, ())
-
-
-@pytest.mark.parametrize("given", [stick_clip("bow"), ["bow"], "bow"], ids=["a clip", "names", "a text"])
-def test_other_than_clips_is_refused(library: MotionLibrary, given: Sequence[Clip]) -> None:
-    """A clip alone, or names, make no library and add no motion; a class's name alone leaves out nothing."""
-    for made in (MotionLibrary.of_clips, library.with_motions):
-        with pytest.raises(ValueError, match="clips: expected several Clips, got"):
-            made(given)
-    with pytest.raises(ValueError, match="classes: expected several names, got the text 'bow'"):
-        library.without(classes="bow")
 
 
 def test_parts_that_do_not_fit_are_refused(library: MotionLibrary) -> None:
@@ -291,17 +235,6 @@ def test_fewer_joints_show_the_same_motions(builtin: MotionLibrary) -> None:
     assert builtin.restricted_to((*builtin.skeleton.joints, "nose")) is builtin
 
 
-@pytest.mark.parametrize("joints", [(), ("nose",), STICK.joints[:4]])
-def test_fewer_than_five_joints_make_no_library(library: MotionLibrary, joints: Sequence[str]) -> None:
-    """With fewer than five joints there is no library, in one line that says how many there are."""
-    shared = len([name for name in joints if name in STICK.joints])
-    message = rf"joints: expected at least 5 of the library's 6 \(root \.\.\. foot\), got {shared}"
-    with pytest.raises(SkeletonMismatchError, match=message):
-        library.restricted_to(joints)
-    with pytest.raises(SkeletonMismatchError, match="joints: expected at least 5, got 4"):
-        MotionLibrary.of_clips([stick_clip("bow").restricted_to(STICK.joints[:4])])
-
-
 # --- merged ------------------------------------------------------------------------------------------------------
 
 
@@ -327,35 +260,6 @@ def test_libraries_are_merged_over_the_joints_that_both_have(builtin: MotionLibr
     assert again.skeleton == other.skeleton
     assert len(again) == len(small)
     _assert_equal(again.merged_with(merged), again)
-
-
-def test_parents_are_known_if_one_of_both_knows_them() -> None:
-    """Of two libraries of which one knows how joints hang together, the merged one knows it."""
-    knowing = MotionLibrary.of_clips([stick_clip("bow")])
-    not_knowing = MotionLibrary.of_clips([_shuffled(stick_clip("wave"), parents=False)])
-    assert knowing.merged_with(not_knowing).skeleton == STICK
-    merged = not_knowing.merged_with(knowing)
-    assert merged.skeleton.joints == not_knowing.skeleton.joints
-    named = {
-        name: merged.skeleton.joints[parent] if parent >= 0 else None
-        for name, parent in zip(merged.skeleton.joints, merged.skeleton.parents, strict=True)
-    }
-    assert named == {"root": None, "chest": "root", "head": "chest", "left": "chest", "right": "chest", "foot": "root"}
-
-
-def test_libraries_that_share_too_few_joints_are_not_merged(library: MotionLibrary, builtin: MotionLibrary) -> None:
-    """Merging across bodies that share fewer than five joints is refused in either direction."""
-    for one, another in ((library, builtin), (builtin, library)):
-        with pytest.raises(SkeletonMismatchError, match=r"joints: expected at least 5 of the library's .*, got 2"):
-            one.merged_with(another)
-
-
-def test_learned_numbers_survive_a_merge(library: MotionLibrary) -> None:
-    """The first library's learned numbers go before the second's, which go before none."""
-    first, second = (dataclasses.replace(library, learned=Learned({"a": np.zeros(1, np.float32)})) for _ in range(2))
-    assert first.merged_with(second).learned is first.learned
-    assert library.merged_with(second).learned is second.learned
-    assert library.merged_with(library).learned is None
 
 
 # --- the built-in library ----------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from synthetic import STICK, stick_clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.progress.phase_table import PhaseTable
-from kinespace.library.progress.warping import agreed_phases, warped_phases
+from kinespace.library.progress.warping import warped_phases
 from kinespace.library.windows.index import WindowIndex
 
 # --- warping ----------------------------------------------------------------------------------------------------------
@@ -35,24 +35,6 @@ def test_many_pairs_together_equal_each_pair_alone() -> None:
     pairs = [(one, other) for one in drawn for other in drawn[::2]]
     for (one, other), phases in zip(pairs, warped_phases(pairs), strict=True):
         np.testing.assert_allclose(phases, warped_phase(one, other), atol=1e-12)
-
-
-def test_a_pause_before_a_motion_does_not_count() -> None:
-    """A recording that stands still at first has a phase near 0 until it moves; it never falls."""
-    drawn = curves(6, 3)
-    late = np.vstack([np.repeat(drawn[0][:1], 12, axis=0), drawn[0]])
-    phases = agreed_phases([late, *drawn[1:]], ["a", "b", "b", "c", "c", "d"])[0]
-    assert phases[11] < 0.1
-    assert phases[-1] > 0.9
-    assert (np.diff(phases) >= 0).all()
-
-
-def test_alone_a_recordings_phase_is_its_time() -> None:
-    """Without another recording of the class relative time stands in; recordings of one actor are warped together."""
-    (alone,) = curves(1, 4)
-    np.testing.assert_allclose(agreed_phases([alone], ["a"])[0], np.linspace(0, 1, len(alone)))
-    both = agreed_phases(curves(2, 5), ["a", "a"])
-    assert [(phases[0] < 0.2, phases[-1] > 0.8) for phases in both] == [(True, True)] * 2
 
 
 # --- phase table ------------------------------------------------------------------------------------------------------
@@ -135,16 +117,3 @@ def test_axes_are_whitened_by_the_differences_of_people(index: WindowIndex) -> N
     assert np.ptp(np.linalg.norm(index.phases.whitening, axis=0)) > 0.1
     none = PhaseTable.of([], index.body, index.basis)
     assert (dict(none.classes), len(none.whitening)) == ({}, 2 * index.basis.directions.shape[1])
-
-
-def test_classes_that_did_not_change_are_kept(index: WindowIndex) -> None:
-    """A class with the same recordings is not computed again, in the same basis."""
-    motions, before = index.library.motions, index.phases
-    after = PhaseTable.of([*motions, replace(motions[0], take="more")], index.body, index.basis, before)
-    assert [after.courses[name][1] is before.courses[name][1] for name in ("away", "bow", "jump")] == [
-        False,
-        True,
-        True,
-    ]
-    other = PhaseTable.of(motions, index.body, replace(index.basis), before)
-    assert other.courses["bow"][1] is not before.courses["bow"][1]

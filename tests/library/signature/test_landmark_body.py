@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.naming import hdm05
 from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
 
@@ -59,27 +57,3 @@ def test_joints_that_are_not_seen_are_not_invented() -> None:
     landmarks[_SENT.index("rhipjoint")] = math.nan
     assert np.isnan(LandmarkBody(_SENT).of(landmarks)).all()
     assert np.isnan(LandmarkBody(_SENT).of(np.zeros_like(landmarks))).any()
-
-
-def test_the_lengths_are_those_of_hdm05(builtin: MotionLibrary) -> None:
-    """All constants are means over the built-in library's frames, both sides together."""
-    shown = np.concatenate([motion.positions[::8] for motion in builtin.motions])
-    at = {name: shown[:, place] for place, name in enumerate(builtin.skeleton.joints)}
-    for side in "lr":
-        assert all(side + name in hdm05.SKELETON.joints for name in (*WIDTHS, *LIMBS))
-
-    def between(first: str, other: str) -> float:
-        return float(np.linalg.norm(at[first] - at[other], axis=1).mean())
-
-    hips, shoulders = (at["l" + name] / 2 + at["r" + name] / 2 for name in WIDTHS)
-    along = shoulders - hips
-    squares = (along**2).sum(axis=1)
-    assert pytest.approx(np.sqrt(squares).mean(), abs=6e-4) == LENGTH
-    assert pytest.approx(np.linalg.norm(at["head"] - shoulders, axis=1).mean(), abs=6e-4) == HEAD
-    for name, width in WIDTHS.items():
-        assert width == pytest.approx(between("l" + name, "r" + name), abs=6e-4)
-    for name, (above, length) in LIMBS.items():
-        sides = [between(side + name, side + above) for side in "lr"]
-        assert length == pytest.approx(np.mean(sides), abs=6e-3), name
-    for name, share in TRUNK.items():
-        assert share == pytest.approx((((at[name] - hips) * along).sum(axis=1) / squares).mean(), abs=6e-4)

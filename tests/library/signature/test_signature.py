@@ -10,27 +10,20 @@ from naive_windows import body_of, rank_k_product
 from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary, distance_rows
-from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
+from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis, signature_of, similarity
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.leading import leading_eigenvectors, signature_of, similarity
 from kinespace.library.signature.parts import (
-    EIGEN_LONG,
-    PARTS,
-    SHORT_PARTS,
     Eigenpairs,
-    Kind,
     Moments,
     eigen,
     flattened,
-    lengths_of,
     movement,
     posture,
     spread,
     trend,
 )
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.cutting import eigenpairs_of
-from kinespace.library.windows.index import WindowIndex, learned_basis
+from kinespace.library.windows.index import WindowIndex
 
 # --- basis ------------------------------------------------------------------------------------------------------------
 
@@ -76,16 +69,6 @@ def test_all_pairs_and_classes_count_alike(rows: list[NDArray[np.float64]], body
     assert np.allclose(once.weights, often.weights, rtol=1e-4)
 
 
-def test_without_weights_the_basis_is_orthonormal(builtin: MotionLibrary, rows: list[NDArray[np.float64]]) -> None:
-    """Then it holds even more, because a few distances swing furthest, and rows go there and back nearly unharmed."""
-    basis = learned_basis(builtin, weighted=False)
-    assert np.allclose(basis.directions.T @ basis.directions, np.eye(MAX_DIRECTIONS), atol=SINGLE)
-    assert basis.share > 0.98
-    centred = rows[0] - rows[0].mean(axis=0)
-    back = centred @ basis.directions @ basis.directions.T
-    assert np.square(back - centred).sum() < 0.02 * np.square(centred).sum()
-
-
 def test_few_moving_pairs_make_few_directions(body: Body) -> None:
     """Two distances that vary give two directions, which hold all movement; none that vary give none."""
     still = np.ones((50, len(body.sizing)))
@@ -102,19 +85,6 @@ def test_few_moving_pairs_make_few_directions(body: Body) -> None:
 # --- body -------------------------------------------------------------------------------------------------------------
 
 
-#: A root with two chains: 0-1-2 and 0-3.
-FORK = Skeleton(("root", "knee", "foot", "hand"), (-1, 0, 1, 0))
-
-
-def test_size_and_lengths_follow_the_segments() -> None:
-    """Segments of 1, 2 and 6 metres make a body of 3 metres; from foot to hand the way leads through knee and root."""
-    row = distance_rows(np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 0, 6]]), FORK)
-    body = Body.of(FORK)
-    assert body.size(row) == pytest.approx(3.0)
-    by_pair = {(int(a), int(b)): length for (a, b), length in zip(FORK.pairs, body.lengths(row), strict=True)}
-    assert by_pair == pytest.approx({(0, 1): 1, (0, 2): 3, (0, 3): 6, (1, 2): 2, (1, 3): 7, (2, 3): 9})
-
-
 def test_size_and_lengths_of_a_real_body(builtin: MotionLibrary) -> None:
     """They equal the twin's, which walks from joint to joint; no distance is longer than the segments between."""
     body, twin = Body.of(builtin.skeleton), body_of(builtin.skeleton)
@@ -122,21 +92,6 @@ def test_size_and_lengths_of_a_real_body(builtin: MotionLibrary) -> None:
     assert np.allclose(body.size(rows), [twin.size(row) for row in rows])
     assert np.allclose(body.lengths(rows), [twin.lengths(row) for row in rows])
     assert (rows <= body.lengths(rows) + 1e-9).all()
-
-
-def test_without_parents_all_distances_stand_in_for_segments() -> None:
-    """The size is then the mean distance, and that is also the length between any two joints."""
-    body, row = Body.of(Skeleton(FORK.joints)), np.arange(1.0, 7.0)
-    assert body.size(row) == pytest.approx(3.5)
-    assert body.lengths(row) == pytest.approx(np.full(6, 3.5))
-    assert not len(body.segments)
-
-
-@pytest.mark.parametrize("parents", [(-1, 0, -1, 2), (-1, -1, 0, 1)])
-def test_two_trees_are_no_body(parents: tuple[int, ...]) -> None:
-    """Between joints of two trees there is no way."""
-    with pytest.raises(ValueError, match="one tree"):
-        Body.of(Skeleton(FORK.joints, parents))
 
 
 # --- leading ----------------------------------------------------------------------------------------------------------
@@ -164,13 +119,6 @@ def test_a_statue_has_some_unit_vector(frames: int) -> None:
     assert np.linalg.norm(axis) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("shape", [(0, 8), (1, 8), (8,), (2, 3, 4)])
-def test_rows_without_a_motion_are_refused(shape: tuple[int, ...]) -> None:
-    """Without two frames, or in another shape, there is no signature."""
-    with pytest.raises(ValueError, match=r"rows: expected \(frames, pairs\) with at least two frames, got \("):
-        signature_of(np.zeros(shape))
-
-
 @given(SEEDS)
 def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
     """Scores equal products added up in a loop, for one window and for several, whatever the signs."""
@@ -182,17 +130,6 @@ def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
         assert np.array_equal(
             similarity(generator.choice([-1.0, 1.0], size=(5, 1)) * axes, -window), similarity(axes, window)
         )
-
-
-@pytest.mark.parametrize(("size", "most"), [(5, 3), (2, 4), (3, 0)])
-def test_leading_eigenvectors_are_the_largest(size: int, most: int) -> None:
-    """As many as there are, the largest first, in the matrix's own precision."""
-    points = np.random.default_rng(size).normal(size=(9, size)).astype(np.float32)
-    matrix = points.T @ points
-    values, vectors = leading_eigenvectors(matrix, most)
-    assert values.dtype == vectors.dtype == np.float32
-    assert values == pytest.approx(np.linalg.eigvalsh(matrix)[::-1][:most], rel=1e-5)
-    np.testing.assert_allclose(matrix @ vectors, values * vectors, atol=1e-4)
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
@@ -255,14 +192,3 @@ def test_movement(last_rows: NDArray[np.float64]) -> None:
     twin = naive_windows.moments(np.arange(len(last_rows)) / 60.0, last_rows)
     assert movement(_moments(last_rows))[0] == pytest.approx(naive_windows.moved(twin))
     assert movement(_moments(np.zeros_like(last_rows))) == 0
-
-
-def test_names_and_lengths() -> None:
-    """Parts are named for tables; their windows' lengths are listed once, ascending."""
-    assert EIGEN_LONG.name == "eigen 2 s"
-    assert lengths_of(PARTS) == ((0.25, 1.0), (0.5, 2.0))
-    assert lengths_of(PARTS[1:2]) == ((), (0.5,))
-    # Without an eigen part the leading eigenvector is still found.
-    assert lengths_of(PARTS[-1:]) == ((0.25,), (2.0,))
-    assert {part.kind for part in SHORT_PARTS} == set(Kind)
-    assert max(part.seconds for part in SHORT_PARTS) <= 0.5

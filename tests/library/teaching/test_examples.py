@@ -3,7 +3,6 @@ import pytest
 from synthetic import stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.library.teaching import examples
 from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWindows, checked
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.index import WindowIndex, opened
@@ -78,15 +77,6 @@ def test_what_must_not_be_said_only_lowers_limits(
     assert low.courses.limits.min() < 0.9 * high.courses.limits.min()
 
 
-def test_trimming_cuts_the_motion() -> None:
-    """A trimmed example holds the frames of its motion alone."""
-    motion = _motions("squat1Reps")[0]
-    example = Example(1, "squat", motion, 0.25, 0.75)
-    assert example.motion.duration == pytest.approx(example.seconds, abs=0.04)
-    assert example.seconds == 0.5
-    np.testing.assert_array_equal(example.motion.positions[0], motion.positions[round(0.25 * motion.frame_rate)])
-
-
 @pytest.mark.slow
 def test_changed_windows_equal_the_windows_of_a_new_library(small_index: WindowIndex) -> None:
     """Examples added, taken back and added again are compared as if they had all been there at once."""
@@ -115,32 +105,6 @@ def test_windows_of_undone_examples_are_forgotten() -> None:
         assert index.classes == first.classes
         for mine, other in zip(index.vectors, first.vectors, strict=True):
             np.testing.assert_array_equal(mine, other)
-
-
-def test_among_many_examples_one_more_does_not_make_the_unknown_learned_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the base is not compared, examples teach what is unknown; among many a few more do not matter."""
-    first = _roster(("a", "squat1Reps", 0), ("b", "kickLFront1Reps", 0), ("a", "squat1Reps", 1))
-    second = first.with_example(_example(4, "b", _motions("kickLFront1Reps")[1]))
-    for many in (200, 2):
-        monkeypatch.setattr(examples, "_MANY", many)
-        monkeypatch.setattr(examples, "_FEW", 0.3)
-        windows = TaughtWindows(_base(), with_base=False)
-        before, after, much_later = map(windows.index_of, (first, second, _roster(("a", "squat1Reps", 0))))
-        assert (after.rejection is before.rejection) == (many == 2)
-        assert much_later.rejection is not before.rejection
-
-
-def test_an_index_has_the_motions_of_its_roster_alone() -> None:
-    """What opens its library anew, for fewer joints, finds the same classes; after an undo, too."""
-    windows = TaughtWindows(_base(), with_base=False)
-    first = _roster(("squat", "squat1Reps", 0))
-    before, more, undone = map(
-        windows.index_of, (first, _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)), first)
-    )
-    assert more.classes == more.library.classes == ("kick", "squat")
-    assert undone.classes == undone.library.classes == ("squat",)
-    assert before.library.actors == ()
-    assert undone.library is not more.library
 
 
 @pytest.mark.slow
@@ -175,6 +139,7 @@ def test_without_library_and_examples_there_is_no_index() -> None:
     assert (index.classes, alone.base_classes) == (("squat",), ())
 
 
+@pytest.mark.slow
 def test_a_check_names_the_class_that_an_example_resembles() -> None:
     """A squat taught under another name is as squats are; after one example this is no verdict."""
     windows = TaughtWindows(_base(), with_base=True)

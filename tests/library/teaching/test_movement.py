@@ -101,16 +101,6 @@ def test_hysteresis() -> None:
     assert set(began.values()) == {None, 1.2}
 
 
-def test_a_take_may_begin_and_end_in_a_motion() -> None:
-    """Then its stretch begins with the first frame, and ends with the take."""
-    take, moving = _take(1.0)
-    begin, end = round(moving[0].start * 60) + 20, round(moving[2].start * 60) + 50
-    found = stretches_of(replace(take, positions=take.positions[begin:end]))
-    assert len(found) == 3
-    assert 0.0 <= found[0].start < 0.1
-    assert (end - begin) / 60 - 0.2 < found[-1].end <= (end - begin) / 60
-
-
 def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
@@ -177,12 +167,3 @@ def test_a_joint_that_jumps_begins_no_motion() -> None:
     standing = np.repeat(nod.positions[:1], 120, axis=0)
     standing[60:64, 18] += 0.1
     assert [*moved_in(replace(nod, positions=standing))] == []
-
-
-def test_stillness_is_some_times_the_trembling() -> None:
-    """Between a least and the usual one, and the usual one where nobody stood for half a second."""
-    calm = [(place / 30, Movement(0.001, trembling)) for place, trembling in enumerate([0.0] * 20 + [0.003])]
-    assert stillness_of(calm) == pytest.approx(0.006)
-    assert stillness_of([(time, Movement(0.0)) for time, _ in calm]) == pytest.approx(0.003)
-    assert stillness_of([(time, Movement(0.1)) for time, _ in calm]) == 0.01
-    assert stillness_of(calm[:10], 0.02) == stillness_of([], 0.02) == 0.02

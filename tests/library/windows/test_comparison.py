@@ -7,10 +7,16 @@ import numpy as np
 import pytest
 
 from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, flattened
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Weighing, by_paper
+from kinespace.library.windows.comparison import (
+    ACROSS_LABORATORIES,
+    WITHIN_LABORATORY,
+    Comparison,
+    Lessons,
+    Weighing,
+    by_paper,
+)
 from kinespace.library.windows.cutting import CutWindows
 from kinespace.library.windows.index import Measured
-from kinespace.library.windows.metric import Lessons
 
 if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex

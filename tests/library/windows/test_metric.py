@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kinespace.library.windows import metric
-from kinespace.library.windows.metric import Lessons, learned_metric, squared_distances
+from kinespace.library.windows import comparison
+from kinespace.library.windows.comparison import Lessons, learned_metric, squared_distances
 
 
 def _windows(*, people: int = 3, seed: int = 4) -> tuple[np.ndarray, Lessons]:
@@ -33,7 +33,7 @@ def test_the_nearest_are_looked_for_in_parts(monkeypatch: pytest.MonkeyPatch) ->
     """Some windows after the others find the same nearest as all at once."""
     numbers, lessons = _windows()
     at_once = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
-    monkeypatch.setattr(metric, "_AT_ONCE", 7)
+    monkeypatch.setattr(comparison, "_AT_ONCE", 7)
     parts = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
     np.testing.assert_allclose(
         squared_distances(parts, parts), squared_distances(at_once, at_once), rtol=1e-3, atol=1e-2

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary
-from kinespace.library.windows.oddities import FLAT, is_flat, remarks
+from kinespace.library.windows.segments import FLAT, is_flat, remarks
 from kinespace.tools.feeding.feed import resampled
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """The decoder of other products' packets: hosts and programs told apart, and the last packet that could not be read."""
 
-from kinespace.stream.feeds.decoder import MAX_SENDERS, STEADY, SenderNumbers
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
+from kinespace.stream.inputs.decoder import MAX_SENDERS, STEADY, SenderNumbers
 
 
 def test_hosts_are_numbered() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kinespace.library.naming import hdm05
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, MAX_PERFORMERS, FrameAssembler
+from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS, FrameAssembler
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import decode_packet
@@ -196,15 +196,6 @@ def test_a_joint_that_comes_late_makes_no_frame_of_its_own() -> None:
     assert values(frame) == [2.0] * 4
 
 
-def test_a_straggler_does_not_close_the_next_frame() -> None:
-    """Without end messages a late joint, followed by its own new self, is replaced and counted."""
-    target = assembler("complete", "repeat")
-    pushed(target, whole(1.0), 0.0)
-    made = pushed(target, [joint("d", 1.0), joint("d", 2.0), joint("a", 2.0), joint("b", 2.0), joint("c", 2.0)], 0.03)
-    assert [values(frame) for frame in made] == [[2.0] * 4]
-    assert target.counts.late == 1
-
-
 def test_an_absent_joint_is_held_for_a_while() -> None:
     """A joint that is absent stays where it was, each time counted, then frames without it are refused and counted."""
     target = assembler("end")
@@ -273,45 +264,6 @@ def test_an_uncertain_joint_is_absent() -> None:
 # --- performers and senders --------------------------------------------------------------------------------------
 
 
-def test_interleaved_performers_are_kept_apart() -> None:
-    """Joints of three performers, one after the other, give each performer's own frames."""
-    target = assembler("repeat")
-    made: list[Frame] = []
-    for number in range(4):
-        packets = [joint(name, 10 * who + number, f"p{who}") for name in JOINTS for who in range(3)]
-        made += pushed(target, packets, number * 0.03)
-    for who in range(3):
-        own = [values(frame) for frame in made if frame.performer == f"p{who}"]
-        assert own == [[10 * who + number] * 4 for number in range(3)]
-
-
-def test_an_end_message_without_a_name_ends_everybodys_frames() -> None:
-    """When joints name their performer and the end does not, it ends all performers' frames."""
-    target = assembler("end")
-    made = pushed(target, [*whole(1.0, "p"), *whole(2.0, "q"), message("/end")], 0.0)
-    assert {frame.performer: values(frame)[0] for frame in made} == {"p": 1.0, "q": 2.0}
-
-
-def test_two_senders_of_one_performer_are_two_performers() -> None:
-    """The second host's performer gets its number added; one host's end message leaves the other's frame open."""
-    target = assembler("end")
-    pushed(target, whole(1.0), 0.0, sender=1)
-    pushed(target, whole(2.0), 0.0, sender=2)
-    (second,) = pushed(target, [message("/end")], 0.01, sender=2)
-    assert (second.performer, values(second)) == ("p-2", [2.0] * 4)
-    (first,) = pushed(target, [message("/end")], 0.01, sender=1)
-    assert (first.performer, values(first)) == ("p", [1.0] * 4)
-
-
-def test_a_silent_performer_is_forgotten() -> None:
-    """After some seconds of silence a performer's joints are not held any more, and are announced anew."""
-    target = assembler("end")
-    pushed(target, [*whole(1.0), message("/end")], 0.0)
-    target.expire(FORGET_AFTER + 0.1)
-    made = target.push(decode_packet(bundle(*whole(2.0), message("/end"))), 10.0, bundle=True)
-    assert made[0] == Announcement("p", ("root", "head", "lhand", "rhand"))
-
-
 def test_there_is_room_for_so_many() -> None:
     """A performer above the limit is refused and counted; the others go on."""
     target = assembler("end")
@@ -342,19 +294,6 @@ def test_the_senders_clock_bridges_a_lost_time() -> None:
         time = [message("/time", "d", 100.0 + number * 0.02)] if number != 1 else []
         made += pushed(target, [*time, *whole(1.0), message("/end")], 5.0 + number * 0.02)
     np.testing.assert_allclose([frame.time for frame in made], [100.0, 100.02, 100.04])
-
-
-def test_senseless_messages_are_counted() -> None:
-    """Wrong arguments, unknown addresses and impossible joints are counted, each in its own count."""
-    target = assembler("end")
-    pushed(
-        target,
-        [message("/j", "s", "a"), message("/elsewhere", "i", 1), message("/j", "ssfff", "a", "p", *[1e30] * 3)],
-        0.0,
-    )
-    pushed(target, [*whole(1.0)[1:], message("/end")], 0.0)
-    assert (target.counts.malformed, target.counts.foreign, target.counts.absurd) == (1, 1, 1)
-    assert target.counts.frames == 0
 
 
 @given(

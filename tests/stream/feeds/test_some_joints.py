@@ -5,6 +5,7 @@ from golden import message
 
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import decode_packet
 
@@ -60,3 +61,16 @@ def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
     lost = [each for each in made if isinstance(each, Frame) and np.isnan(each.positions).any()]
     assert 0.8 * FORGET_AFTER * 30 < len(lost) < FORGET_AFTER * 30
     assert all(np.isnan(each.positions).any(axis=1).sum() == 1 for each in lost)
+
+
+def test_channels_of_touchdesigner_may_use_names_of_the_tables() -> None:
+    """Channels of one coordinate, named as Mixamo names bones, are a body."""
+    preset, made = builtin_preset("joints"), list[Announcement | Frame]()
+    assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
+    for number in range(10):
+        for place, name in enumerate(NAMES):
+            for axis in "xyz":
+                packet = message(f"/p1/{name}:t{axis}", "f", place + number / 10)
+                made += assembler.push(unpack(packet), 1 + number / 30 + place * 1e-4)
+    assert set(_announced(made)[0]) == set(NAMES.values())
+    assert {each.performer for each in made if isinstance(each, Frame)} == {"p1"}

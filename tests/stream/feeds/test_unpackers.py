@@ -7,14 +7,13 @@ import pytest
 from golden import bundle, message
 
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.feeds.unpackers import (
-    UNPACKERS,
     ChannelUnpacker,
     unpack_rokoko,
     unpack_xsens,
     unpack_zigsim,
 )
+from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError
 
 
@@ -73,25 +72,6 @@ def test_xsens_reads_the_body_alone() -> None:
     assert unpack_xsens(struct.pack(">6sIBBIBBBBHH", b"MXTP02", *[0] * 10)) == []
 
 
-@pytest.mark.parametrize("cut", [0, 5, 23, 24, 55])
-def test_xsens_cut_short_is_one_error(cut: int) -> None:
-    """A header without its segments, or half of one, is counted and passed over."""
-    with pytest.raises(PacketError, match="packet: expected"):
-        unpack_xsens((struct.pack(">6sIBBIBBBBHH", b"MXTP02", 7, 0x80, 1, 1500, 0, 1, 0, 0, 0, 32) + bytes(32))[:cut])
-
-
-def test_zigsim_comes_as_json_and_as_osc() -> None:
-    """Both are read; without a name the device's number is the performer; without a body there is no message."""
-    body = {"device": {"uuid": "B8"}, "sensordata": {"bodyTracking": {"hips_joint": [1.0, 2.0, 3.0]}}}
-    assert unpack_zigsim(json.dumps(body).encode()) == [Message("/zigsim/B8/hips_joint", [1.0, 2.0, 3.0])]
-    assert unpack_zigsim(b'{"sensordata": {"accel": {"x": 1}}}') == []
-    assert unpack_zigsim(message("/B8/hips_joint", "fff", 1.0, 2.0, 3.0)) == [
-        Message("/B8/hips_joint", [1.0, 2.0, 3.0])
-    ]
-    with pytest.raises(PacketError):
-        unpack_zigsim(b'{"sensordata": {"bodyTracking": {"hips_joint": [1.0, 2.0]}}}')
-
-
 @pytest.mark.parametrize(
     "channel",
     [
@@ -140,10 +120,3 @@ def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:
     for number in range(5000):
         assert unpack(message(f"/p1/joint{number}:tx", "f", 1.0)) == []
     assert len(unpack._waiting) <= 1024  # noqa: SLF001 - the bound under test
-
-
-def test_each_port_has_an_unpacker_of_its_own() -> None:
-    """Numbers that wait on one port are not another's."""
-    first, second = UNPACKERS["channels"](), UNPACKERS["channels"]()
-    assert first(message("/p1/a:tx", "f", 1.0)) == first(message("/p1/a:ty", "f", 1.0)) == []
-    assert second(message("/p1/a:tz", "f", 1.0)) == []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import zmq
 from programs import LOOPBACK, PATIENCE
-from synthetic import STICK, stick_clip
+from synthetic import stick_clip
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
@@ -120,17 +120,6 @@ def test_an_announcement_waits_for_frames_no_longer_than_a_silence() -> None:
     for step in range(4):
         admission.admit([frame(step / 100)], step / 100, ANN)
     assert said(admission.admit([announced, frame(1.0)], 1.0, anew)) == [announced, 1.0]
-
-
-def test_a_performer_taken_over_is_begun_anew(sticks: MotionLibrary) -> None:
-    """The former sender's announcement does not hold for the next sender's frames."""
-    admission, performers = Admission(), Performers(sticks)
-    wrong = [Announcement("ann", STICK.joints[:3]), Frame("ann", 1.0, POSITIONS)]
-    performers.push_all(admission.admit(wrong, 0.0, EVE), 0.0)
-    assert performers.counts.other_joints == 1
-    positions = stick_clip("wave", seed=3, frames=1).positions
-    performers.push_all(admission.admit([Frame("ann", 1.0, positions[0])], 10.0, ANN), 10.0)
-    assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (1, 1)
 
 
 @pytest.mark.parametrize("odd", [1e18, -1e18, 100.0, 1e-3])

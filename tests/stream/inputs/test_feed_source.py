@@ -2,58 +2,19 @@
 
 import math
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-import pytest
 from golden import message
 
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.preset import AskedMessage, Preset, parse_preset
+from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.frame import Frame
-from kinespace.stream.inputs.feed_source import SILENCE, FeedSource, is_due, packets_for_sender
+from kinespace.stream.inputs.source import SILENCE, FeedSource, is_due
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
 
 LOOPBACK, NEVER = "127.0.0.1", -math.inf
-
-
-def asked(preset: Preset, messages: Sequence[AskedMessage]) -> list[Message]:
-    """Decode the messages for a sender, each in a packet of its own."""
-    return [message for packet in packets_for_sender(preset, messages, 4545) for message in decode_packet(packet)]
-
-
-def test_qualisys_is_shaken_hands_with() -> None:
-    """Connect with our port, then stream; at the end stop and disconnect: as Qualisys' protocol has it."""
-    preset = builtin_preset("qtm")
-    assert preset.asking
-    assert asked(preset, preset.asking.messages) == [
-        Message("/qtm", ["Connect 4545"]),
-        Message("/qtm", ["StreamFrames AllFrames 3D Skeleton:global"]),
-    ]
-    assert asked(preset, preset.asking.farewell) == [
-        Message("/qtm", ["StreamFrames Stop"]),
-        Message("/qtm", ["Disconnect"]),
-    ]
-    assert preset.asking.port == 22225
-
-
-@pytest.mark.parametrize(
-    ("name", "count", "one"),
-    [
-        ("synapse", 15, Message("/righthand_trackjointpos", [2])),
-        ("captury", 21, Message("/configure/port", [4545])),
-        ("captury", 21, Message("/subscribe/John-Doe/blender/Hips/vector", [50.0, 0.0, 100.0])),
-    ],
-)
-def test_joints_are_asked_for(name: str, count: int, one: Message) -> None:
-    """Each joint is asked for by a message of its own, in a packet far below any network's limit."""
-    preset = builtin_preset(name)
-    assert preset.asking
-    packets = packets_for_sender(preset, preset.asking.messages, 4545)
-    assert (len(packets), len(asked(preset, preset.asking.messages))) == (count, count)
-    assert one in asked(preset, preset.asking.messages)
-    assert max(map(len, packets)) < 200
 
 
 def test_the_handshake_is_repeated_only_while_nothing_comes() -> None:
@@ -130,24 +91,3 @@ def wait_for(source: FeedSource, arrival: float) -> list[object]:
     while (taken := source.take(arrival)) is None:
         pass
     return list(taken)
-
-
-def test_an_unreachable_sender_is_counted() -> None:
-    """A sender whose name cannot be resolved is counted and does not stop the loop."""
-    source = FeedSource(OscReceiver(LOOPBACK, 0), builtin_preset("qtm"), sender="no such host.invalid")
-    source.tend(0.0)
-    assert source.unasked == 2
-    source.close()
-
-
-def test_the_source_counts_everything() -> None:
-    """No OSC, wrong messages, foreign ones and refused frames stand in the counts."""
-    with asked_source() as (source, sender):
-        for packet in (b"junk", message("/a", "s", "x"), message("/elsewhere/x"), message("/a", "fff", 1.0, 2.0, 3.0)):
-            sender.sendto(packet, source.receiver.address)
-            wait_for(source, 0.0)
-        source.tend(1.0)
-        counts = source.counts
-        assert (counts.received, counts.malformed, counts.foreign, counts.incomplete) == (4, 2, 1, 1)
-        assert str(source) == f"asks {LOOPBACK}:{source.receiver.address[1]}"
-        source.close()

@@ -47,14 +47,6 @@ def test_the_price_of_a_frame_is_its_time() -> None:
     assert turns.comes_last(EVE, 1.0)
 
 
-def test_a_single_sender_never_comes_last() -> None:
-    """A single sender keeps no other waiting."""
-    turns = Turns()
-    for step in range(100):
-        assert not turns.comes_last(EVE, 10 + step / 10)
-        turns.charge(EVE, 0.1, 100, 10 + step / 10)
-
-
 def test_the_packets_put_aside_are_bounded() -> None:
     """The oldest packets make room for new ones, and are counted."""
     turns = Turns()
@@ -123,17 +115,6 @@ def test_others_go_before_a_greedy_sender(source: Source) -> None:
     assert [len(source.take(1.04) or ()) for _ in range(4)] == [2000, 0, 2000, 0]
     assert not source.has_put_aside
     assert source.counts.thrown_away == 0
-
-
-def test_a_senders_packets_stay_in_their_order() -> None:
-    """While some of them are put aside, the later ones are too, also when all is paid off."""
-    turns = Turns()
-    turns.charge(ANN, 0.0, 1, 100.0)
-    turns.put_aside(Waiting(b"first", 1.0, 0.0, EVE))
-    assert turns.comes_last(EVE, 100.0)
-    assert not turns.comes_last(ANN, 100.0)
-    turns.take()
-    assert not turns.comes_last(EVE, 100.0)
 
 
 def test_a_packet_is_kept_at_its_arrival() -> None:

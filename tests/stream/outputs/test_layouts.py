@@ -60,14 +60,6 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
             assert len(packet) <= osc_answers.MAX_ANSWER
 
 
-def test_every_layout_has_the_usual_port_of_its_programs() -> None:
-    """A program that listens where it usually does hears us without an option."""
-    ports = {"native": 9311, "max": 7400, "puredata": 9312, "supercollider": 57120, "touchdesigner": 10000}
-    ports |= {"wekinator": 12000, "vmc-thru": 39539, "vrchat": 9000}
-    assert {name: make().port for name, make in LAYOUTS.items()} == ports
-    assert {make().name for make in LAYOUTS.values()} == ports.keys()
-
-
 def test_the_native_sink_sends_the_osc_answers() -> None:
     """Every message of the service goes out as OSC; of those that a layout does not know nothing is sent."""
     sent, told = list[bytes](), State("Ada L", Step.WAITING)
@@ -193,15 +185,6 @@ def test_wekinators_layout_sends_progress() -> None:
     assert read(layout.gone("Ada L")) == told
 
 
-def test_vmc_programs_pass_it_on() -> None:
-    """`/VMC/Thru/<a>/<b>` with one text and one integer, as the protocol has it."""
-    layout = LAYOUTS["vmc-thru"]()
-    assert read(layout.recognition(recognition())) == {"/VMC/Thru/motion/class": ["jump", 1]}
-    assert read(layout.recognition(recognition(Outcome.STILL))) == {"/VMC/Thru/motion/class": ["still", -1]}
-    assert read(layout.event(START)) == {"/VMC/Thru/motion/start": ["jump", 1]}
-    assert read(layout.gone("Ada L")) == {"/VMC/Thru/motion/class": ["gone", -1]}
-
-
 def test_vrchat_gets_parameters() -> None:
     """A whole number from 0 to 255 and a float from 0 to 1."""
     layout = LAYOUTS["vrchat"]()
@@ -222,11 +205,11 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
         for host, name in (("127.0.0.1", "p"), ("127.0.0.2", "q")):
             senders[name] = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             senders[name].bind((host, 0 if back or name != "q" else senders["p"].getsockname()[1]))
-            senders[name].settimeout(5.0)
+            senders[name].settimeout(60.0)
         sink = ReplySink(NativeLayout(), receiver, 0 if back else senders["p"].getsockname()[1], admission)
         assert str(sink) == ("native the sender" if back else f"native the sender:{sink.port}")
         sink.publish(recognition())
-        receiver.socket.settimeout(5.0)
+        receiver.socket.settimeout(60.0)
         for name, sender in senders.items():
             sender.sendto(osc.encode_frame(Frame(name, 1.0, np.zeros((3, 3)))), receiver.address)
             assert source.take(1.0)

@@ -112,9 +112,3 @@ def test_a_program_that_is_killed_leaves_the_notes_until_then(tmp_path: Path) ->
         path.with_name("killed.mid").write_bytes(path.read_bytes())
         assert len([each for each in mido.MidiFile(tmp_path / "killed.mid") if not each.is_meta]) == number
     sink.close()
-
-
-def test_a_place_that_cannot_be_written_is_said_at_once(tmp_path: Path) -> None:
-    """Not after the show."""
-    with pytest.raises(FileNotFoundError):
-        MidiSink(f"{tmp_path / 'nowhere' / 'take.mid'}")

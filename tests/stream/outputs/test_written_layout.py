@@ -7,7 +7,7 @@ import pytest
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream.outputs import LayoutSink
-from kinespace.stream.outputs.written_layout import LayoutFileError, WrittenLayout
+from kinespace.stream.outputs.layouts import LayoutFileError, WrittenLayout
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 
 FILMS = """

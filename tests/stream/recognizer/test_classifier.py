@@ -13,7 +13,9 @@ from kinespace.library import MotionLibrary, SkeletonMismatchError, distance_row
 from kinespace.library.windows.comparison import NEAREST
 from kinespace.library.windows.cutting import window_ends
 from kinespace.stream import MotionClassifier
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows
+from kinespace.stream.recognizer.live_windows import LiveWindows
+
+pytestmark = pytest.mark.slow
 
 CLASSES = tuple(sorted(STICK_CLASSES)[:3])
 CLIPS = [
@@ -26,14 +28,15 @@ NAMES = [each.class_name for each in CLIPS]
 
 @pytest.mark.parametrize("timing", [0.0, 0.5])
 def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> None:
-    """Scores are by the live windows' distances, a window of another time being farther; the learned is named."""
+    """Scores are by the live windows' distances, a window of another time being farther, the first counting less."""
     classifier = MotionClassifier(timing=timing)
     assert classifier.fit(CLIPS[::2], NAMES[::2]) is classifier
     assert classifier.classes_.tolist() == list(CLASSES)
     asked, index = CLIPS[1], opened(classifier.library_)
     windows, logs, before = LiveWindows(index), [], 0
     whose = [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
-    for end in window_ends(asked, 0.1).tolist():
+    ends = window_ends(asked, 0.1)
+    for end in ends.tolist():
         some = slice(before, end)
         windows.push(asked.times[some], distance_rows(asked.positions[some], asked.skeleton))
         seen, before = windows.read(), end
@@ -47,7 +50,8 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
         else:
             logs.append(seen.distances.named)
     scores = classifier.decision_function(CLIPS[1::2])
-    np.testing.assert_allclose(scores[0], np.mean(1 / (1 + np.exp(logs)), axis=0), rtol=2e-3)
+    weights = [min(end / 60, 0.6) ** 2 for end in ends.tolist()]
+    np.testing.assert_allclose(scores[0], np.average(1 / (1 + np.exp(logs)), axis=0, weights=weights), rtol=2e-3)
     named = [CLASSES[max(range(3), key=row.__getitem__)] for row in scores.tolist()]
     assert classifier.predict(CLIPS[1::2]).tolist() == named
     assert classifier.predict(CLIPS[:6:2]).tolist() == [CLASSES[0]] * 3
@@ -86,7 +90,6 @@ def test_who_taught_is_said_and_groups_are_persons(builtin: MotionLibrary) -> No
         classifier.fit(arrays, names, groups=["bd"])
 
 
-@pytest.mark.slow
 def test_arrays_are_clips_of_the_skeleton_given() -> None:
     """Positions alone are named as a clip is; without a skeleton they are of HDM05's joints."""
     arrays = [each.positions for each in CLIPS]
@@ -134,7 +137,6 @@ def test_parameters_that_mean_nothing_are_refused(builtin: MotionLibrary, name: 
     assert MotionClassifier(frame_rate=np.int64(60), hop=np.float32(0.1)).fit(motions, ["a", "b"]).library_
 
 
-@pytest.mark.slow
 def test_scikit_learn_takes_it() -> None:
     """Its own checks pass, a clone has the same parameters, and it divides clips by person."""
     base, checks = pytest.importorskip("sklearn.base"), pytest.importorskip("sklearn.utils.estimator_checks")

@@ -18,9 +18,8 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
-from kinespace.stream.recognizer.limits import index_for
-from kinespace.stream.recognizer.settings import LiveSignature, Settings
-from kinespace.stream.recognizer.windows.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for
 
 CLASSES = ("bow", "jump", "wave")
 START, END = EventKind.START, EventKind.END

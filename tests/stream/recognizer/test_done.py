@@ -19,7 +19,7 @@ from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.stream.recognition import Done, EventKind
 from kinespace.stream.recognizer import done
 from kinespace.stream.recognizer.done import DoneFollower
-from kinespace.tools.teaching.beginning import open_taught
+from kinespace.tools.teaching.lessons import open_taught
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
 

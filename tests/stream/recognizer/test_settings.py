@@ -11,7 +11,7 @@ from synthetic import stick_clip
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.index import opened
 from kinespace.stream.recognizer import LiveSignature, Settings
-from kinespace.stream.recognizer.limits import index_for, needed_lead, threshold_for, usual_sensitivity
+from kinespace.stream.recognizer.settings import index_for, needed_lead, threshold_for, usual_sensitivity
 
 PAPER = LiveSignature.PAPER
 

@@ -1,28 +1,22 @@
 """The loop: packets of every source are counted and answered to every sink, and none stops the loop."""
 
-import dataclasses
-import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 
 import numpy as np
 import pytest
-import zmq
 from fakes import Bench, FakeSink, FakeSource
 from performed import pushed, shown
-from synthetic import STICK, STICK_CLASSES, stick_clip
+from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import osc, zeromq
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
-from kinespace.stream.service.loop import STATUS_EVERY, Service
-from kinespace.stream.service.overload import LATE, MAX_AGE
+from kinespace.stream.service.loop import LATE, MAX_AGE, Service
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Asked, State, Step, commands, wire
 from kinespace.stream.zeromq import Endpoint
@@ -144,24 +138,6 @@ def test_a_sinks_error_is_counted_and_ends_nothing(library: MotionLibrary, sourc
     assert "Broken: OverflowError: publish_gone" in service.status().notes
 
 
-def test_what_is_due_by_the_clock_is_recognised_too(bench: Bench, library: MotionLibrary) -> None:
-    """A source that gives frames without a packet is asked within its time."""
-    frames = [_frames("bow")]
-
-    class Tended(FakeSource):
-        tended_within = 0.03
-
-        def tend(self, now: float) -> Sequence[Frame]:
-            self.arrivals.append(now)
-            return frames.pop() if frames else ()
-
-    with closing(Tended()) as source:
-        bench = Bench(Performers(library), source)
-        bench.step()
-        assert source.arrivals == [1000.0]
-    assert [each.time for each in bench.sink.recognitions] == [each.time for each in _expected(library, _frames("bow"))]
-
-
 def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, bench: Bench) -> None:
     """For each performer and class from 1, until somebody resets the count, by OSC, or the performer leaves.
 
@@ -225,19 +201,6 @@ def test_of_old_packets_the_newest_is_answered(
     assert waited < status.hop_p50 < waited + PATIENCE
 
 
-def test_a_packet_may_hold_several_events(bench: Bench, library: MotionLibrary) -> None:
-    """Announcements and frames of one packet are dealt with in their order."""
-    order = [5, 4, 3, 2, 1, 0]
-    frames = _frames("wave")
-    announcement = Announcement("p", STICK.joints[::-1])
-    turned = [dataclasses.replace(frame, positions=frame.positions[order]) for frame in frames]
-    bench.sources[0].waiting.append([announcement, *turned])
-    bench.step()
-    expected = _expected(library, frames)
-    assert [answer.time for answer in bench.sink.recognitions] == [answer.time for answer in expected]
-    assert {answer.label for answer in bench.sink.recognitions} == {"wave"}
-
-
 def test_one_busy_source_does_not_silence_the_others(library: MotionLibrary, opened: ExitStack) -> None:
     """When more waits than one step takes, each source gets its turn, and the rest is taken by the next steps."""
     feeds = [_frames("bow", name, frames=600) for name in ("a", "b")]
@@ -262,15 +225,6 @@ def test_classes_and_status_are_sent_on_time(bench: Bench) -> None:
     assert set(bench.sink.classes) == {STICK_CLASSES}
 
 
-def test_after_a_long_sleep_nothing_is_made_up_for(bench: Bench) -> None:
-    """When the clock jumps by an hour, one status is sent, not three thousand."""
-    bench.step()
-    bench.step(3600.0)
-    for _ in range(5):
-        bench.step(0.01)
-    assert (len(bench.sink.classes), len(bench.sink.statuses)) == (2, 2)
-
-
 def test_the_status_counts_everything(bench: Bench) -> None:
     """Sources, performers, rates and sinks all have their numbers in the status."""
     (source,) = bench.sources
@@ -291,32 +245,6 @@ def test_the_status_counts_everything(bench: Bench) -> None:
     assert status.lost == 4
 
 
-def test_rates_count_the_last_second(bench: Bench) -> None:
-    """A performer's rate is counted anew each second, and is 0 without frames."""
-    (source,) = bench.sources
-    bench.step()
-    source.waiting.extend([frame] for frame in _frames("jump", frames=30))
-    bench.step(0.1)
-    for _ in range(2):
-        bench.step(1.0)
-    assert [status.performers for status in bench.sink.statuses] == [{}, {"p": pytest.approx(30 / 1.1)}, {"p": 0.0}]
-
-
-def test_a_silent_performer_is_dropped(library: MotionLibrary, source: FakeSource) -> None:
-    """After the silence its motion ends, every sink is told once that it has gone, and the number of frames stays."""
-    bench, frames = Bench(Performers(library, silence=3.0), source, sinks=2), _frames("jump", frames=240)
-    source.waiting.extend([frame] for frame in frames)
-    for _ in range(6):
-        bench.step(1.0)
-    for sink in bench.sinks:
-        assert [len(status.performers) for status in sink.statuses] == [0, 1, 1, 1, 0, 0]
-        assert [(event.kind, event.label) for event in sink.events] == [("start", "jump"), ("end", "jump")]
-        assert sink.events[-1].time == frames[-1].time
-        assert sink.gone == ["p"]
-    assert bench.sink.statuses[-1].outcomes.dropped == 1
-    assert bench.sink.statuses[-1].outcomes.recognizers.frames == 240
-
-
 def test_every_motion_ends_once(library: MotionLibrary, source: FakeSource) -> None:
     """Also the motion of a performer who makes room for another, and one after whose pause nothing is answered."""
     bench = Bench(Performers(library, most=1, silence=1.0), source)
@@ -330,22 +258,6 @@ def test_every_motion_ends_once(library: MotionLibrary, source: FakeSource) -> N
     ended = [(event.performer, event.label, event.time) for event in bench.sink.events if event.kind == "end"]
     assert ended == [("ada", "wave", first[-1].time), ("bo", "bow", last[-1].time)]
     assert bench.sink.gone == ["ada", "bo"]
-
-
-def test_waiting_ends_in_time_for_the_status(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A step without packets waits no longer than asked, and no longer than until the next status."""
-    waits = []
-
-    def poll(_: zmq.Poller, timeout: int) -> list[tuple[object, int]]:
-        waits.append(timeout)
-        return []
-
-    monkeypatch.setattr(zmq.Poller, "poll", poll)
-    bench.service.step(0.0)
-    bench.service.step(0.1)
-    bench.clock.now += STATUS_EVERY - 0.02
-    bench.service.step(0.1)
-    assert waits == [0, 100, 20]
 
 
 def test_leaving_closes_everything(library: MotionLibrary) -> None:
@@ -413,31 +325,6 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
     # Each failed to send the classes, the first status, every answer, the start of the one motion, and the bows done.
     done = sum(bool(each.done) for each in _expected(library, _frames("bow")))
     assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1 + done)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when a datagram arrived")
-def test_packets_older_than_a_second_are_not_answered_as_present(
-    library: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """After a stop the newest frame is answered, older ones are counted; latency counts from the arrival."""
-    monkeypatch.setattr(service_module, "MAX_AGE", 0.2)
-    monkeypatch.setattr(service_module, "_MAX_CATCHING_UP", PATIENCE)
-    source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
-    sink, frames = FakeSink(), _frames("wave")
-    sender = opened.enter_context(closing(osc.OscSender(*source.receiver.address)))
-    with Service(Performers(library), [source], [sink]) as service:
-        for frame in frames:
-            sender.send(osc.encode_frame(frame))
-        time.sleep(0.3)
-        until = time.monotonic() + PATIENCE
-        while source.counts.received < len(frames) and time.monotonic() < until:
-            service.step(0.0)
-        service.step(0.0)
-        status = service.status()
-    (answer,) = sink.recognitions
-    assert frames[-1].time - 0.05 < answer.time <= frames[-1].time
-    assert status.inputs.stale + status.outcomes.recognizers.frames == len(frames)
-    assert status.hop_p50 > 0.2
 
 
 class FakeControl:

@@ -1,6 +1,5 @@
 """Overload, on a machine whose slowness is given: answers get rarer for all alike, and stay fresh."""
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 
@@ -14,7 +13,7 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.service.overload import CAUTION, MAX_PERFORMERS, MAX_WAITING, Overload, Taken
+from kinespace.stream.service.loop import MAX_PERFORMERS, MAX_WAITING, Overload, Taken
 
 #: Seconds that a packet and an answer take.
 _PACKET, _ANSWER = 2e-4, 5e-3
@@ -122,14 +121,3 @@ def test_names_are_bounded() -> None:
     overload = Overload()
     overload.keep([_taken(f"n{number}", 0.0) for number in range(MAX_PERFORMERS + 7)], 0.0)
     assert (len(overload.turns(2 * MAX_PERFORMERS)), overload.stale) == (MAX_PERFORMERS, 7)
-
-
-@pytest.mark.parametrize("is_late", [True, False])
-def test_it_goes_on_for_a_while(is_late: bool) -> None:  # noqa: FBT001
-    """While somebody waits, and for a second after a late packet."""
-    overload = Overload()
-    assert overload.until == -math.inf
-    overload.keep([_taken("a", 0.0)], 10.0, is_late=is_late)
-    assert overload.until == math.inf
-    overload.turns(1)
-    assert overload.until == (10.0 + CAUTION if is_late else -math.inf)

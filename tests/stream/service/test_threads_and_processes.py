@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
-from kinespace.stream.service.background_opener import BackgroundViews
-from kinespace.stream.service.child_process import leave_signals_to_parent, signals_held
+from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,7 +81,7 @@ def test_a_child_survives_signals_that_are_its_parents(termination: bool) -> Non
     assert ours.recv() == "began"
     if termination:
         assert ours.recv() == "went on"
-    process.join(10.0)
+    process.join()
     assert process.exitcode == (0 if termination else -signal.SIGTERM)
     ours.close()
 

@@ -1,12 +1,9 @@
 import pytest
 from test_teacher import Stage
 
-from kinespace.library.teaching.examples import Check
 from kinespace.stream.recognition import Event, EventKind
-from kinespace.stream.teaching import State, Step, Taught, commands
-from kinespace.stream.teaching.named import NamedMotions
-from kinespace.stream.teaching.notices import Tried
-from kinespace.stream.teaching.teacher import OFFER
+from kinespace.stream.teaching import State, Step, commands
+from kinespace.stream.teaching.memory import NamedMotions
 
 
 def _event(kind: EventKind, time: float, label: str = "squat1Reps", performer: str = "ann") -> Event:
@@ -44,25 +41,6 @@ def test_the_last_named_motion_becomes_an_example(command: commands.Command, cla
     assert stage.teacher.roster.examples == ()
     stage.ask(commands.Wrong("ann"))
     assert [each.class_name for each in stage.teacher.roster.examples] == ["nothing"]
-
-
-@pytest.mark.parametrize(
-    ("command", "words", "offer"),
-    [
-        (commands.Right(), "good so far: show it again to be sure; the nearest class is kick", f"; {OFFER}"),
-        (commands.Wrong(), "good", ""),
-    ],
-)
-def test_nobody_is_asked_to_show_again_what_was_wrong(command: commands.Command, words: str, offer: str) -> None:
-    """An example of nothing resembles a class by nature; a class's first example had better be shown again."""
-    stage = Stage()
-    _performed(stage)
-    stage.ask(command)
-    (example,) = stage.teacher.roster.examples
-    taught, done = stage.teacher.checked(example.number, Check(0.3, "kick", float("nan"), is_first=True), Tried())
-    assert isinstance(taught, Taught)
-    assert isinstance(done, State)
-    assert (taught.words, done.reason) == (words, words + offer)
 
 
 def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:

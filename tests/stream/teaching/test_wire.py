@@ -1,13 +1,10 @@
 import json
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kinespace.stream.osc.packet import decode_packet, encode_bundle, encode_message
 from kinespace.stream.teaching import State, Step, Taught, commands, wire
-from kinespace.stream.teaching.commands import CommandError
-from kinespace.stream.teaching.notices import Tried
+from kinespace.stream.teaching.commands import CommandError, Tried
 
 TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
 
@@ -45,7 +42,7 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
         ({"do": "teach", "class": "wave", "performer": "", "countdown": 0}, commands.Teach("", "wave", 1, 0.0)),
         ({"do": "forget", "class": "wave"}, commands.Forget("wave")),
         ({"do": "enable", "class": "wave", "on": True}, commands.Enable("wave", on=True)),
-        ({"do": "redo"}, commands.Redo()),
+        ({"do": "undo"}, commands.Undo()),
         ({"do": "list"}, commands.List()),
         ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
         ({"do": "wrong", "performer": "ann"}, commands.Wrong("ann")),
@@ -74,7 +71,7 @@ def test_commands_in_json(request_: dict[str, object], command: commands.Command
         (encode_message("/motion/teach", "ann", "wave", 0), "repetitions"),
         (encode_message("/motion/teach", "ann", "wave", 1, float("nan")), "countdown"),
         (encode_message("/motion/teach", "ann", "wave", float("nan")), "repetitions: expected int, got nan"),
-        (encode_message("/motion/teach/trim", float("inf")), "on: expected bool, got inf"),
+        (encode_message("/motion/teach/hold", "ann", "wave", float("inf")), "on: expected bool, got inf"),
         (encode_message("/motion/teach", "ann", "wave", 1, 1, 1), "expected performer, class"),
         (encode_message("/motion/teach/last", "ann", 60.0, "bow"), "seconds"),
         (encode_message("/motion/teach/last", "ann", 0.0, "bow"), "seconds"),
@@ -96,7 +93,7 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
     ("request_", "told"),
     [
         ({"do": "teach", "class": "wave"}, "teach: expected performer, class, .*, got no performer"),
-        ({"do": "trim"}, "trim: expected on, got no on"),
+        ({"do": "enable", "class": "wave"}, "enable: expected class, on, got no on"),
         # Half a character, which JSON can write and no transport can send.
         ({"do": "teach", "performer": "\ud800", "class": "bow"}, r"performer: expected str, got '\\ud800'"),
         ({"do": "forget", "class": "a\udfff"}, "class: expected str"),
@@ -111,17 +108,6 @@ def test_bad_requests_are_one_line(request_: dict[str, object], told: str) -> No
     """A request that lacks an argument, has another one, or a number out of range names it."""
     with pytest.raises(CommandError, match=told):
         wire.decode_json(json.dumps(request_).encode())
-
-
-@given(st.binary(max_size=80))
-def test_no_bytes_break_a_decoder(some: bytes) -> None:
-    """Any bytes give a command or a CommandError."""
-    for decode in (lambda packet: wire.decode(wire.said_in(packet)[0]), wire.decode_json):
-        try:
-            decode(b"/motion/teach" + some)
-            decode(some)
-        except CommandError:
-            pass
 
 
 def test_notices() -> None:

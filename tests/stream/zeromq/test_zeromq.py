@@ -2,21 +2,16 @@
 
 import dataclasses
 import json
-import os
-import sys
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from performed import NAMED
 
 from kinespace.stream import zeromq
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Answer, Done, Event, EventKind
+from kinespace.stream.recognition import Done, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
@@ -25,34 +20,11 @@ from kinespace.stream.zeromq import answers as zeromq_answers
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.
 PATIENCE_MS = 20_000
-#: How Linux's table of connections writes one that is open, and the timer that asks whether the other end is there.
-ESTABLISHED, KEEPALIVE = "01", 2
 POSITIONS = np.random.default_rng(5).normal(size=(3, 3))
 TOPIC, HEADER, BUFFER = zeromq.encode_frame(Frame("p", 1.5, POSITIONS), 7)
 
 
 # --- answers -----------------------------------------------------------------------------------------------------
-
-
-def test_numbers_that_are_not_finite_are_null() -> None:
-    """NaN and infinities, which no recogniser gives, make an answer that every JSON parser reads."""
-    scores = np.array([np.nan, np.inf, -np.inf, 0.1234567])
-    odd = dataclasses.replace(
-        NAMED, classes=("%.6f", "b", "c", "d"), scores=scores, guess=3, movement=np.nan, gap=-np.inf
-    )
-    encoded = zeromq.encode_recognition(odd)[1]
-    assert b"NaN" not in encoded
-    assert b"Infinity" not in encoded
-    answer = json.loads(encoded)
-    assert answer["scores"] == {"%.6f": None, "b": None, "c": None, "d": 0.123457}
-    assert (answer["movement"], answer["gap"]) == (None, None)
-
-
-def test_a_performer_who_left_has_no_class() -> None:
-    """The last answer about a performer names no class and gives the reason; listeners read it as any other."""
-    parts = zeromq_answers.encode_gone("Zoë 1")
-    assert parts[0] == "class/Zoë 1/".encode()
-    assert zeromq.decode_answer(parts) == Answer("Zoë 1", -1, 0.0, 0.0, "gone")
 
 
 def test_an_event_is_json_under_its_performers_topic() -> None:
@@ -135,17 +107,6 @@ def test_gaps_in_the_numbers(numbers: list[int | None], missing: int) -> None:
     assert _missing(numbers) == missing
 
 
-@given(data=st.data())
-def test_dropped_and_swapped_numbers(data: st.DataObject) -> None:
-    """Of a feed that loses frames and swaps neighbours, exactly the lost ones between first and last are missing."""
-    count = data.draw(st.integers(3, 60))
-    kept = sorted({0, count - 1, *data.draw(st.sets(st.integers(0, count - 1)))})
-    for place in range(1, len(kept) - 2, 3):
-        if data.draw(st.booleans()) and kept[place + 1] - kept[place] < 10:
-            kept[place], kept[place + 1] = kept[place + 1], kept[place]
-    assert _missing([1000 + number for number in kept]) == count - len(kept)
-
-
 def test_made_up_names_do_not_pile_up() -> None:
     """Each performer's numbers are its own; the 1025th performer makes the decoder forget the others' last numbers."""
     gaps, found = SequenceGaps(), []
@@ -174,22 +135,6 @@ def test_made_up_names_do_not_pile_up() -> None:
 def test_an_endpoint_says_bind_or_connect(text: str, expected: Endpoint, *, bind: bool) -> None:
     """A "@" binds and a ">" connects, with either default; without both the default decides."""
     assert Endpoint.parse(text, bind=bind) == expected
-
-
-@pytest.mark.parametrize("text", ["", "5556", "127.0.0.1:5556", "tcp:/127.0.0.1", "@", ">localhost:5556"])
-def test_an_endpoint_without_a_transport_is_refused(text: str) -> None:
-    """An address without a transport is refused, with an example."""
-    with pytest.raises(ValueError, match=r"endpoint: expected an address like tcp://127\.0\.0\.1:5556"):
-        Endpoint.parse(text, bind=True)
-
-
-@pytest.mark.parametrize("make", [ZmqReceiver, ZmqSender])
-def test_the_error_names_a_taken_address(make: Callable[[Endpoint], ZmqReceiver | ZmqSender]) -> None:
-    """Binding a taken address raises an OSError that names it."""
-    first = make(Endpoint(ANY_PORT, bind=True))
-    with pytest.raises(OSError, match=first.address):
-        make(Endpoint(first.address, bind=True))
-    first.close()
 
 
 # --- the sockets -------------------------------------------------------------------------------------------------
@@ -323,38 +268,6 @@ def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
     again = wire.sender(address, bind=not bind)
     _greet(again, receiver)
     assert receiver.broken() == 0
-
-
-def test_what_waits_when_its_sender_has_gone_has_still_its_sender(wire: Wire) -> None:
-    """Messages that are read after their connection has ended are said to be of the same sender."""
-    sender, receiver = wire.pair(receiver_binds=True)
-    known = receiver.sender
-    sender.socket.linger = 1000
-    for _ in range(20):
-        sender.send([TOPIC, b"more"])
-    sender.close()
-    assert receiver.socket.poll(PATIENCE_MS)
-    time.sleep(0.2)
-    assert receiver.broken() == 0
-    while receiver.receive():
-        assert receiver.sender == known
-    assert known
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells of each connection which timer runs")
-def test_a_sender_that_was_switched_off_is_asked_for(wire: Wire) -> None:
-    """While nothing comes, the system asks on both ends' connections whether the other is there, within seconds."""
-    _, receiver = wire.pair(receiver_binds=True)
-    port = f":{int(receiver.address.rpartition(':')[2]):04X}"
-    until, timers = time.monotonic() + PATIENCE_MS / 1000, list[tuple[int, float]]()
-    # The last message is acknowledged first.
-    while [kind for kind, _ in timers] != [KEEPALIVE, KEEPALIVE] and time.monotonic() < until:
-        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
-        ends = [row[5].split(":") for row in rows if row[3] == ESTABLISHED and port in row[1] + row[2]]
-        timers = [(int(kind, 16), int(ticks, 16) / os.sysconf("SC_CLK_TCK")) for kind, ticks in ends]
-        time.sleep(0.01)
-    assert [kind for kind, _ in timers] == [KEEPALIVE, KEEPALIVE]
-    assert max(seconds for _, seconds in timers) <= 6.0
 
 
 @pytest.mark.parametrize(

@@ -18,13 +18,11 @@ _NAMES = {"", "localhost", "localhost.localdomain", "ip6-localhost", "ip6-loopba
 def refuse() -> None:
     """Refuse every address but this machine's own ones, and every look-up of another name; for the whole process.
 
-    Multicast is let out through the loopback interface alone, and zeroconf finds no other interface.
+    Multicast is let out through the loopback interface alone.
     """
     sys.addaudithook(_judge)
     for name in ("bind", "connect", "connect_ex", "sendto"):
         setattr(socket.socket, name, _looking_first(getattr(socket.socket, name)))
-    if "zeroconf" in sys.modules:
-        _leave_loopback_alone()
 
 
 def _judge(event: str, arguments: tuple[object, ...]) -> None:
@@ -38,8 +36,6 @@ def _judge(event: str, arguments: tuple[object, ...]) -> None:
         text = name.decode(errors="replace") if isinstance(name, bytes) else str(name or "")
         if not _is_known(text):
             raise socket.gaierror(socket.EAI_NONAME, f"tests ask no network, and {text!r} would be looked up in one")
-    elif event == "import" and arguments[0] == "zeroconf":
-        _leave_loopback_alone()
 
 
 def _looking_first(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -84,23 +80,3 @@ def _leaves_by_loopback(sock: socket.socket) -> bool:
         return ipaddress.ip_address(chosen).is_loopback
     number = sock.getsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF)
     return number > 0 and socket.if_indextoname(number).startswith("lo")
-
-
-@cache
-def _leave_loopback_alone() -> None:
-    """Let zeroconf see the loopback interface alone: it joins groups on every interface that it sees."""
-    try:
-        import ifaddr  # noqa: PLC0415 - a package of zeroconf's
-    except ImportError:
-        return
-    every = ifaddr.get_adapters
-
-    def loopback(*arguments: object, **named: object) -> list[ifaddr.Adapter]:
-        adapters = every(*arguments, **named)  # type: ignore[arg-type]
-        return [each for each in adapters if any(_is_loopback(ip.ip) for ip in each.ips)]
-
-    ifaddr.get_adapters = loopback
-
-
-def _is_loopback(address: str | tuple[str, int, int]) -> bool:
-    return ipaddress.ip_address(address if isinstance(address, str) else address[0]).is_loopback

@@ -9,7 +9,7 @@ from programs import LOOPBACK
 FAR, FAR6, NAME = "192.0.2.77", "2001:db8::1", "stage.invalid"
 
 _TRIED = f"""
-import socket, zeroconf, ifaddr
+import socket
 def refused(act):
     try:
         act()
@@ -27,7 +27,6 @@ found = [
     refused(lambda: udp6.sendto(b"", ("ff02::fb", 5353))),
     refused(lambda: socket.getaddrinfo({NAME!r}, 9)),
     refused(lambda: socket.gethostbyname({NAME!r})),
-    {{ip.ip for each in ifaddr.get_adapters() for ip in each.ips if ip.is_IPv4}} == {{{LOOPBACK!r}}},
 ]
 udp.sendto(b"", ({LOOPBACK!r}, 9))
 udp6.sendto(b"", ("::1", 9))
@@ -43,11 +42,11 @@ def test_this_process_asks_no_network() -> None:
     """Connections, datagrams, multicast and look-ups of names are refused, but those that stay on this machine."""
     names: dict[str, list[bool]] = {}
     exec(_TRIED, names)  # noqa: S102 - the same as in a program
-    assert names["found"] == [True] * 10
+    assert names["found"] == [True] * 9
 
 
 def test_a_program_asks_no_network() -> None:
     """The programs that tests start refuse the same."""
     command = [sys.executable, "-c", f"{_TRIED}\nprint(found)"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == str([True] * 10)
+    assert done.stdout.strip() == str([True] * 9)

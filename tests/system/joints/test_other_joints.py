@@ -5,24 +5,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import skeletons
 from performed import pushed, shown
 from programs import ghost_cues, live
-from written import MOVES, Node, bvh_text, trc_text
 
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
-from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.tools.cli.main import main
+from kinespace.tools.cli.presets import joints_in_order, joints_of
 from kinespace.tools.feeding.feed import Cue
-from kinespace.tools.feeding.joint_sets import joints_in_order, joints_of
 
 # --- restricted -------------------------------------------------------------------------------------------------------
 
@@ -103,57 +100,11 @@ def test_joints_given_by_hand_are_recognised() -> None:
         assert "--joints: 25 of the library's 31 joints" in stage.program.output
 
 
-@pytest.mark.slow
-def test_joints_are_given_by_name_or_by_preset(tmp_path: Path) -> None:
-    """A list, a built-in preset and a copy of it mean the same; joints that the library lacks keep their names."""
-    assert len(KINECT) == 25
-    assert set(KINECT) == set(joints_of("kinectv2"))
-    assert joints_in_order(",".join(KINECT)) == KINECT
-    mine = tmp_path / "mine.toml"
-    mine.write_text(builtin_preset("kinectv2").text.replace('Head = "head"', 'Head = ""'), encoding="utf-8")
-    assert joints_in_order(str(mine)) == tuple("Head" if name == "head" else name for name in KINECT)
-    assert joints_in_order("a, b ,c") == ("a", "b", "c")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a,,b", "--joints: expected distinct names"),
-        ("a,b,a", "--joints: expected distinct names"),
-        ("vmc", "got vmc, whose messages name them"),
-        ("head", "--joints: expected one of kinectv2, "),
-    ],
-)
-def test_joints_that_make_no_sense_are_refused(text: str, message: str) -> None:
-    """Missing or repeated names, presets without an order, and other text are refused."""
-    with pytest.raises(ValueError, match=message.replace(".", r"\.")):
-        joints_in_order(text)
-
-
 # --- names ------------------------------------------------------------------------------------------------------------
 
 
 OURS = hdm05.SKELETON.joints
 CLASSES = ("squat1Reps", "rotateArmsBothBackward1Reps")
-#: Joints that a Mixamo skeleton hangs on each other, as its FBX and BVH do: each after its parent.
-MIXAMO_PARENTS = {
-    "Hips": "",
-    "Spine": "Hips",
-    "Spine1": "Spine",
-    "Spine2": "Spine1",
-    "Neck": "Spine2",
-    "Head": "Neck",
-    "HeadTop_End": "Head",
-    **{
-        f"{side}{part}": f"{side}{above}" if above in ("Arm", "ForeArm", "UpLeg", "Leg", "Foot", "ToeBase") else above
-        for side in ("Left", "Right")
-        for part, above in (
-            *(("Arm", "Spine2"), ("ForeArm", "Arm"), ("Hand", "ForeArm")),
-            *(("UpLeg", "Hips"), ("Leg", "UpLeg"), ("Foot", "Leg"), ("ToeBase", "Foot"), ("Toe_End", "ToeBase")),
-        )
-    },
-}
 
 
 @pytest.fixture(scope="module")
@@ -164,44 +115,6 @@ def motions() -> MotionLibrary:
     kept = [clip for clip in builtin.motions if clip.class_name in CLASSES and clip.actor in people]
     few = {(clip.class_name, clip.actor): clip for clip in kept}
     return MotionLibrary.of_clips(few.values(), learned=builtin.learned)
-
-
-def _as_bvh(clip: Clip, parents: dict[str, str]) -> str:
-    """Write a motion as BVH whose joints move without turning: channels are positions relative to the parent."""
-    labels = tuple(parents)
-    ours = dict(zip(labels, Naming.asked("mixamo").read(labels).joints, strict=True))
-    nodes = {label: Node(f"mixamorig:{label}", (0.0, 0.0, 0.0), MOVES) for label in labels}
-    for label, above in parents.items():
-        if above:
-            nodes[above].children.append(nodes[label])
-    place = {name: clip.positions[:, clip.skeleton.joints.index(ours[name])] * 100 for name in labels}
-    order = [node.name.removeprefix("mixamorig:") for node in nodes["Hips"].all()]
-    steps = [place[name] - place[parents[name]] if parents[name] else place[name] for name in order]
-    return bvh_text(nodes["Hips"], np.concatenate(steps, axis=1).tolist(), repr(1 / clip.frame_rate))
-
-
-def _as_trc(clip: Clip, labels: Sequence[str]) -> str:
-    """Write the joints that a convention has in its names, the others somewhere that moves with the hips."""
-    joints = Naming().read(labels).joints
-    root = clip.positions[:, clip.skeleton.joints.index("root")]
-    columns = [
-        clip.positions[:, clip.skeleton.joints.index(joint)] if joint in clip.skeleton.joints else root + 0.01 * place
-        for place, joint in enumerate(joints, start=1)
-    ]
-    return trc_text(labels, np.stack(columns, axis=1) * 1000, rate=clip.frame_rate)
-
-
-def _written(folder: Path, motions: MotionLibrary, naming: str) -> Path:
-    """Write every motion in a convention's names, each in a folder of its class."""
-    for number, clip in enumerate(motions.motions):
-        place = folder / clip.class_name
-        place.mkdir(parents=True, exist_ok=True)
-        if naming == "mixamo":
-            (place / f"{clip.actor}_{number}.bvh").write_text(_as_bvh(clip, MIXAMO_PARENTS), encoding="utf-8")
-        else:
-            text = _as_trc(clip, skeletons.MEDIAPIPE)
-            (place / f"{clip.actor}_{number}.trc").write_text(text, encoding="utf-8")
-    return folder
 
 
 def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str]) -> str:
@@ -215,24 +128,6 @@ def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str]) -> str:
         answers.append(performers.push(Frame("ann", number / clip.frame_rate, positions), 0.0))
     guesses = Counter(answer.classes[answer.best] for answer in answers[len(answers) // 2 :] if answer)
     return guesses.most_common(1)[0][0]
-
-
-@pytest.mark.parametrize(
-    ("naming", "line"),
-    [("mixamo", "Mixamo names: 23 of 31 joints"), ("mediapipe", "MediaPipe names: 19 of 31 joints")],
-)
-def test_files_of_another_naming_meet_ours(
-    tmp_path: Path, motions: MotionLibrary, capsys: pytest.CaptureFixture[str], naming: str, line: str
-) -> None:
-    """A library built of another program's files has our names, says so in a line, and recognises a feed of ours."""
-    folder, output = _written(tmp_path / naming, motions, naming), tmp_path / "theirs.npz"
-    assert main(["build", str(folder), "--actor-in", "name", "-o", str(output)]) == 0
-    assert capsys.readouterr().err.count(line) == 1
-    theirs = MotionLibrary.load(output)
-    assert sum(joint in OURS for joint in theirs.skeleton.joints) == int(line.split(": ")[1].split(maxsplit=1)[0])
-    for clip in motions.motions[::3]:
-        ours = theirs.restricted_to(OURS)
-        assert _answered(ours, clip, OURS) == clip.class_name
 
 
 @pytest.mark.parametrize("naming", ["mixamo", "mediapipe", "kinect2"])

@@ -23,7 +23,7 @@ from kinespace.stream.osc.frames import encode_frame
 from kinespace.stream.osc.packet import decode_packet, encode_message
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
-from kinespace.tools.teaching.beginning import open_taught
+from kinespace.tools.teaching.lessons import open_taught
 
 pytestmark = pytest.mark.slow
 
@@ -63,27 +63,6 @@ def test_a_small_library_names_its_motions(
     for class_name in classes:
         answers = _answers(library, _performed(class_name), signature)
         assert {answer.classes[answer.best] for answer in answers[5:]} == {class_name}
-
-
-@BOTH
-def test_a_library_of_one_motion(signature: LiveSignature) -> None:
-    """One class has no runner-up: its score is its margin, and the motion itself is named."""
-    clip = _performed("wave")
-    answers = _answers(MotionLibrary.of_clips([clip]), clip, signature)
-    assert {answer.best for answer in answers} == {0}
-    assert {answer.second_index for answer in answers} == {-1}
-    assert all(answer.margin == answer.score for answer in answers)
-    assert answers[-1].class_name == "wave"
-
-
-@BOTH
-def test_a_class_of_short_motions_alone_is_never_named(signature: LiveSignature) -> None:
-    """A class without a window takes part in no comparison, and the others are recognised."""
-    clips = [clip for clip in stick_clips() if clip.class_name != "jump"]
-    library = MotionLibrary.of_clips([*clips, stick_clip("jump", seed=8, frames=12)])
-    assert library.classes == STICK_CLASSES
-    answers = _answers(library, _performed("wave"), signature)
-    assert {answer.classes[answer.best] for answer in answers[5:]} == {"wave"}
 
 
 @BOTH

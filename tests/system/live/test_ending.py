@@ -3,18 +3,12 @@
 import itertools
 import re
 import signal
-import socket
-import threading
 import time
 
 import pytest
-from programs import LOOPBACK, PATIENCE, free_udp_port, live, motion_cues, started, summary_counts
+from programs import LOOPBACK, free_udp_port, live, motion_cues, started, summary_counts
 
 from kinespace.stream import osc
-from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.inputs.feed_source import FeedSource
-from kinespace.tools.cli import interruption
-from kinespace.tools.feeding.feed import Pace
 
 pytestmark = pytest.mark.slow
 
@@ -63,45 +57,3 @@ def test_every_signal_ends_live_with_end_events(number: signal.Signals) -> None:
         message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
     ]
     assert [event.arguments[0] for event in events][-1] == "end"
-
-
-def test_an_end_asked_for_while_a_generator_is_closed_is_not_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python drops an interrupt that comes while an abandoned generator is closed; the next wait raises it again."""
-    # Set before the interrupt, so that the end of the test sets it back for the tests that follow in this process.
-    monkeypatch.setattr(interruption, "_asked", False)
-    with pytest.raises(KeyboardInterrupt):
-        interruption._interrupt()  # noqa: SLF001 - as the system calls it
-    with pytest.raises(KeyboardInterrupt):
-        Pace().wait_for(0.0)
-    monkeypatch.setattr(interruption, "_asked", False)
-    Pace().wait_for(0.0)
-
-
-def test_a_name_server_that_does_not_answer_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While the sender's name is looked up, the source goes on; unsent messages are counted and sent afterwards."""
-    answered = threading.Event()
-    really = socket.getaddrinfo
-
-    def slowly(host: str, *arguments: object, **options: object) -> object:
-        if host == "mocap.example":
-            if options.get("flags"):
-                raise socket.gaierror(socket.EAI_NONAME, "not a number")
-            answered.wait(PATIENCE)
-            host = LOOPBACK
-        return really(host, *arguments, **options)  # type: ignore[arg-type]  # as they came
-
-    monkeypatch.setattr(socket, "getaddrinfo", slowly)
-    preset = builtin_preset("captury")
-    assert preset.asking
-    source = FeedSource(osc.OscReceiver(LOOPBACK, 0), preset, sender="mocap.example")
-    source.tend(1.0)
-    assert source.unasked > 0
-    answered.set()
-    until = time.monotonic() + PATIENCE
-    unasked, moment = -1, 1.0
-    while unasked != source.unasked and time.monotonic() < until:
-        unasked, moment = source.unasked, moment + 3600.0
-        time.sleep(0.05)
-        source.tend(moment)
-    assert unasked == source.unasked
-    source.close()

@@ -9,8 +9,8 @@ from kinespace.library import compiled
 
 pytestmark = pytest.mark.slow
 #: Seconds of a feed that are answered twice: numpy takes long. What breaks a feed, or is taught to it, comes later.
-SECONDS = {"broken": 9.5, "taught": 14.0}
-USUAL_SECONDS = 3.0
+SECONDS = {"broken": 6.5, "taught": 14.0}
+USUAL_SECONDS = 2.2
 #: Feeds that numpy answers, too: each signature, progress, lost joints, an exchanged library, a sensor that trembles.
 BY_NUMPY = ("motions_120_hz_with_progress", "motions_by_paper", "broken", "taught", "depth_sensor_30_hz")
 

@@ -10,7 +10,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.skeleton import Skeleton
-from kinespace.stream.recognizer.windows.window import Window
+from kinespace.stream.recognizer.window import Window
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]

@@ -221,5 +221,5 @@ def test_another_library_and_its_weights(clips: list[Clip], builtin_index: Windo
 def test_one_example_of_each_class(clips: list[Clip], of_single_examples: Twin) -> None:
     """A library that cannot learn what is unknown judges likelihood ratios, as the twin does by densities."""
     assert of_single_examples.index.rejection.by_likelihood
-    (course,) = _compare(of_single_examples, _frames(clips[0], range(0, clips[0].frames, 4)[:22]))
+    (course,) = _compare(of_single_examples, _frames(clips[0], range(0, clips[0].frames, 4)[:16]))
     assert len(course.answers) > 5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import wrong
 import zmq
-from fuzzfeeds import broken, golden_packets, run, run_messages
+from fuzzfeeds import run, run_messages
 from performed import assert_same, pushed, shown
 from programs import LOOPBACK, PATIENCE
 
@@ -17,7 +17,6 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream import Frame, osc, zeromq
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.detection import Survey
 from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 
@@ -90,7 +89,6 @@ def test_a_message_of_a_hundred_thousand_parts_is_passed_over() -> None:
 
 #: Of each of the 15 presets, and of ZeroMQ.
 PACKETS = 700
-PRESETS = [builtin_preset(name) for name in builtin_names()]
 
 
 @pytest.mark.slow
@@ -111,15 +109,3 @@ def test_no_message_raises_and_all_are_counted() -> None:
     assert counts.received == PACKETS
     assert min(counts.malformed, counts.foreign) > 0
     assert counts.malformed + counts.foreign < PACKETS
-
-
-@pytest.mark.slow
-def test_a_survey_takes_any_packet() -> None:
-    """The survey can look at any packet as any preset."""
-    survey = Survey()
-    golden = [packet for preset in PRESETS for packet in golden_packets(preset.name)]
-    for number, packet in zip(range(PACKETS), broken(golden, np.random.default_rng(0)), strict=False):
-        survey.keep(packet, number / 30, ("10.0.0.7", 1))
-    assert survey.packets == PACKETS
-    guess = survey.guess(PRESETS[:6])
-    assert guess is None or guess.joints

@@ -17,7 +17,6 @@ COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 @pytest.mark.skipif(sys.platform != "linux" or not COMPILER, reason="the faults are compiled for Linux")
 def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
     """Opening, writing, renaming and `fsync`, once and from then on, in all that keeps something for a person."""
-    pytest.importorskip("cryptography")
     shim = tmp_path / "shim.so"
     subprocess.run([COMPILER, "-shared", "-fPIC", "-o", shim, FAULTS / "shim.c", "-ldl"], check=True)
     surroundings = {**os.environ, "LD_PRELOAD": str(shim)}

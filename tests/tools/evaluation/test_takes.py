@@ -9,10 +9,10 @@ import pytest
 from recorded import SWINGS, write_takes
 from takes import write_take
 
-from kinespace.library import NOTHING, MotionLibrary, Reading
+from kinespace.library import NOTHING, Reading
 from kinespace.library.recordings import ActorIn, RecordingError
 from kinespace.library.recordings.formats.labels import LabelError, Segment
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
+from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 
 BY_NAME = Reading(actor_in=ActorIn.NAME)
 
@@ -64,35 +64,6 @@ def test_labels_get_other_names(folder: Path) -> None:
         read_takes(Sources([folder], names={"hail": "pull"}, persons=["ann"]), BY_NAME)
 
 
-@pytest.mark.parametrize(
-    ("persons", "without", "kept"),
-    [
-        (["ann"], [], ["ann_01", "ann_02"]),
-        ([], ["ann"], ["ben_01"]),
-        (["ann", "ben"], ["ben"], ["ann_01", "ann_02"]),
-        ([], ["zoe"], ["ann_01", "ann_02", "ben_01"]),
-    ],
-)
-def test_takes_are_chosen_by_person(folder: Path, persons: list[str], without: list[str], kept: list[str]) -> None:
-    """Takes of the wanted persons are kept, and takes of other persons are not."""
-    assert _names(read_takes(Sources([folder], persons=persons, without_persons=without), BY_NAME)) == kept
-
-
-def test_persons_of_whom_there_is_nothing_are_refused(folder: Path) -> None:
-    """Where no take is left the persons asked for are said."""
-    with pytest.raises(ValueError, match="--subjects: expected persons with takes, got zoe, not ann"):
-        read_takes(Sources([folder], persons=["zoe"], without_persons=["ann"]), BY_NAME)
-
-
-def test_takes_are_seen_with_fewer_joints(folder: Path) -> None:
-    """A joint set leaves of every take the joints that it has, and must leave two."""
-    takes = read_takes(Sources([folder], skeleton="kinect20"), BY_NAME)
-    assert {take.clip.skeleton.joints for take in takes} == {("root", "head", "lhand", "rhand")}
-    assert takes[0].clip.frames == 240
-    with pytest.raises(ValueError, match="--skeleton: expected one of"):
-        read_takes(Sources([folder], skeleton="octopus"), BY_NAME)
-
-
 # --- clips -------------------------------------------------------------------------------------------------------
 
 
@@ -119,26 +90,6 @@ def test_other_clips_are_of_their_folders_class(tmp_path: Path) -> None:
     ]
     with pytest.raises(FileNotFoundError, match=r"ann_01.csv: no labels for ann_01.amc; --labels .* --clips "):
         read_takes(Sources([tmp_path]), BY_NAME)
-
-
-def test_motions_of_a_library_are_takes() -> None:
-    """Each motion is performed from its beginning to its end; names are distinct."""
-    motions = MotionLibrary.builtin().motions[:8]
-    takes = takes_of([*motions, motions[0]])
-    assert len(set(_names(takes))) == 9
-    for take, motion in zip(takes, motions, strict=False):
-        assert take.segments == (Segment(0.0, motion.duration, motion.class_name),)
-        assert (take.person, take.clip.positions is motion.positions) == (motion.actor, True)
-
-
-# --- takes in which nothing known happens ------------------------------------------------------------------------
-
-
-def test_unknown_takes_show_nothing_known(folder: Path) -> None:
-    """An unknown take is labelled `nothing` throughout; labels beside it are ignored."""
-    takes = read_takes(Sources(unknown=[folder / "ann_01.amc", folder / "ben_01.amc"]), BY_NAME)
-    assert [take.segments for take in takes] == [(Segment(0.0, 2.0, NOTHING),), (Segment(0.0, 1.0, NOTHING),)]
-    assert not any(take.is_known or take.labels for take in takes)
 
 
 # --- tables ------------------------------------------------------------------------------------------------------
@@ -182,14 +133,3 @@ def test_a_table_that_says_nothing_is_refused(folder: Path, text: str, message: 
     """Missing columns and missing names are reported with the file."""
     with pytest.raises(LabelError, match=re.escape(message)):
         read_takes(Sources(tables=[_table(folder, text)]), Reading())
-
-
-def test_all_kinds_are_read_together(folder: Path) -> None:
-    """Labelled, unknown and listed takes come one after the other; a take that is there twice has two names."""
-    table = _table(folder, HEADER + "ann_02.amc,7,1,row,\n")
-    takes = read_takes(Sources([folder / "ann_01.amc"], unknown=[folder / "ann_01.amc"], tables=[table]), BY_NAME)
-    assert _names(takes) == ["ann_01", "ann_01 (2)", "ann_02"]
-    assert [take.is_known for take in takes] == [True, False, False]
-
-
-# --- takes of sensors --------------------------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """The examples in other languages: each that can run here sends its squat to a recogniser and gets its class."""
 
-import json
 import os
 import shutil
 import subprocess
@@ -176,29 +175,6 @@ def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
         assert program.interrupt() == 0
         assert "malformed" not in program.output
     assert f"python: {SQUAT} starts" in done.stdout.decode()
-
-
-def test_max_patch_is_whole() -> None:
-    """The patch is JSON, and every line joins two boxes of it."""
-    patcher = json.loads((EXAMPLES / "max.maxpat").read_text(encoding="utf-8"))["patcher"]
-    boxes = {each["box"]["id"]: each["box"] for each in patcher["boxes"]}
-    for line in patcher["lines"]:
-        (source, outlet), (target, inlet) = line["patchline"]["source"], line["patchline"]["destination"]
-        assert outlet < boxes[source]["numoutlets"]
-        assert inlet < boxes[target]["numinlets"]
-    texts = " ".join(box.get("text", "") for box in boxes.values())
-    assert "/motion/frame max 0." in texts
-    assert "udpreceive 7400" in texts
-
-
-@pytest.mark.parametrize(
-    "file", ["processing/processing.pde", "unity/Runtime/KinespacePerformer.cs", "touchdesigner.py"]
-)
-def test_untested_examples_use_our_messages_and_ports(file: str) -> None:
-    """Programs that are not run here name the messages and the ports that kinespace has."""
-    text = (EXAMPLES / file).read_text(encoding="utf-8")
-    assert "/motion/frame" in text
-    assert "9310" in text
 
 
 def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) -> None:

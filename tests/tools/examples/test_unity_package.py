@@ -5,7 +5,6 @@ import shutil
 import subprocess
 from contextlib import ExitStack, closing
 from pathlib import Path
-from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 import pytest
@@ -82,17 +81,6 @@ def test_a_humanoid_is_sent_and_its_motions_are_heard(tmp_path: Path) -> None:
         f"done {CLASSES[1]}",
         f"label {CLASSES[1]} phase 0.5 speed 1.25 amplitude 0.75",
     ]
-
-
-def test_every_file_has_its_name_in_unity() -> None:
-    """Unity passes over files of a package from git that lack a `.meta`; names never change, and differ."""
-    files = {each for each in PACKAGE.rglob("*") if each.suffix != ".meta" and each.name != "__pycache__"}
-    assert {each.with_name(f"{each.name}.meta") for each in files} == {*PACKAGE.rglob("*.meta")}
-    for each in files:
-        named = uuid5(NAMESPACE_URL, f"org.kinespace.unity/{each.relative_to(PACKAGE).as_posix()}").hex
-        begun = ["fileFormatVersion: 2", f"guid: {named}", *(["folderAsset: yes"] if each.is_dir() else [])]
-        text = each.with_name(f"{each.name}.meta").read_text(encoding="utf-8")
-        assert text.splitlines()[: len(begun)] == begun
 
 
 def test_the_package_is_whole() -> None:

@@ -9,9 +9,9 @@ from golden import message
 from programs import ROOT, builtin_library
 
 from kinespace.stream.feeds import builtin_preset, load_preset
-from kinespace.stream.feeds.decoder import FeedDecoder
 from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.outputs.written_layout import WrittenLayout
+from kinespace.stream.inputs.decoder import FeedDecoder
+from kinespace.stream.outputs.layouts import WrittenLayout
 
 PAGE = (ROOT / ".github" / "docs" / "unreal.md").read_text(encoding="utf-8")
 ANSWERS, JOINTS = re.findall(r"```toml\n(.+?)```", PAGE, re.DOTALL)

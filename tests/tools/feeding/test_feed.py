@@ -14,7 +14,6 @@ from kinespace.tools.feeding.feed import (
     Pace,
     ZmqFrameSender,
     clip_cues,
-    resampled,
     without_pause,
 )
 
@@ -40,15 +39,6 @@ def test_clips_are_cued_at_their_own_pace(speed: float, pause: float) -> None:
     np.testing.assert_array_equal([cue.frame.positions for cue in cued], [*clips[0].positions, *clips[1].positions])
 
 
-@pytest.mark.parametrize("frame_rate", [60.0, 100.0, 120.0, 240.0])
-def test_another_rate_shows_the_same_movement(frame_rate: float) -> None:
-    """An even movement is even at another rate, from the first frame to the last."""
-    evenly = np.arange(121)[:, None, None] / 120 * np.ones((1, 6, 3))
-    again = resampled(stick_clip("wave", frames=121).moved_to(evenly), frame_rate)
-    assert again.frame_rate == frame_rate
-    np.testing.assert_allclose(again.positions[:, 0, 0], np.arange(frame_rate + 1) / frame_rate, atol=1e-12)
-
-
 def test_clips_are_put_one_after_the_other() -> None:
     """All frames of all clips at the rate asked for, in order; with a limit no more clips are read than it needs."""
     first, second = stick_clip("wave", frames=48), stick_clip("bow", frames=25)
@@ -60,13 +50,6 @@ def test_clips_are_put_one_after_the_other() -> None:
     cut = without_pause(endless, 120.0, 1.0)
     np.testing.assert_array_equal(cut, np.tile(first.positions, (3, 1, 1))[:120].astype(np.float32))
     np.testing.assert_array_equal(next(endless).positions, first.positions)
-
-
-def test_clips_are_cued_as_they_are_asked_for() -> None:
-    """An endless sequence of clips can be cued, because none is read ahead."""
-    clip = stick_clip("wave", frames=2)
-    endless = clip_cues(iter(lambda: clip, None), "me")
-    assert [next(endless).seq for _ in range(7)] == list(range(7))
 
 
 @dataclass
@@ -97,20 +80,6 @@ def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
         pace.wait_for(index / 120)
         lateness = clock.now - (1000.0 + index / 120)
         assert -1e-9 <= lateness <= clock.oversleep + 1e-9
-
-
-def test_a_late_pace_catches_up_without_sleeping(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A time that is past is not waited for, and the schedule after it does not change."""
-    clock = FakeTime(oversleep=0.0)
-    monkeypatch.setattr("kinespace.tools.feeding.feed.time", clock)
-    pace = Pace()
-    clock.now += 5.0
-    pace.wait_for(2.0)
-    pace.wait_for(5.0)
-    assert clock.slept == 0.0
-    pace.wait_for(6.0)
-    assert clock.now == pytest.approx(1006.0)
-    assert pace.moment(7.0) == pytest.approx(1007.0)
 
 
 def test_a_zmq_sender_tells_the_joints_with_the_next_frame_only() -> None:

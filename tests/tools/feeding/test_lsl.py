@@ -94,15 +94,6 @@ def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
         assert str(sink) == "LSL"
 
 
-def test_other_classes_have_a_stream_of_their_own() -> None:
-    """When a class is taught, the performer's channels are described again."""
-    with closing(LslSink()) as sink:
-        sink.publish(_answer(1.0))
-        taught = Recognition("ann", 2.0, Outcome.UNKNOWN, ("bow", "jump", "wave"), np.zeros(3, dtype=np.float32), 0.0)
-        sink.publish(taught)
-        assert _inlet("kinespace-ann").info().get_channel_labels() == [*taught.classes, *FURTHER]
-
-
 def _outlet(name: str) -> Any:  # noqa: ANN401 - as above
     labels = [f"{joint}_{axis}" for joint in JOINTS for axis in "xyz"]
     info = pylsl.StreamInfo(name, "MoCap", len(labels), 60.0, "float32", name)
@@ -170,9 +161,3 @@ def test_joints_are_read_off_labels_or_types(labels: list[str], types: list[str]
     step = len(labels) // 6
     np.testing.assert_array_equal(layout.channels, np.arange(6)[:, None] * step + np.arange(3))
     assert layout.metres == 1.0
-
-
-def test_channels_that_are_no_positions_are_refused() -> None:
-    """An EEG's channels are named in the message."""
-    with pytest.raises(ValueError, match="expected channels named like head_x, head_y, head_z, got Fp1, Fp2"):
-        Layout.of(["Fp1", "Fp2"], ["EEG", "EEG"], ["uV", "uV"])

@@ -1,12 +1,10 @@
 """A service in a process of its own ends with the block that began it."""
 
 import multiprocessing
-import os
-import signal
 
 import pytest
 
-from kinespace.tools.loopback.service_process import BackgroundService
+from kinespace.tools.feeding.service import BackgroundService
 
 pytestmark = pytest.mark.slow
 
@@ -19,12 +17,6 @@ def test_an_error_in_the_process_is_raised_here() -> None:
     ):
         pytest.fail("started without room for anybody")
     assert multiprocessing.active_children() == []
-
-
-def test_a_killed_child_ends_quietly() -> None:
-    """When the other process is killed, leaving the block neither waits nor raises."""
-    with BackgroundService("osc") as service:
-        os.kill(service.process_id, signal.SIGKILL)
 
 
 def test_an_error_inside_the_block_stops_the_child() -> None:

@@ -15,10 +15,10 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching.notices import UNDONE, State, Step, Taught
+from kinespace.stream.teaching.commands import State, Step, Taught
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq import answers as zeromq_answers
-from kinespace.stream.zeromq.bodies import encode_body
+from kinespace.stream.zeromq.answers import encode_body
 from kinespace.tools.page.board import MAX_SHOWN, Board
 from kinespace.tools.terminal.live_table import COUNTERS, counts
 
@@ -123,52 +123,6 @@ def test_a_lesson_becomes_a_bar() -> None:
     assert [each["state"] for each in told["notices"]] == ["countdown", "recording", "checking", ""]
 
 
-def test_examples_that_are_checked_together_have_a_bar_each() -> None:
-    """The checks come in the order of the examples; an example that is to be taken later has none yet."""
-    board = _board(_answer("ann"))
-    for moment, notice in enumerate(
-        (
-            State("ann", Step.CHECKING, 0.0, "bow: taken when it ends"),
-            State("ann", Step.CHECKING, 1.0),
-            State("ann", Step.CHECKING, 3.0),
-            Taught("bow", 1, 1.0, "good"),
-            Taught("wave", 1, 3.0, "good"),
-        ),
-        start=10,
-    ):
-        board.take(_notice(notice), float(moment))
-    assert [each[2:5] for each in _told(board)[0]["motions"]] == [["bow", 10.0, 11.0], ["wave", 9.0, 12.0]]
-
-
-def test_an_example_undone_while_others_are_checked_has_no_bar() -> None:
-    """The next example's bar stands where that example was."""
-    board = _board(_answer("ann"))
-    for moment, notice in enumerate(
-        (
-            State("ann", Step.CHECKING, 1.0),
-            State("ann", Step.CHECKING, 3.0),
-            State("ann", Step.REFUSED, 0.0, UNDONE),
-            Taught("wave", 1, 3.0, "good"),
-        ),
-        start=10,
-    ):
-        board.take(_notice(notice), float(moment))
-    assert [each[2:5] for each in _told(board)[0]["motions"]] == [["wave", 8.0, 11.0]]
-
-
-@pytest.mark.parametrize(("refusals", "span"), [(0, [40.0, 42.0]), (1, [48.0, 50.0])])
-def test_a_span_of_the_past_that_was_taught_has_its_bar_there(refusals: int, span: list[float]) -> None:
-    """The bar stands where a page's command says; of a command that was refused nothing stays."""
-    board = _board(_answer("ann"))
-    board.take_command({"do": "last", "performer": "ann", "seconds": 2.0, "class": "dip", "ago": 8.0}, 50.0)
-    board.take_command({"do": "last", "performer": "bob", "seconds": 2.0, "class": "dip"}, 50.0)
-    board.take_command({"do": "last", "performer": "ann", "seconds": "long", "class": "dip"}, 50.0)
-    checked = State("ann", Step.CHECKING, 2.0), Taught("dip", 1, 2.0, "good")
-    for notice in (*[State("ann", Step.REFUSED)] * refusals, *checked):
-        board.take(_notice(notice), 50.0)
-    assert _told(board)[0]["motions"][0][2:] == ["dip", *span, "taught"]
-
-
 def test_performers_come_and_go() -> None:
     """Eight are shown, more are counted; who has gone, or was silent for long, is no longer told."""
     board = Board()
@@ -204,20 +158,6 @@ def test_the_counters_have_the_words_of_the_table() -> None:
     assert told["status"]["listening"] == ["OSC 127.0.0.1:9310"]
 
 
-@pytest.mark.parametrize(
-    ("promised", "missed", "line"),
-    [
-        (0.0, None, ""),
-        (6.0, None, "done: ≤ 6 false/h promised"),
-        (60.0, 0.094, "done: ≤ 60 false/h promised, 9% of the library's own motions missed"),
-    ],
-)
-def test_the_page_says_what_is_promised_and_missed(promised: float, missed: float | None, line: str) -> None:
-    """What `--false-alarms` promises, and what it costs where that is known."""
-    status = Status(InputCounts(), PerformerCounts(), 0, {}, 0.0, 0.0, promised=promised, missed=missed)
-    assert _told(_board(zeromq_answers.encode_status(status)))[0]["status"]["promise"] == line
-
-
 @pytest.mark.slow
 @given(
     st.sampled_from([b"class/a/", b"event/", b"classes/", b"status/", b"teach/", b"body/a/", b"other/", b""]),
@@ -229,29 +169,3 @@ def test_rubbish_is_counted(topic: bytes, rest: bytes) -> None:
     before = _told(board)[0]["here"]
     board.take([topic, rest], 1.0)
     assert _told(board)[0]["here"] == before
-
-
-@pytest.mark.parametrize(
-    "parts", [[], [b"class/a/"], [b"class/a/", b"{}"], [b"status/", b"[1]"], [b"body/a/", b"{}", b""]]
-)
-def test_half_messages_are_counted(parts: list[bytes]) -> None:
-    """Missing parts and fields are unread messages, not errors."""
-    board = Board()
-    board.take(parts, 0.0)
-    assert board.unread == 1
-
-
-def test_the_last_performer_who_leaves_is_news() -> None:
-    """A page must learn that nobody is here any more."""
-    board = _board(_answer("ann"))
-    before = board.number
-    board.take(zeromq_answers.encode_gone("ann"), 1.0)
-    assert _told(board, before)[0]["here"] == []
-
-
-def test_classes_have_the_titles_that_people_say() -> None:
-    """HDM05's classes come with their titles, once; a class of one's own has none."""
-    board = _board(zeromq_answers.encode_classes(("my wave", "squat1Reps")))
-    told = _told(board)[0]
-    assert (told["classes"], told["titles"]) == (["my wave", "squat1Reps"], {"squat1Reps": "squat"})
-    assert "titles" not in _told(board, board.number)[0]

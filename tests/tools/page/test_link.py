@@ -1,17 +1,13 @@
 """The page's link to a recogniser that ends and comes again."""
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 
-import pytest
 import zmq
 
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.page import link
-from kinespace.tools.page.link import Subscription, ask_control
+from kinespace.tools.page.process import Subscription
 
 PATIENCE = 60.0
 
@@ -43,13 +39,6 @@ def hears(subscription: Subscription, publisher: zmq.Socket[bytes], answer: byte
     return False
 
 
-def reply_once(control: zmq.Socket[bytes]) -> None:
-    """Reply to one request as a recogniser does."""
-    if control.poll(PATIENCE * 1000):
-        control.recv()
-        control.send(b'{"classes": ["bow"]}')
-
-
 def test_answers_come_again_after_a_restart() -> None:
     """A subscription hears the recogniser that takes the address of one that has ended."""
     with bound(zmq.PUB) as first:
@@ -59,19 +48,3 @@ def test_answers_come_again_after_a_restart() -> None:
     with bound(zmq.PUB, place) as second:
         assert hears(heard, second, b"second")
     heard.close()
-
-
-def test_commands_are_carried_out_again_after_a_restart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While the control is away a command gets no reply; when the control is back the next command gets one."""
-    with bound(zmq.REP) as first:
-        place = first.getsockopt_string(zmq.LAST_ENDPOINT)
-    control = partial(ask_control, Endpoint.parse(place, bind=False), None)
-    monkeypatch.setattr(link, "_MAX_REPLY", 10)
-    assert control({"do": "undo"}) is None
-    monkeypatch.setattr(link, "_MAX_REPLY", PATIENCE * 1000)
-    with bound(zmq.REP, place) as second:
-        replying = threading.Thread(target=reply_once, args=(second,))
-        replying.start()
-        reply = control({"do": "undo"})
-        replying.join()
-    assert reply["classes"] == ["bow"]

@@ -1,70 +1,20 @@
 """The page's program: what is missing, or taken, is told in one line."""
 
-import json
 import os
 import signal
-import socket
 import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
-from contextlib import closing
 
 import pytest
 from programs import PATIENCE
-from websockets.sync.client import connect
 
-from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.page.process import PagePlan, PageProcess
 
 #: An endpoint at which nobody publishes: a page waits for it without complaint.
 NOBODY = "tcp://127.0.0.1:9"
-
-
-def test_a_port_that_is_taken_is_told() -> None:
-    """The message names the address."""
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        address = f"127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(OSError, match=address):
-            PagePlan(address, NOBODY).serve(lambda _: None, lambda: True)
-
-
-@pytest.mark.slow
-def test_what_a_pages_camera_sees_goes_to_the_recogniser() -> None:
-    """The frame comes where `frames` says; a page without that says why it has no camera."""
-    places = [[number / 40, (number * 7 % 33) / 40, (number * 5 % 33) / 40] for number in range(33)]
-    sent = json.dumps({"body": {"camera": "0123456789abcdef", "at": 1.5, "places": places}})
-    with closing(ZmqReceiver(Endpoint("tcp://127.0.0.1:*", bind=True))) as receiver:
-        plan = PagePlan("127.0.0.1:0", NOBODY, frames=receiver.address)
-        with PageProcess(plan) as page:
-            origin = page.address.rstrip("/")
-            with connect(f"{origin.replace('http', 'ws')}/live", origin=origin) as socket:
-                parts, until = None, time.monotonic() + PATIENCE
-                # ZeroMQ subscribes in its own time: what comes before is lost, as it is before a recogniser runs.
-                while parts is None and time.monotonic() < until:
-                    socket.send(sent)
-                    time.sleep(0.05)
-                    parts = receiver.receive()
-    assert parts[0] == b"frame/browser/"
-    with (
-        PageProcess(PagePlan("127.0.0.1:0", NOBODY)) as page,
-        pytest.raises(urllib.error.HTTPError, match="404") as refused,
-    ):
-        urllib.request.urlopen(f"{page.address}pose.js")  # noqa: S310 - the page's own address
-    assert b"no camera here: start kinespace live with --page" in refused.value.read()
-
-
-def test_a_page_is_served_until_it_is_to_end() -> None:
-    """The address is told once the port is open, with a token where other machines reach it."""
-    told: list[str] = []
-    PagePlan("127.0.0.1:0", NOBODY).serve(told.append, lambda: bool(told))
-    PagePlan("0.0.0.0:0", NOBODY).serve(told.append, lambda: len(told) > 1)
-    assert told[0].startswith("http://127.0.0.1:")
-    assert "token" not in told[0]
-    assert "?token=" in told[1]
 
 
 def _wait(true: Callable[[], bool]) -> None:

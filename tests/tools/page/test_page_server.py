@@ -12,9 +12,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
-from kinespace.tools.page.cameras import Cameras
-from kinespace.tools.page.requests import MAX_MESSAGE, Gate
-from kinespace.tools.page.server import MAX_PAGES, MAX_REPLIES, PageServer
+from kinespace.tools.page.server import MAX_PAGES, Gate, PageServer
 
 PATIENCE = 60.0
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.
@@ -28,8 +26,6 @@ class Published:
         self._ours, self._theirs = socket.socketpair()
         self._waiting: list[list[bytes]] = []
         self.bodies = False
-        #: What pages' cameras sent.
-        self.frames: list[list[bytes]] = []
 
     def fileno(self) -> int:
         """Give a file number that becomes readable."""
@@ -90,8 +86,7 @@ class Served:
 async def serving(control: FakeControl | None = None) -> AsyncIterator[Served]:
     """Run a server on a port that the system chooses."""
     published, addresses, ended = Published(), asyncio.Queue[str](), list[bool]()
-    gate, cameras = Gate(), Cameras(published.frames.append)
-    server = PageServer(published, control and control.ask, gate, cameras)  # type: ignore[arg-type]  # stand-ins
+    server = PageServer(published, control and control.ask, Gate())  # type: ignore[arg-type]  # stand-ins
     running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
     try:
         yield Served(published, control, await asyncio.wait_for(addresses.get(), PATIENCE))
@@ -175,43 +170,6 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
     run(test())
 
 
-def test_replies_do_not_pile_up_for_a_page_that_draws_nothing() -> None:
-    """Of two hundred refused commands it gets the last replies, once it has drawn the message before."""
-
-    async def test() -> None:
-        async with serving() as served, served.page() as page:
-            news = await told(page)
-            for number in range(200):
-                await page.send(json.dumps({"ask": {"do": "undo", "number": number}}))
-            news = await drawn_until(page, news, "replies")
-            assert len(news["replies"]) == MAX_REPLIES
-
-    run(test())
-
-
-def test_two_pages_cameras_are_two_performers() -> None:
-    """Their bodies become frames; a bad one is counted and told, and the page stays open."""
-    places = [[number / 40, (number * 7 % 33) / 40, (number * 5 % 33) / 40] for number in range(33)]
-    sent = {"camera": "0123456789abcdef", "at": 1.5, "places": places}
-
-    async def test() -> None:
-        async with serving() as served, served.page() as page, served.page() as other:
-            news = {page: await told(page), other: await told(other)}
-            assert "camera" not in news[page]
-            await page.send(json.dumps({"body": {}}))
-            # A copied tab has the same secret.
-            for each in (page, other):
-                await each.send(json.dumps({"body": sent}))
-                # The server has read it when it answers what was sent after it.
-                await each.send(json.dumps({"ask": {"do": "undo"}}))
-                news[each] = await drawn_until(each, news[each], "replies")
-            assert news[page]["camera"] == {"performer": "browser", "sent": 1, "unreadable": 1, "fast": 0, "little": 0}
-            performers = {topic for topic, *_ in served.published.frames}
-            assert performers == {b"frame/browser/", b"frame/browser-2/"}
-
-    run(test())
-
-
 @pytest.mark.parametrize(
     "request_line",
     [
@@ -233,25 +191,6 @@ def test_an_odd_request_leaves_no_traceback(request_line: str, caplog: pytest.Lo
             writing.close()
             assert reply.split()[1:2] in ([b"403"], [b"404"], [])
         assert not [each for each in caplog.records if each.exc_info]
-
-    run(test())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rubbish", "code"), [("{", 1008), ('{"ask": 1}', 1008), (b"\x00", 1008), ("x" * (MAX_MESSAGE + 1), 1009)]
-)
-def test_a_page_that_sends_rubbish_is_closed(rubbish: str | bytes, code: int) -> None:
-    """It is told the reason; the server and the other pages go on."""
-
-    async def test() -> None:
-        async with serving() as served, served.page() as other:
-            async with served.page() as page:
-                await told(page)
-                await page.send(rubbish)
-                await page.wait_closed()
-                assert page.close_code == code
-            assert "number" in await told(other)
 
     run(test())
 

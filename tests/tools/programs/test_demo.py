@@ -2,19 +2,15 @@
 
 import json
 import math
-import multiprocessing
 from functools import partial
 from io import StringIO
-from types import SimpleNamespace
-from typing import Any, NoReturn
 
 import pytest
 from rich.console import Console
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.loopback.answers import Expected
-from kinespace.tools.loopback.service_process import BackgroundService
+from kinespace.tools.feeding.service import BackgroundService
 from kinespace.tools.programs import demo
 
 pytestmark = pytest.mark.slow
@@ -50,53 +46,6 @@ def test_the_demo_names_every_motion(capsys: pytest.CaptureFixture[str]) -> None
     assert 0 < described["p99_ms"] < math.inf
 
 
-def test_the_library_that_names_has_none_of_the_motions_played(
-    small: MotionLibrary, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The recogniser's process knows every motion but those that are played."""
-    asked: list[MotionLibrary] = []
-    expected = demo.expected_answers
-    monkeypatch.setattr(demo, "expected_answers", lambda *of: (asked.append(of[1]), expected(*of))[1])
-
-    def service(_: str, **options: object) -> NoReturn:
-        asked.append(options["library"])  # type: ignore[arg-type]
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(demo, "BackgroundService", service)
-    assert main(["demo", "--json"]) == 1
-    played = demo.chosen(small)
-    assert len(asked) == 2
-    for library in asked:
-        assert set(small.motions) - set(library.motions) == set(played)
-        assert set(library.motions) < set(small.motions)
-
-
-def test_the_longest_motions_that_fit_are_played() -> None:
-    """One motion of each class, all together about half a minute, none so short that it is hardly answered."""
-    library = MotionLibrary.builtin()
-    motions = demo.chosen(library)
-    assert [motion.class_name for motion in motions] == list(library.classes)
-    assert sum(motion.duration + 0.7 for motion in motions) == pytest.approx(30.0, abs=0.3)
-    assert min(motion.duration for motion in motions) > 1.0
-
-
-@pytest.mark.usefixtures("small")
-def test_a_person_sees_a_table_and_a_tally(capsys: pytest.CaptureFixture[str]) -> None:
-    """The table says that motions are left out and has a row per class, the tally how it went."""
-    assert main(["demo"]) == 0
-    printed = capsys.readouterr().out
-    assert "each left out of the library that names it" in " ".join(printed.split())
-    rows = [line.split() for line in printed.splitlines() if line.startswith(CLASSES)]
-    assert [row[:2] for row in rows] == [[name, name] for name in CLASSES]
-    for row in rows:
-        score, _, milliseconds = map(float, row[2:])
-        assert 0 < score <= 1
-        assert milliseconds > 0
-    assert "2 of 2 motions named" in printed
-    assert "frame sent to answer received over OSC: p50 " in printed
-    assert multiprocessing.active_children() == []
-
-
 def test_a_recogniser_that_knows_other_names_is_not_right(
     small: MotionLibrary, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -130,60 +79,3 @@ def test_on_a_terminal_the_table_fills_while_it_plays(monkeypatch: pytest.Monkey
     assert drawn[1].count(CLASSES[1]) == 1
     assert drawn[-1].count(CLASSES[1]) == 2
     assert "over ZMQ" in printed
-
-
-class _Busy:
-    """A recogniser that answers late, and one at a time: in place of sender, listener and process."""
-
-    def __init__(self, expected: list[Expected], *, most: int = 10**9) -> None:
-        self._expected, self._waiting, self._most = expected, list[Expected](), most
-        self.show: demo._Show
-        #: The answers that were owed whenever a frame was sent.
-        self.owed: list[int] = []
-        self.sent = 0
-
-    def encode(self, cue: object) -> object:
-        """Leave it as it is."""
-        return cue
-
-    def send(self, _: object) -> None:
-        """Owe the answers to a frame."""
-        self.owed.append(self.show.owed)
-        self._waiting += [each for each in self._expected if each.cue == self.sent]
-        self.sent += 1
-
-    def listen_until(self, _: float) -> list[Any]:
-        """Give one answer, long after its frame."""
-        if not self._waiting or not self._most:
-            return []
-        self._most -= 1
-        answer = SimpleNamespace(label=self._waiting[0].label, score=self._waiting.pop(0).score, margin=0.1)
-        return [SimpleNamespace(packet=answer, arrival=1e9)]
-
-
-def _played_to(busy: _Busy, expected: list[Expected], monkeypatch: pytest.MonkeyPatch) -> demo._Show:
-    monkeypatch.setattr(demo, "answer_in", lambda packet: packet)
-    busy.show = demo._Show(["bow"], expected, "osc")  # noqa: SLF001 - the part of the program that waits
-    cues = [SimpleNamespace(due=0.0, class_name="bow")] * 40
-    demo._play(cues, busy, busy, busy.show, None)  # type: ignore[arg-type]  # noqa: SLF001 - stand-ins, as above
-    return busy.show
-
-
-def test_frames_wait_for_a_busy_recogniser(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All answers come although each frame owes two and one comes at a time; that they were late is said."""
-    expected = [Expected(frame, "bow", half + frame / 100) for frame in range(40) for half in (0.0, 0.5)]
-    busy = _Busy(expected)
-    show = _played_to(busy, expected, monkeypatch)
-    assert (show.right, show.owed, show.late) == (1, 0, 80)
-    assert max(busy.owed) <= demo._MAX_OWED + 2  # noqa: SLF001 - the bound, and what the frame itself owes
-    assert "1 of 1 motions named; 80 of 80 answers right, 0 lost, 80 late (after more than 0.1 s:" in show.tally()
-
-
-@pytest.mark.parametrize("most", [0, 10])
-def test_a_recogniser_that_falls_silent_does_not_hold_the_demo(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is owed is given up after some silence, and counted as lost."""
-    monkeypatch.setattr(demo, "_PATIENCE", 0.0)
-    expected = [Expected(frame, "bow", frame / 100) for frame in range(40)]
-    show = _played_to(_Busy(expected, most=most), expected, monkeypatch)
-    assert (show.came, show.late) == (most, most)
-    assert f"{most} of {most} answers right, {40 - most} lost" in show.tally()

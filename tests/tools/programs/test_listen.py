@@ -13,12 +13,11 @@ import skeletons
 from golden import LAYOUTS, Moment, bundle, message
 from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 
-from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.inputs.detection import MAX_KINDS, Survey, shortened
+from kinespace.stream.inputs.detection import Survey
 from kinespace.tools.cli.main import main
 from kinespace.tools.programs.listen import advice, as_object, command
 
@@ -40,6 +39,7 @@ def surveyed(layout: str, frames: int = 6, *, without: int = 0) -> Survey:
     return survey
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_feed_is_guessed(layout: str) -> None:
     """A product's packets are recognised as its preset's, with all joints, frames and the rate, none missing."""
@@ -50,61 +50,6 @@ def test_every_feed_is_guessed(layout: str) -> None:
     assert guess.frames >= 5
     assert guess.rate == pytest.approx(30.0, rel=0.01)
     assert advice(survey, guess, None) == []
-
-
-def test_joints_never_named_are_not_taken_for_the_first_ones() -> None:
-    """Fifteen joints without names are reported with the option that names them, and none as missing."""
-    survey = Survey()
-    for number in range(20):
-        places = np.linspace(0.0, 1.5, 45, dtype=np.float32).tolist()
-        packet = message("/motion/frame", "sd" + "f" * 45, "me", 1.0 + number / 30, *places)
-        survey.keep(packet, 1.0 + number / 30, ("10.0.0.7", 5000))
-    told = " ".join(advice(survey, survey.guess(PRESETS), None))
-    assert told.startswith("15 joints whose names were never sent: let the sender send /motion/skeleton")
-    assert "--joints" in told
-    assert "missing" not in told
-    assert "absent" not in told
-
-
-def test_kinds_of_messages_are_counted() -> None:
-    """Addresses that differ in numbers only are one kind, with count, rate, types, an example and the longest gap."""
-    survey = Survey()
-    for number in range(10):
-        survey.keep(message(f"/tracker/{number}", "fff", 1.0, 2.0, 3.0), number / 10 + (number > 5), ("10.0.0.7", 1))
-    survey.keep(bundle(message("/a", "s", "x")), 3.0, ("10.0.0.8", 1))
-    survey.keep(b"junk", 3.0, ("10.0.0.8", 1))
-    kind = survey.kinds["/tracker/#", "fff"]
-    assert (kind.count, kind.example) == (10, (1.0, 2.0, 3.0))
-    assert kind.rate == pytest.approx(9 / 1.9)
-    assert kind.longest_gap == pytest.approx(1.1)
-    # One message has no rate.
-    assert survey.kinds["/a", "s"].rate == 0.0
-    assert (survey.packets, survey.bundles, survey.undecodable) == (12, 1, 1)
-    assert survey.senders == {"10.0.0.7:1": 10, "10.0.0.8:1": 2}
-
-
-def test_the_number_of_listed_addresses_is_limited() -> None:
-    """The kinds of messages that are counted are limited: made-up addresses cannot fill the memory."""
-    survey = Survey()
-    for number in range(3 * MAX_KINDS):
-        survey.keep(message("/" + "x" * number), 0.0, ("h", 1))
-    assert len(survey.kinds) == MAX_KINDS
-
-
-def test_the_last_reasons_are_shown() -> None:
-    """The last malformed and the last foreign packet are shown with the reason, the sender and their beginning."""
-    survey = Survey()
-    survey.keep(message("/elsewhere", "s", "x"), 0.0, ("10.0.0.9", 1))
-    survey.keep(b"hello", 0.0, ("10.0.0.7", 1))
-    assert sorted(survey.findings(builtin_preset("native")).refusals) == [
-        "last foreign: /elsewhere, from 10.0.0.9:1: '/elsewhere\\x00\\x00,s\\x00\\x00x\\x00\\x00\\x00'",
-        "last malformed: neither a message nor a bundle, from 10.0.0.7:1: 'hello'",
-    ]
-
-
-def test_runs_of_a_type_are_counted() -> None:
-    """Many floats are written as one f and how many."""
-    assert [shortened(types) for types in ("", "sifff", "i" + "f" * 93)] == ["", "sifff", "if*93"]
 
 
 def test_missing_joints_are_named() -> None:
@@ -158,19 +103,6 @@ def sending(layout: str, port: int) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
-
-
-@pytest.mark.slow
-def test_listen_describes_the_feed() -> None:
-    """Run on a port that VMC comes in on, it names the feed, the command to use, the sender and the addresses."""
-    port = free_udp_port()
-    with sending("vmc", port):
-        status, output, errors = finished("listen", port, "--seconds", 1.5)
-    assert (status, errors) == (0, "")
-    assert "looks like vmc" in output
-    assert "kinespace live --feed vmc" in output
-    assert "/VMC/Ext/Bone/Pos" in output
-    assert LOOPBACK in output
 
 
 @pytest.mark.slow
@@ -254,46 +186,7 @@ def test_bones_that_never_came_are_named() -> None:
     assert any(line.startswith("bones that never came, and stay at rest: ") for line in advice(survey, guess, None))
 
 
-def test_unknown_names_are_reported() -> None:
-    """Unknown names make no frames, and the program names the remedy."""
-    survey = _heard(("hip", "knee", "toe", "elbow", "nose"))
-    guess = survey.looked_at_as(builtin_preset("native"))
-    assert guess.frames == 0
-    lines = " ".join(advice(survey, guess, None))
-    assert "0 of the 5 announced joints have known names" in lines
-    assert "the nearest table (charactercreator) knows 1 of 5" in lines
-
-
-SQUAT = next(each for each in MotionLibrary.builtin().motions if each.class_name == "squat1Reps")
 NATIVE = builtin_preset("native")
-
-
-def _squat(positions: np.ndarray[tuple[int, ...], np.dtype[np.floating]], unit: float = 1.0) -> Survey:
-    """Hear a squat at 60 Hz, times in this unit."""
-    survey = Survey()
-    survey.keep(osc.encode_announcement(Announcement("ann", SQUAT.skeleton.joints)), 0.0, ("127.0.0.1", 9))
-    for number, joints in enumerate(positions):
-        moment = number / 60
-        survey.keep(osc.encode_frame(Frame("ann", unit * (1 + moment), joints)), moment, ("127.0.0.1", 9))
-    return survey
-
-
-def _told(survey: Survey) -> list[str]:
-    return advice(survey, survey.looked_at_as(NATIVE), None)
-
-
-def test_another_unit_of_time_is_reported() -> None:
-    """Milliseconds are reported, with the performer."""
-    assert _told(_squat(SQUAT.positions, 1e3)) == ["performer ann: times are milliseconds: scaled"]
-
-
-def test_joints_in_another_order_are_reported() -> None:
-    """Names that stand in another order than their joints, and angles, make segments that stretch."""
-    shuffled = SQUAT.positions[:, np.random.default_rng(2).permutation(31)]
-    angles = 40 * np.sin(SQUAT.positions[:, ::-1] * np.arange(1, 94).reshape(31, 3))
-    for positions in (shuffled, angles):
-        (line,) = _told(_squat(positions))
-        assert line.startswith("performer ann: many segments change their length by more than a tenth")
 
 
 @pytest.mark.parametrize(

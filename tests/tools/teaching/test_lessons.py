@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zmq
-from synthetic import STICK, stick_clip
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.motion_library import library_file
@@ -18,17 +17,15 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Admitted, Announcement, Frame
+from kinespace.stream.inputs import commands as requests
+from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Event, EventKind, Recognition
 from kinespace.stream.recognizer import Performers, SentJoints, Settings
 from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
-from kinespace.stream.teaching.notices import Tried
+from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.teaching import requests
-from kinespace.tools.teaching.beginning import open_lessons
-from kinespace.tools.teaching.lessons import ClassPlaces
-from kinespace.tools.teaching.opener import Change, RosterOpener
-from kinespace.tools.teaching.requests import RequestSource
+from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, open_lessons
 
 PATIENCE = 60.0
 #: Endings of the names of joints that a body of 20 joints lacks.
@@ -147,8 +144,6 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     assert [each.class_name for each in heard.notices if isinstance(each, Taught)] == ["my squat"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
     stage.command(commands.Rename("my squat", "bend"))
-    stage.command(commands.Undo())
-    stage.command(commands.Redo())
     stage.until(lambda _: stage.classes[-1] == "bend")
     stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
@@ -242,25 +237,6 @@ def _growing(numbers: Sequence[int]) -> list[Change]:
     return [Change(Roster(examples[: count + 1]), Settings(), number) for count, number in enumerate(numbers)]
 
 
-def test_of_changes_that_pour_in_the_newest_is_opened() -> None:
-    """Nine changes while one is opened make one further opening, and the end opens nothing."""
-    windows, changes = Slow(), _growing(range(1, 10))
-    opener = RosterOpener(windows, Teacher(changes[0].roster.examples[0].recording.skeleton, Roster()), lambda *_: ())
-    for change in changes:
-        opener.open(change)
-    windows.may_end.set()
-    until = time.monotonic() + PATIENCE
-    while windows.opened[-1:] != [9] and time.monotonic() < until:
-        time.sleep(0.01)
-    assert len(windows.opened) <= 2
-    windows.may_end.clear()
-    for change in changes:
-        opener.open(change)
-    threading.Timer(0.1, windows.may_end.set).start()
-    opener.close()
-    assert len(windows.opened) <= 3
-
-
 def test_an_example_that_cannot_be_compared_takes_no_other_with_it() -> None:
     """Of several that came together it alone is refused."""
     windows, changes = Slow(), _growing([11, 12, 13, 14])
@@ -280,59 +256,20 @@ def test_an_example_that_cannot_be_compared_takes_no_other_with_it() -> None:
     assert [each.number for each in teacher.roster.examples] == [11, 12, 14]
 
 
-def test_an_example_that_is_undone_at_once_is_told(stage: Stage) -> None:
-    """Its lesson ends, although nothing is left to check."""
-    _teach(stage, 10, "my squat", "squat1Reps")
-    stage.command(commands.Undo())
-    stage.until(lambda heard: State("ann", Step.REFUSED, 0.0, "undone before it was checked") in heard.notices)
-
-
-def test_saving_is_told_when_the_file_is_written(stage: Stage, tmp_path: Path) -> None:
-    """The answer to `save` says that it goes on; a state tells that the file is there."""
-    _teach(stage, 10, "my squat", "squat1Reps")
-    stage.until(lambda heard: Step.DONE in heard.steps())
-    (tmp_path / "mine.npz").unlink(missing_ok=True)
-    assert stage.command(commands.Save()) == [State("", Step.CHECKING, 0.0, "saving")]
-    done = State("", Step.DONE, 0.0, "mine.npz saved, examples: 1")
-    stage.until(lambda heard: done in heard.notices)
-    assert len(MotionLibrary.load(tmp_path / "mine.npz")) == 1
-
-
 def test_indices_stay() -> None:
-    """A class that is forgotten keeps its place, a renamed one too; a new one comes last."""
+    """A start sorts; a class that is forgotten or renamed keeps its place; a new one comes last."""
     motion = MotionLibrary.builtin().motions[0]
 
     def roster(**names: str) -> Roster:
         return Roster(tuple(Example(int(key[1:]), name, motion, 0, 1) for key, name in names.items()))
 
     places = ClassPlaces(["base"])
-    assert places.of(roster(e1="b", e2="a")) == ("base", "b", "a")
-    assert places.of(roster(e2="a")) == ("base", "b", "a")
-    assert places.of(roster(e2="z")) == ("base", "b", "z")
-    assert places.of(roster(e2="a")) == ("base", "b", "a")
-    assert places.of(roster(e2="a", e3="nothing", e4="c")) == ("base", "b", "a", "c")
-    assert places.of(roster(e4="a")) == ("base", "b", "a", "c")
-
-
-def test_a_folder_that_is_not_there(tmp_path: Path, library: MotionLibrary) -> None:
-    """A file in a folder that is not there is refused in one line."""
-    with pytest.raises(FileNotFoundError, match="no such folder"):
-        Stage(tmp_path / "nowhere" / "mine.npz", library)
-
-
-@pytest.mark.slow
-def test_unknown_joints_can_be_taught(tmp_path: Path) -> None:
-    """A sender's own joints can be taught without a library; until then nobody is answered."""
-    joints = tuple(f"marker{number}" for number in range(31))
-    stage = Stage(tmp_path / "mine.npz", None, joints)
-    assert _show(stage, 0, "kickLFront1Reps") == []
-    _teach(stage, 10, "squat", "squat1Reps")
-    stage.until(lambda heard: Step.DONE in heard.steps())
-    _teach(stage, 20, "kick", "kickLFront1Reps")
-    stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
-    assert (stage.classes, stage.heard.events) == (("squat", "kick"), [])
-    assert _show(stage, 30, "squat1Reps", 1)[:1] == ["squat"]
-    stage.lessons.close()
+    assert places.of(roster(e1="b", e2="a")) == ("base", "a", "b")
+    assert places.of(roster(e2="a")) == ("base", "a", "b")
+    assert places.of(roster(e2="z")) == ("base", "z", "b")
+    assert places.of(roster(e2="a")) == ("base", "a", "b")
+    assert places.of(roster(e2="a", e3="nothing", e4="c")) == ("base", "a", "b", "c")
+    assert places.of(roster(e4="a")) == ("base", "a", "b", "c")
 
 
 @pytest.mark.slow
@@ -357,17 +294,6 @@ def test_a_joint_that_hdm05_lacks_is_left_out(
     assert stage.classes == (("dip",) if taught else ())
     stage.lessons.close()
     assert "compared by 18 of 20 joints, without spine, nose" in capsys.readouterr().out
-
-
-def test_many_persons_teach_their_own_metrics(tmp_path: Path) -> None:
-    """With a joint that HDM05 lacks three persons who share a class are compared by all joints."""
-    known = MotionLibrary.builtin().skeleton.joints
-    skeleton = Skeleton((*known[: len(STICK.joints) - 1], "prop"))
-    clips = [replace(stick_clip("bow", seed=place), actor=name) for place, name in enumerate(("ann", "ben", "cid"))]
-    MotionLibrary.of_clips([replace(clip, skeleton=skeleton) for clip in clips]).save(tmp_path / "mine.npz")
-    stage = Stage(tmp_path / "mine.npz", None)
-    assert "prop" in stage.lessons.performers.library.skeleton.joints
-    stage.lessons.close()
 
 
 @pytest.mark.slow

@@ -1,30 +1,8 @@
 """The terminal: progress that passes work through, and names that stay names."""
 
-from io import StringIO
-
 import pytest
-from rich.console import Console
 
-from kinespace.tools.terminal.console import console, printable, progress
-
-
-def test_progress_passes_every_piece_through() -> None:
-    """All pieces come out in order, with and without a total."""
-    assert list(progress(range(5), "Counting", 5)) == [0, 1, 2, 3, 4]
-    assert list(progress(iter("abc"), "Spelling", None)) == ["a", "b", "c"]
-    assert list(progress((), "Idling", 0)) == []
-
-
-def test_progress_shows_on_standard_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """On a terminal the bar shows how much is done, and standard output has only results."""
-    terminal = StringIO()
-    monkeypatch.setattr(
-        "kinespace.tools.terminal.console.progress_console", Console(file=terminal, force_terminal=True, width=100)
-    )
-    assert list(progress(range(3), "Counting", 3)) == [0, 1, 2]
-    assert "Counting" in terminal.getvalue()
-    assert "3/3" in terminal.getvalue()
-    assert capsys.readouterr() == ("", "")
+from kinespace.tools.terminal.console import console, printable
 
 
 @pytest.mark.parametrize("name", ["[/]", "[bold]me[/bold]", ":smile:", "[link=x]"])

@@ -22,7 +22,7 @@ from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
 from kinespace.tools.terminal import live_table
 from kinespace.tools.terminal.console import log_as, note, say
-from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, score_shown, summary
+from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, summary
 
 CLASSES = ("bow", "jump", "wave")
 
@@ -75,32 +75,6 @@ def test_plain_lines_come_on_change_only(capsys: pytest.CaptureFixture[str]) -> 
     assert printed[0].split() == ["0.000", "s", "me", "bow", "score", "0.900", "margin", "0.650"]
 
 
-def test_plain_lines_count_from_the_first_answer(capsys: pytest.CaptureFixture[str]) -> None:
-    """Times begin at 0 with a performer's first answer and never go back; an earlier moment is told beside."""
-    lines = PlainLines()
-    lines.publish(recognition("me", "bow", time=61774.0))
-    lines.publish_event(Event("me", EventKind.START, "bow", 0, 0.9, 61774.0))
-    lines.publish(recognition("me", "wave", time=61776.5))
-    lines.publish_event(Event("me", EventKind.END, "bow", 0, 0.9, 61776.25))
-    lines.publish(recognition("you", "bow", time=5.0))
-    told = [line.split(maxsplit=2) for line in capsys.readouterr().out.splitlines()]
-    assert [time for time, _, _ in told] == ["0.000", "0.000", "2.500", "2.500", "0.000"]
-    assert told[1][2] == "me  start: bow"
-    assert told[3][2] == "me  end: bow at 2.250 s"
-
-
-def test_a_name_cannot_break_the_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """Line ends and escape characters in a performer's name reach neither the lines nor the table."""
-    name = "me\x1b[2J\nyou"
-    PlainLines().publish(recognition(name, "bow"))
-    printed = capsys.readouterr().out
-    assert printed.count("\n") == 1
-    assert "\x1b" not in printed
-    table = LiveTable(CLASSES)
-    table.publish(recognition(name, "bow"))
-    assert "\x1b" not in shown(table)
-
-
 def test_the_table_shows_the_latest_of_each_performer() -> None:
     """Each performer has one row with the last label, score, margin, runner-up and rate; the caption has the counts."""
     table = LiveTable(CLASSES)
@@ -115,80 +89,6 @@ def test_the_table_shows_the_latest_of_each_performer() -> None:
     assert re.match(r"you +wave +0\.750 ", yours)
     assert "waiting" not in drawn
     assert "3 classes · received 101, malformed 2" in drawn
-
-
-@pytest.mark.parametrize(
-    ("score", "full"), [(0.0, 0), (0.5, 10), (1.0, 20), (1.0000001, 20), (0.974, 19), (-1e-9, 0), (0.26, 5)]
-)
-def test_a_score_is_a_bar_and_a_number(score: float, full: int) -> None:
-    """A bar of 20 characters is filled in proportion; rounding never overfills it; without room there is none."""
-    text = score_shown(score, 110).plain
-    assert text.count("█") == full
-    assert text.count("█") + text.count("░") == 20
-    assert text.endswith(f"{score:.3f}")
-    assert score_shown(score, 109).plain == f"{score:.3f}"
-
-
-LONGEST = ("elbowToKnee3RepsLelbowStart", "rotateArmsBothForward1Reps")
-
-
-@pytest.mark.parametrize(
-    ("width", "names"),
-    [
-        (120, ("rotateArmsBothForward1Reps", "elbowToKnee3RepsLelbowStart")),
-        (80, ("rotateArm…ward1Reps", "elbowToKn…lbowStart")),
-        (60, ("rota…Reps", "elbo…tart")),
-    ],
-)
-def test_long_names_never_push_the_figures_out(
-    width: int, names: tuple[str, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Names are shortened in their middle: their ends tell classes apart."""
-    monkeypatch.setattr("kinespace.tools.terminal.live_table.console._width", width)
-    table = LiveTable(LONGEST)
-    table.publish(Recognition("performer 1", 1.0, Outcome.NAMED, LONGEST, np.array([0.9, 0.8]), 0.1, 0.9, 0.8, 0.0))
-    table.publish_event(Event("performer 1", EventKind.START, LONGEST[1], 1, 0.8, 1.0))
-    table.publish_status(status("performer 1"))
-    lines = shown(table, width=width).splitlines()
-    (row,) = [line.split() for line in lines if line.startswith("performer 1")]
-    assert max(map(len, lines)) <= width
-    assert tuple(row[2:4]) == names
-    assert [cell for cell in row[4:] if cell[0].isdigit()] == ["0.900", "0.100", "120"]
-
-
-def test_performers_keep_their_rows() -> None:
-    """A performer who leaves leaves a free row for a newcomer; the others keep their rows."""
-    table = LiveTable(CLASSES)
-
-    def rows() -> list[str]:
-        names = ("ann", "bob", "cem", "dora", "eve")
-        return [line.split()[0] for line in shown(table).splitlines() if line.split()[:1] and line.split()[0] in names]
-
-    for name in ("ann", "bob", "cem"):
-        table.publish(recognition(name, "bow"))
-    table.publish_status(status("bob", "cem"))
-    before = shown(table).splitlines()
-    assert rows() == ["bob", "cem"]
-    table.publish(recognition("dora", "bow"))
-    assert rows() == ["dora", "bob", "cem"]
-    assert len(before) == len(shown(table).splitlines())
-    table.publish(recognition("eve", "bow"))
-    assert rows() == ["dora", "bob", "cem", "eve"]
-    table.publish_status(status("dora", "bob"))
-    assert rows() == ["dora", "bob"]
-
-
-def test_the_last_motions_are_listed() -> None:
-    """Motions that are over stand below the table with their length, the last three of each performer."""
-    table = LiveTable(CLASSES)
-    table.publish(recognition("me", "bow"))
-    for number, name in enumerate(("bow", "wave", "jump", "bow")):
-        table.publish_event(Event("me", EventKind.START, name, 0, 0.9, 10.0 * number))
-        table.publish_event(Event("me", EventKind.END, name, 0, 0.9, 10.0 * number + 1.5))
-    table.publish_status(status("me"))
-    assert "me before: wave 1.5 s, jump 1.5 s, bow 1.5 s" in shown(table)
-    table.publish_status(status())
-    assert "before" not in shown(table)
 
 
 def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
@@ -260,25 +160,6 @@ def test_a_performer_whose_frames_stop_is_not_shown_as_living(
     printed = capsys.readouterr().out
     assert printed.count("performer me: no frames\n") == 2
     assert printed.count("performer me: gone\n") == 1
-
-
-def test_a_lesson_that_waits_takes_one_line() -> None:
-    """Of how much movement there is the newest notice is shown, and the notices before it stay."""
-    table = LiveTable(CLASSES)
-    table.publish_status(status())
-    for notice in (
-        State("", Step.DONE, 0.0, "saved"),
-        *(State("me", Step.WAITING, 0.0, each) for each in ("1%", "2%")),
-    ):
-        table.publish_notice(notice)
-    assert ("done: saved" in shown(table), "1%" in shown(table), "waiting: 2%" in shown(table)) == (True, False, True)
-
-
-def test_the_counts_name_every_loss() -> None:
-    """One line counts all that came in and every kind of loss."""
-    assert counts(status()) == (
-        "received 101, malformed 2, foreign 3, overrun 4, missing 5, out of order 8, other joints 7, no room 6"
-    )
 
 
 def test_the_summary_adds_answers_and_times() -> None:

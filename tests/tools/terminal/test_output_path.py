@@ -1,12 +1,11 @@
 """Where a program is to write is looked at before its work."""
 
-import os
 from pathlib import Path
 
 import pytest
 
 from kinespace.tools.cli.main import main
-from kinespace.tools.terminal.output_path import require_place_for
+from kinespace.tools.terminal.files import require_place_for
 
 
 @pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--answers")], ids=" ".join)
@@ -28,11 +27,3 @@ def test_an_existing_file_is_kept_unless_overwrite(tmp_path: Path) -> None:
     require_place_for(path)
     with pytest.raises(FileExistsError, match="exists already; --overwrite writes over it"):
         require_place_for(path, overwrite=False)
-
-
-def test_a_folder_that_may_not_be_written_to_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the system would not let a file be made, its folder is named."""
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    with pytest.raises(PermissionError) as refused:
-        require_place_for(tmp_path / "a")
-    assert refused.value.filename == str(tmp_path)

@@ -88,7 +88,6 @@ function take(news) {
   }
   (news.notices ?? []).forEach(takeNotice);
   (news.replies ?? []).forEach(takeReply);
-  if (news.camera) showEye(news.camera);
 }
 
 function takeAnswer(performer, answer) {

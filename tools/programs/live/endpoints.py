@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import argparse
 import ipaddress
+import os
+import socket
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from kinespace.library.naming import hdm05
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.commands import CommandReader
-from kinespace.stream.inputs.feed_source import FeedSource
-from kinespace.stream.inputs.recording import RawWriter, Recorder, source_name
-from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, NativeLayout, ReplySink, Sink, ZmqSink
+from kinespace.stream.inputs.commands import CommandReader, RequestSource
+from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
+from kinespace.stream.inputs.source import FeedSource
+from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
+from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
-from kinespace.stream.outputs.written_layout import WrittenLayout
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.packet import Networks
 from kinespace.stream.service.loop import Recognising
+from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.announcing.announcer import Announcer
-from kinespace.tools.announcing.finding import is_possible, named
-from kinespace.tools.cli.address import host_and_port, opening
-from kinespace.tools.cli.choice import one_of
+from kinespace.tools.cli.values import host_and_port, one_of, opening
 from kinespace.tools.page.process import PagePlan, Plan
 from kinespace.tools.programs.live.unread import Unread
-from kinespace.tools.teaching.requests import RequestSource
 from kinespace.tools.terminal.console import say
 
 #: The addresses of all of a machine's networks, and of the machine itself.
@@ -53,10 +51,10 @@ def open_ends(
 ) -> tuple[list[Source], list[Sink], RawWriter | None]:
     """Open the addresses and the recording; after a failure the open addresses are closed again.
 
-    `browsers` are the receivers of pages' cameras and of WebSocket clients, whose frames are our own whatever the feed.
+    `browsers` are the receivers of WebSocket clients, whose frames are our own whatever the feed.
     """
     networks = _networks(options)
-    if getattr(options, "camera", None) or getattr(options, "lsl_in", None):
+    if options.camera or options.lsl_in:
         networks = _and_here(networks)
     receivers: list[_AnyReceiver] = []
     sinks: list[Sink] = []
@@ -75,7 +73,7 @@ def open_ends(
         native = [("--osc-out", f"native={options.osc_out}")] if options.osc_out else []
         for option, out in [*native, *(("--out", each) for each in options.out)]:
             with opening(option):
-                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission, options))))
+                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission))))
                 _require_no_loop(receivers, sinks[-1])
         if options.zmq_out:
             with opening("--zmq-out"):
@@ -101,20 +99,17 @@ def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list
     Raises
     ------
     ImportError, OSError, ValueError
-        As `tools.programs.camera.process.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
+        As `tools.programs.camera.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
     """
     senders: list[AbstractContextManager[object]] = []
-    if camera := getattr(options, "camera", None):
-        from kinespace.tools.programs.camera.process import CameraProcess  # noqa: PLC0415 - only where there is a camera
-        from kinespace.tools.programs.camera.session import CameraPlan  # noqa: PLC0415 - as above
+    if camera := options.camera:
+        from kinespace.tools.programs.camera import CameraPlan, CameraProcess  # noqa: PLC0415 - where there is a camera
 
         place = "{}:{}".format(*_own_port(sources))
-        process = CameraProcess(
-            CameraPlan(camera, osc=place, people=options.people, size=options.size, show=options.show), say
-        )
+        process = CameraProcess(CameraPlan(camera, osc=place, people=options.people, size=options.size), say)
         say(f"camera: {process.opened}")
         senders.append(process)
-    if stream := getattr(options, "lsl_in", None):
+    if stream := options.lsl_in:
         from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
 
         feed = LslFeed(stream, *_own_port(sources))
@@ -143,43 +138,25 @@ def _source(
     return source
 
 
-def _layout_sink(
-    text: str, receivers: Sequence[_AnyReceiver], admission: Admission, options: argparse.Namespace
-) -> Sink:
-    """Open NAME or FILE.toml, perhaps with =HOST:PORT, =sender:PORT or the name of a program that announces itself."""
+def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
+    """Open NAME or FILE.toml, perhaps with =HOST:PORT or =sender:PORT."""
     name, _, target = text.partition("=")
     if name == LSL and not target:
         return LslSink()
     if name == MIDI:
         return MidiSink(target)
-    place = None
     if name.endswith(".toml"):
         layout: Layout = WrittenLayout(Path(name))
     else:
-        try:
-            layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL, MIDI))]()
-        except ValueError as error:
-            layout, place = NativeLayout(), _announced("" if target else name, error, options)
+        layout = LAYOUTS[one_of("--out", name, (*LAYOUTS, LSL, MIDI))]()
     if target.partition(":")[0] != "sender":
-        try:
-            place = place or (host_and_port(target) if target else ("127.0.0.1", layout.port))
-        except ValueError as error:
-            place = _announced(target, error, options)
+        place = host_and_port(target) if target else ("127.0.0.1", layout.port)
         return LayoutSink(layout, osc.OscSender(*place))
     by_osc = [receiver for receiver in receivers if isinstance(receiver, osc.OscReceiver)]
     if not by_osc:
         raise ValueError("--out: expected an OSC feed to reply to, got none")
     port = host_and_port(target)[1] if ":" in target else layout.port
     return ReplySink(layout, by_osc[0], port, admission)
-
-
-def _announced(name: str, mistake: ValueError, options: argparse.Namespace) -> tuple[str, int]:
-    """Find the program that announces itself by a name; where none does, the text was a mistake."""
-    if not (name and options.announce):
-        raise mistake
-    found = named(name, mistake)
-    say(f"--out: {found}")
-    return found.host, found.port
 
 
 def _require_no_loop(receivers: Sequence[_AnyReceiver], sink: Sink) -> None:
@@ -228,7 +205,7 @@ class Served(NamedTuple):
 
     plan: Plan
     sinks: list[Sink]
-    frames: zeromq.ZmqReceiver
+    frames: list[zeromq.ZmqReceiver]
     requests: list[RequestSource]
 
 
@@ -237,30 +214,18 @@ def open_servers(
 ) -> Iterator[Served]:
     """Prepare the page, which may give commands, and the server of WebSocket clients where they are asked for."""
     if options.page:
-        sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
+        sender = zeromq.ZmqSender(_HERE, keyring)
         requests = [RequestSource(_HERE, (), keyring)] if commands else []
         control = requests[0].address if requests else None
-        page = PagePlan(options.page, sender.address, control, frames.address, options.keys)
-        yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], frames, requests)
+        page = PagePlan(options.page, sender.address, control, options.keys)
+        yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], [], requests)
     if options.ws:
-        from kinespace.tools.websocket.server import SocketPlan  # noqa: PLC0415 - slow to load
+        from kinespace.tools.page.websocket import SocketPlan  # noqa: PLC0415 - slow to load
 
         sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
         networks = tuple(map(str, _and_here(_networks(options))))
         clients = SocketPlan(options.ws, sender.address, frames.address, options.keys, options.ws_origin, networks)
-        yield Served(clients, [ZmqSink(sender)], frames, [])
-
-
-def open_announcer(options: argparse.Namespace, sources: Sequence[Source], classes: Sequence[str]) -> list[Announcer]:
-    """Announce the port on which our own messages come in by OSC, if that is possible and wanted."""
-    ours = [each.receiver for each in sources if isinstance(each.receiver, osc.OscReceiver)]
-    if not (options.announce and ours) or options.feed or not is_possible():
-        return []
-    from kinespace.tools.announcing.announcer import Announcer  # noqa: PLC0415 - slow to load
-    from kinespace.tools.announcing.description import Known  # noqa: PLC0415 - as above
-
-    known = Known(len(hdm05.SKELETON.joints), classes, teaches=bool(getattr(options, "teach", None)))
-    return [Announcer(ours[0].address[:2], known, _and_here(_networks(options)))]
+        yield Served(clients, [ZmqSink(sender)], [frames], [])
 
 
 def open_controls(
@@ -277,3 +242,42 @@ def open_controls(
             near = () if keyring else _and_here(networks)
             controls.append(RequestSource(_endpoint(options, control), networks, keyring, networks=near))
     return controls
+
+
+class Systemd(Sink):
+    """Sends what sd_notify(3) sends: READY at the first status, at each one WATCHDOG and a line on the health.
+
+    A recogniser that hangs sends no status, so that systemd starts it again (`WatchdogSec=`).
+
+    Parameters
+    ----------
+    address
+        Of systemd's socket; `@` begins a name that is no file.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.settimeout(0)
+        self._ready = "READY=1\n"
+
+    def publish_status(self, status: Status) -> None:
+        """Say that the service runs, and how."""
+        self._send(f"{self._ready}WATCHDOG=1\nSTATUS={status.health}")
+        self._ready = ""
+
+    def close(self) -> None:
+        """Say that the service ends."""
+        self._send("STOPPING=1")
+        self._socket.close()
+
+    def _send(self, text: str) -> None:
+        # Nobody may wait for systemd, and a recogniser goes on without it.
+        with suppress(OSError):
+            self._socket.sendto(text.encode(), self._address)
+
+
+def supervisors() -> list[Sink]:
+    """Give a sink for systemd where it has started this program and wants to know."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    return [Systemd(address)] if address and hasattr(socket, "AF_UNIX") else []

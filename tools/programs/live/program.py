@@ -7,19 +7,167 @@ bound; put > before it to connect instead.
 from __future__ import annotations
 
 import argparse
+import gc
 import os
-from contextlib import nullcontext
+import sys
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack, closing, nullcontext
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
+from rich.live import Live
+
+from kinespace.library import MotionLibrary
+from kinespace.library.naming import Naming
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.stream.outputs import LAYOUTS
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream.feeds import Preset
+from kinespace.stream.inputs import Admission
+from kinespace.stream.inputs.source import FeedSource
+from kinespace.stream.outputs import LAYOUTS, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
+from kinespace.stream.outputs.zeromq_sink import BodySink
+from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
+from kinespace.stream.service.background import BackgroundViews
+from kinespace.stream.service.gateway import GatewaySource
+from kinespace.stream.service.loop import Recognising, Service
+from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.cli.arguments import OSC_IN, add_names, add_settings, add_shared, count, names, positive
-from kinespace.tools.programs.live.recognisers import Making, in_this_process, in_workers
-from kinespace.tools.programs.live.session import recognise
-from kinespace.tools.terminal.console import log_as
+from kinespace.tools.cli.arguments import (
+    OSC_IN,
+    add_names,
+    add_settings,
+    add_shared,
+    count,
+    library_at,
+    names,
+    naming_of,
+    positive,
+    settings_of,
+)
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.presets import joints_in_order, preset_named
+from kinespace.tools.cli.values import meant
+from kinespace.tools.page.process import PageProcess
+from kinespace.tools.programs.live.endpoints import (
+    Served,
+    open_controls,
+    open_ends,
+    open_senders,
+    open_servers,
+    supervisors,
+)
+from kinespace.tools.teaching.keys import Keys
+from kinespace.tools.teaching.lessons import Lessons, open_lessons
+from kinespace.tools.terminal.console import console, log_as, say
+from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
+
+#: A library, perhaps opened already.
+Known = MotionLibrary | WindowIndex
+
+#: In place of a library: only taught motions are known.
+_NO_LIBRARY = Path("none")
+
+
+def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:
+    """Make recognisers that the service's own loop calls, or that work in processes of their own."""
+    settings = settings_of(options)
+    if not options.workers:
+        views = BackgroundViews()
+        return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
+    from kinespace.stream.service.gateway import Gateway  # noqa: PLC0415 - only where there are workers
+    from kinespace.stream.service.worker import Terms  # noqa: PLC0415 - as above
+
+    if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
+        library = opened(library)
+    return Gateway(options.workers, library, Terms(settings, options.performers, joints, tuple(classes)))
+
+
+def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Recognising, Lessons | None]:
+    """Make the recognisers, and the lessons if people may teach."""
+    library, naming = options.library, naming_of(options)
+    nothing = library == _NO_LIBRARY
+    if nothing and not options.teach:
+        raise ValueError("--library none: expected --teach with it")
+    if options.joints and preset:
+        raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
+    joints = naming.read(joints_in_order(options.joints)).joints if options.joints else ()
+    motions = library_at(None if nothing else library)
+    if naming.convention or naming.finds:
+        motions = motions.in_our_names(Naming())
+    if nothing:
+        joints = joints or (preset.joints if preset else ())
+    elif preset:
+        motions = fitted(motions, f"feed {preset.name}", preset.joints)
+    elif joints:
+        motions = fitted(motions, "--joints", joints)
+    sent = SentJoints(joints, naming)
+    if options.teach:
+        lessons = _lessons(options, None if nothing else motions, sent)
+        return lessons.performers, lessons
+    _require_room_for(motions, settings_of(options))
+    return _made(options, motions, sent), None
+
+
+def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionLibrary:
+    """Restrict a library to the joints a feed has, and print which.
+
+    Raises
+    ------
+    SkeletonMismatchError
+        Library and feed share fewer than five joints.
+    """
+    shared = motions.restricted_to(joints)
+    if shared is not motions:
+        for name in joints:
+            near = "" if name in motions.skeleton.joints else meant(name, [*{*motions.skeleton.joints} - {*joints}])
+            if near:
+                say(f"{whose}: the library has no joint {name!r}{near}")
+        further = [name for name in joints if name not in motions.skeleton.joints]
+        if further:
+            say(f"{whose}: not compared, because the library lacks them: {', '.join(further)}")
+        say(f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints")
+    return shared
+
+
+def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: SentJoints) -> Lessons:
+    """Open the taught library."""
+
+    def performers(index: WindowIndex, classes: Sequence[str]) -> Recognising:
+        covers = set(index.library.skeleton.joints) <= set(sent.assumed)
+        joints = replace(sent, assumed=sent.assumed if covers else ())
+        _require_room_for(index, settings_of(options))
+        return _made(options, index, joints, classes)
+
+    # People before a camera seldom think of their sides.
+    either_side = bool(options.camera) if options.either_side is None else options.either_side
+    lessons = open_lessons(
+        options.teach,
+        motions,
+        sent.assumed,
+        performers,
+        options.stillness,
+        either_side=either_side,
+    )
+    lessons.is_loud = options.loud_lessons
+    return lessons
+
+
+def _require_room_for(motions: Known, settings: Settings) -> None:
+    """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
+    try:
+        Recognizer(motions, settings)
+    except MemoryError as error:
+        if settings.window is None:
+            raise
+        raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
+
 
 #: Where answers go by default: a port that no usual receiver uses.
 OSC_OUT = "127.0.0.1:9311"
@@ -29,27 +177,6 @@ WS = "127.0.0.1:9313"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    add_shared_arguments(parser)
-    text = "spread performers over processes (default: none)"
-    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
-    text = "watch a camera, a film or a stream, as kinespace camera does"
-    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
-    add_shared(parser, "--people", "--show", "--size")
-    parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
-    text = "let people teach motions by showing them, and keep them there"
-    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
-    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
-    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
-    text = "taught motions may be done by either side (default: with --camera)"
-    parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
-    text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
-    parser.add_argument("--loud-lessons", action="store_true", help=text)
-    text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
-    parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
-
-
-def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options that `kinespace gateway` has, too."""
     add_shared(parser, "--osc-in", "--zmq-in")
     text = f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)"
     parser.add_argument("--osc-out", metavar="[HOST:]PORT", help=text)
@@ -59,8 +186,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--sender")
     text = (
         f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
-        f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies; in place of NAME "
-        "or HOST:PORT the name that a program announces by mDNS"
+        f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies"
     )
     parser.add_argument("--out", type=names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text)
     text = (
@@ -80,17 +206,33 @@ def add_shared_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--overwrite")
     text = "publish bodies on --zmq-out, for kinespace page elsewhere"
     parser.add_argument("--bodies", action="store_true", help=text)
-    add_shared(parser, "--page", "--no-announce")
+    add_shared(parser, "--page")
     text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
     parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
     text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"
     parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
+    text = "spread performers over processes (default: none)"
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
+    text = "watch a camera, a film or a stream, as kinespace camera does"
+    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
+    add_shared(parser, "--people", "--size")
+    parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
+    text = "let people teach motions by showing them, and keep them there"
+    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
+    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
+    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
+    text = "taught motions may be done by either side (default: with --camera)"
+    parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
+    text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
+    parser.add_argument("--loud-lessons", action="store_true", help=text)
+    text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
+    parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
 
 
-def run(options: argparse.Namespace, make: Making | None = None) -> int:
-    """Run the program with these options; return the exit status. `make` makes recognisers elsewhere."""
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
     if options.log:
         log_as(options.log)
     if not (options.osc_in or options.zmq_in or options.feed):
@@ -98,9 +240,173 @@ def run(options: argparse.Namespace, make: Making | None = None) -> int:
     if not (options.osc_out or options.zmq_out or options.out):
         options.osc_out = OSC_OUT
     with Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        return recognise(options, keyring, make or (in_workers if options.workers else in_this_process))
+        return recognise(options, keyring)
 
 
 def workers(text: str) -> int:
     """Read a number of workers; `auto`: one for each core but one, which receives."""
     return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
+
+
+#: Times a second the table is drawn.
+_REDRAWS = 5
+#: Files and connections that may be open at once, as far as the system allows.
+MAX_CONNECTIONS = 16_384
+
+
+def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
+    """Open the addresses, recognise until interrupted, print the counts."""
+    _allow_many_connections()
+    settings, record = settings_of(options), options.record
+    preset = _checked(options, settings)
+    performers, lessons = recognisers(options, preset)
+    # What workers send is read as a source is.
+    from_workers = [source] if (source := getattr(performers, "source", None)) else []
+    in_lines = options.plain or options.log or not console.is_terminal
+    shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
+    admission = Admission(silence=performers.silence, allowed=options.allow)
+    with ExitStack() as begun:
+        _close_in(begun, from_workers)
+        # Before the sockets are open: no packet is to wait until the page runs.
+        served, servers = list[Served](), list[Any]()
+        for each in open_servers(options, keyring, performers, commands=lessons is not None):
+            _close_in(begun, [*each.sinks, *each.frames, *each.requests])
+            served.append(each)
+            servers.append(PageProcess(each.plan, say))
+        sources, sinks, kept = open_ends(
+            options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
+        )
+        _close_in(begun, [*sources, *sinks, *([kept] if kept else ())])
+        controls = open_controls(options, sources, keyring)
+        senders = open_senders(options, sources)
+        begun.pop_all()
+    listeners = [lessons] if lessons else []
+    if options.bodies:
+        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
+    with (
+        closing(kept) if kept else nullcontext(),
+        Service(
+            performers,
+            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
+            [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
+            admission=admission,
+            control=lessons,
+        ) as service,
+        ExitStack() as running,
+    ):
+        _answer_for(from_workers, service)
+        for begun in (*servers, *senders):
+            running.enter_context(begun)
+        if lessons:
+            lessons.sinks = service.sinks
+        # Before the program says that it runs.
+        stop_on_signals(service.stop)
+        open_to_senders = [each for each in sources if each.place]
+        listening = ", ".join(map(str, [*open_to_senders, *controls]))
+        answering = ", ".join(map(str, sinks)) or "nobody"
+        # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
+        listening += ", also for /motion/teach" if lessons and preset else ""
+        say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
+        for server in servers:
+            say(f"{server.name}: {server.address}")
+        # All objects so far live as long as the program: the collector need not look at them again.
+        gc.freeze()
+        _run(service, shown, lessons)
+        status = _ended(service, lessons, from_workers)
+    for line in (
+        *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
+        *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
+        *([f"{record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
+    ):
+        say(line)
+    return 2 if lessons and lessons.has_unsaved else 0
+
+
+def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
+    """Close these if a later one cannot be opened."""
+    for each in ends:
+        opened.callback(each.close)
+
+
+def _ended(service: Service, lessons: Lessons | None, from_workers: Iterable[GatewaySource]) -> Status:
+    """Close what was open while the service ran; give its last status."""
+    if lessons:
+        lessons.close()
+    for each in from_workers:
+        each.gateway.settle()
+    return service.status()
+
+
+def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None:
+    """Publish what workers answer."""
+    for each in from_workers:
+        each.gateway.publish = service.publish
+
+
+def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
+    """Refuse options that need others, and files that cannot be written; give the preset of the feed."""
+    if options.control and not options.teach:
+        raise ValueError("--control: expected --teach with it")
+    if options.teach and settings.signature is LiveSignature.PAPER:
+        raise ValueError("--teach: expected --signature windows with it, got paper")
+    for option in ("camera", "lsl_in"):
+        if not getattr(options, option, None):
+            continue
+        if options.feed:
+            name = option.replace("_", "-")
+            raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
+        options.osc_in = options.osc_in or OSC_IN
+    if options.record:
+        require_place_for(options.record, overwrite=options.overwrite)
+        # `--overwrite` is no leave to write over what this program reads or teaches.
+        read = [Path(each).resolve() for each in (options.teach, options.library, options.feed) if each]
+        if options.record.resolve() in read:
+            raise ValueError(f"{options.record}: expected a file for each purpose, got one for several")
+    preset = preset_named(options.feed) if options.feed else None
+    if preset and not (options.osc_in or options.zmq_in):
+        options.osc_in = f"127.0.0.1:{preset.port}"
+    return preset
+
+
+def _allow_many_connections() -> None:
+    """Raise the limit of open files: silent connections of strangers must leave room until ZeroMQ has ended them."""
+    if sys.platform == "win32":
+        return
+    import resource  # noqa: PLC0415 - there is none on Windows
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MAX_CONNECTIONS if hard == resource.RLIM_INFINITY else min(MAX_CONNECTIONS, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+def _run(service: Service, shown: PlainLines | LiveTable, lessons: Lessons | None) -> None:
+    """Run, and draw the table in a second thread: the feed waits at most for the lock, never for a picture."""
+    if isinstance(shown, PlainLines):
+        service.run()
+        return
+    loop = threading.Thread(target=service.run, name="kinespace service")
+    loop.start()
+    try:
+        with Keys(lessons, shown) if lessons else nullcontext(), Live(console=console, auto_refresh=False) as live:
+            while loop.is_alive():
+                live.update(shown.drawn(), refresh=True)
+                time.sleep(1 / _REDRAWS)
+            live.update(shown.drawn(), refresh=True)
+    finally:
+        # The thread must be out of the sockets before they are closed, also after an error in drawing.
+        service.stop()
+        loop.join()
+
+
+def frames_made(source: FeedSource) -> str:
+    """Count a feed's frames and joints by their fate, and name the joints missing in refused frames."""
+    counts = source.decoder.assembler.counts
+    closed = ", ".join(f"{count} by {closing}" for closing, count in counts.closed_by.most_common())
+    line = (
+        f"feed {source.preset.name}: {counts.frames} frames made ({closed or 'none closed'}), "
+        f"{counts.incomplete} refused, joints held {counts.held}, late {counts.late}, unsure {counts.unsure}, "
+        f"beyond any stage {counts.absurd}, no room {counts.no_room}, requests not sent {source.unasked}"
+    )
+    absent = ", ".join(name for name, _ in counts.absent.most_common(5))
+    return f"{line}; absent: {absent}" if absent else line

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from kinespace.stream.inputs.recording import Recorder, kinerec
-from kinespace.stream.inputs.recording.kinerec import (
+from kinespace.stream.inputs import kinerec
+from kinespace.stream.inputs.kinerec import (
     RawFile,
     RawFileError,
-    RawHeader,
     RawPacket,
     RawWriter,
+    Recorder,
     encode_header,
     encode_packet,
 )
@@ -80,31 +80,6 @@ def test_a_file_is_read_to_its_last_whole_record(tmp_path: Path) -> None:
             assert (recording.lost_from, recording.lost) == (ends[complete] if lost else None, lost)
             where = f"{path}: byte {ends[complete]}: cut off or damaged; the {lost} bytes from there on are not read"
             assert recording.damage() == (where if lost else "")
-
-
-_LATER = kinerec._record(  # noqa: SLF001 - a whole record
-    b'\0{"format": "kinespace raw recording", "version": 9, "began": "", "sources": []}'
-)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "byte 0: not a raw recording (no header)"),
-        (b"PK\x03\x04" + b"\0" * 500, "byte 0: not a raw recording (no header)"),
-        (encode_packet(PACKETS[0]), "byte 0: not a raw recording (no header)"),
-        (kinerec._record(b'\0{"format": "x"}'), "byte 0: not a raw recording (Invalid value 'x'"),  # noqa: SLF001 - a whole record
-        (kinerec._record(b"\0[]"), "byte 0: not a raw recording"),  # noqa: SLF001 - as above
-        (encode_header(RawHeader("now", SOURCES))[:-3], "byte 0: not a raw recording"),
-        (_LATER, "format version 9, this kinespace reads 1"),
-    ],
-)
-def test_another_kind_of_file_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    """A file without our header is refused by name."""
-    path = tmp_path / "a.kinerec"
-    path.write_bytes(content)
-    with pytest.raises(RawFileError, match=re.escape(f"{path}: {message}")):
-        RawFile(path)
 
 
 class _Disk:

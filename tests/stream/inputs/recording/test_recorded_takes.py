@@ -2,7 +2,6 @@
 
 import dataclasses
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -21,9 +20,8 @@ from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.frame import Input
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.recording import Recorder, decoded, source_name
-from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, RawWriter
-from kinespace.stream.inputs.recording.takes import Seen
+from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter, Recorder, source_name
+from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
@@ -119,19 +117,6 @@ def packets_of(layout: str) -> list[tuple[bytes, float]]:
     return packets
 
 
-@pytest.mark.parametrize("told", ["osc here", "zmq there", "osc here feed nimate", "zmq there feed nimate"])
-def test_a_given_preset_goes_before_the_recorded_one(told: str) -> None:
-    """By datagram or ZeroMQ, a given preset goes before the preset in the header; the last frame comes too."""
-    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
-    header = RawHeader("", (told,))
-    assert not list(decoded(header, packets))
-    events = [event for _, event in decoded(header, packets, builtin_preset("osceleton"))]
-    assert len([event for event in events if isinstance(event, Frame)]) == 60
-    assert [event for event in events if isinstance(event, Announcement)] == [
-        Announcement("1", builtin_preset("osceleton").joints)
-    ]
-
-
 def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> None:
     """A preset of one's own called like a built-in one is kept in the recording, and goes before the built-in one."""
     packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
@@ -150,24 +135,3 @@ def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> N
         events = decoded(recording.header, recording.packets())
         found[name] = sum(isinstance(event, Frame) for _, event in events)
     assert found == {"older": 60, "same": 60, "mine": 0}
-
-
-@pytest.mark.parametrize(
-    ("presets", "told"),
-    [
-        ({"mine": "port = 7000\nfuture = 1"}, "^preset mine in the recording: "),
-        ({}, r"feed: expected a \.toml file or one of .*, got 'mine'"),
-    ],
-)
-def test_a_preset_that_cannot_be_read_is_named(presets: dict[str, str], told: str) -> None:
-    """A kept preset of a later version, and one that is neither kept nor built in, are refused in words."""
-    with pytest.raises(ValueError, match=told):
-        list(decoded(RawHeader("", ("osc here feed mine",), presets), []))
-
-
-def test_joints_are_named_as_announced_else_by_their_number() -> None:
-    """As many as HDM05's are HDM05's; others are numbered, as many as most frames have."""
-    most, joints = Counter({31: 1, 5: 2}), STICK.joints
-    named = [Seen(joints=joints, sizes=most), Seen(sizes=most), Seen(sizes=Counter({31: 2, 5: 1}))]
-    numbered = tuple(f"joint{number}" for number in range(1, 6))
-    assert [each.skeleton().joints for each in named] == [joints, numbered, SKELETON.joints]

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.library.windows.oddities import FLAT
+from kinespace.library.windows.segments import FLAT
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.recognizer.performers import UNLIKE
 from kinespace.tools.feeding.feed import resampled
+
+pytestmark = pytest.mark.slow
 
 RATE = 30.0
 
@@ -61,7 +63,6 @@ def test_segments_that_stretch_are_unlike_rigid_ones(small_library: MotionLibrar
     assert recognizer.unlike is True
 
 
-@pytest.mark.slow
 def test_a_library_taught_by_the_body_itself_is_like_it(small_index: WindowIndex, squat: Clip) -> None:
     """After one example the note goes: the nearest person of the library is the performer."""
     performers, positions = Performers(small_index), np.concatenate([_short_thighs(squat), _short_thighs(squat)[::-1]])

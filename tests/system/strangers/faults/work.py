@@ -19,11 +19,9 @@ import numpy as np
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.library.windows import remembered
-from kinespace.stream.inputs.recording import RawFile, RawWriter
-from kinespace.stream.inputs.recording.kinerec import RawPacket
+from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter
 from kinespace.stream.outputs.midi_sink import MidiSink
 from kinespace.stream.recognition import Event, EventKind
-from kinespace.stream.workers.certificates import make_certificate
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.teaching import roster_file
 
@@ -107,16 +105,14 @@ def recording(folder: Path) -> Iterator[str]:
 def keys(folder: Path) -> Iterator[str]:
     """Make pairs of keys: each is whole or not there, and can be made then."""
     yield ""
-    for make in (make_keys, make_certificate):
-        with suppress(OSError):
-            make(folder, "ann")
+    with suppress(OSError):
+        make_keys(folder, "ann")
     yield ""
-    for make, names in ((make_keys, ("ann.key", "ann.key_secret")), (make_certificate, ("ann.pem", "ann.pem_secret"))):
-        there = [(folder / name).exists() for name in names]
-        if any(there) and not all(there):
-            yield f"half of {names}"
-        elif not all(there):
-            make(folder, "ann")
+    there = [(folder / name).exists() for name in ("ann.key", "ann.key_secret")]
+    if any(there) and not all(there):
+        yield "half of a pair of keys"
+    elif not all(there):
+        make_keys(folder, "ann")
     yield "a secret can be read" if any(each.stat().st_mode & 0o077 for each in folder.glob("*_secret")) else ""
 
 

@@ -9,9 +9,9 @@ from synthetic import stick_clip
 from kinespace.library import MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
-from kinespace.tools.evaluation.gestures.evaluate_gestures import _teachers, example_of, first_of, listened, moved
+from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.teaching.beginning import open_taught
+from kinespace.tools.teaching.lessons import open_taught
 
 SEGMENTS = tuple(
     Segment(float(place), place + 1.0, label)
@@ -27,14 +27,6 @@ def test_the_first_segment_of_each_class_teaches() -> None:
         "bow": (True, SEGMENTS[1]),
         "jump": (False, SEGMENTS[4]),
     }
-
-
-def test_who_teaches() -> None:
-    """Oneself, the next person in a circle, or all others."""
-    persons = ["ann", "ben", "cid"]
-    assert [_teachers("cid", persons, each) for each in ("own", "next", "all")] == [["cid"], ["ann"], ["ann", "ben"]]
-    with pytest.raises(ValueError, match="--taught-by all: expected takes of several persons, got 1"):
-        _teachers("ann", ["ann"], "all")
 
 
 @pytest.mark.parametrize("rate", [30.0, 120.0])

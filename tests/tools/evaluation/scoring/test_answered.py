@@ -1,7 +1,4 @@
-"""Answers counted one by one: noisy motions and faulty takes replayed by hand, and each fault by its name."""
-
-import json
-from pathlib import Path
+"""Answers counted_in one by one: noisy motions and faulty takes replayed by hand, and each fault by its name."""
 
 import numpy as np
 import pytest
@@ -10,10 +7,9 @@ from synthetic import stick_clip
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.faults import FAULTS, LEFT_ARM
+from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed
-from kinespace.tools.evaluation.scoring.answers import counted
+from kinespace.tools.evaluation.stream_score import counted_in
 from kinespace.tools.evaluation.takes import Take
 
 B, J, OF = "bow", "jump", Outcome
@@ -39,10 +35,10 @@ def _answers() -> list[Recognition]:
 def test_answers_counted_by_hand() -> None:
     """Answers count by what is performed then; those at a segment's beginning, and outside of all, do not count."""
     take = Take(stick_clip("bow"), (Segment(0, 1, B), Segment(1, 2, J), Segment(2, 3, "juggle")))
-    counts = counted(take, (B, J), _answers(), inside=0.5)
+    counts = counted_in(take, (B, J), _answers(), inside=0.5)
     expected = {"answers": 5, "right": 1, "guessed": 2, "wrong": 1, "implausible": 1, "unknown": 2, "unknown_named": 1}
     assert counts == expected
-    assert not counted(take, (B, J), [])
+    assert not counted_in(take, (B, J), [])
 
 
 def _played(fault: str) -> tuple[Feed, Feed]:
@@ -68,14 +64,3 @@ def test_each_fault_does_what_its_name_says() -> None:
     unsided = feed._replace(skeleton=Skeleton(tuple(f"joint {place}" for place in range(len(joints)))))
     with pytest.raises(ValueError, match="--fault: expected joints whose names say left or right"):
         FAULTS["sides exchanged"](unsided, np.random.default_rng(0))
-
-
-@pytest.mark.slow
-def test_seconds_of_alarm_are_counted(hdm05_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of a take of the library's motions a sound feed is not alarmed; a frozen arm is noticed within a second."""
-    take = str(min((hdm05_folder / "squat1Reps").glob("HDM_bd*")))
-    assert main(["evaluate", "faults", take, "--fault", "none", "left arm frozen", "--json"]) == 0
-    sound, frozen = json.loads(capsys.readouterr().out)["faults"]
-    assert (sound["alarmed"], sound["noticed_s"]) == (0, None)
-    assert frozen["noticed_s"] < 1
-    assert frozen["answers"] == sound["answers"] > 0

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinespace.tools.evaluation.scoring.bootstrap import Figure, Percentile, Ratio, RocArea
+from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
 
 FIRST, SECOND = 2012, 2013
 
@@ -93,15 +93,6 @@ def test_a_ratio_is_drawn_by_persons(units: list[tuple[str, int, int]]) -> None:
         shares.append(above / below if below else None)
     expected = naive_score.middle(shares)
     assert Ratio(counted, among, persons=(persons,)).interval(by_person=True) == (expected and pytest.approx(expected))
-
-
-def test_both_kinds_of_units_are_drawn_with_their_person() -> None:
-    """Each person's known motions lie above the own unknown ones: a draw of one person alone separates them."""
-    values = [np.full(2, 1.0), np.full(2, 3.0)], [np.full(2, 0.0), np.full(2, 2.0)]
-    figure = RocArea(*values, persons=(("ann", "ben"), ("ann", "ben")))
-    assert (figure.value(), figure.interval(by_person=True)) == (0.75, (0.75, 1.0))
-    low, high = figure.interval() or (None, None)
-    assert (low, high) == (0.0, 1.0)
 
 
 # --- nothing to take a figure of ---------------------------------------------------------------------------------

@@ -5,8 +5,8 @@ from synthetic import stick_clip
 
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.evaluation.scoring.done_score import DoneTake, Said, by_class, score_done
 from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.words import DoneTake, Said, by_class, score_done
 
 #: A take of ten seconds.
 CLIP = stick_clip("bow", frames=601, rate=60.0)

@@ -8,7 +8,7 @@ from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.evaluation.scoring.protocols import Fold, Protocol, folds_of
+from kinespace.tools.evaluation.harness import Fold, Protocol, folds_of
 from kinespace.tools.evaluation.takes import Take
 
 

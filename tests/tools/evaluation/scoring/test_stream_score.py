@@ -14,8 +14,7 @@ from synthetic import stick_clip
 
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
-from kinespace.tools.evaluation.scoring.stream_score import score_courses
-from kinespace.tools.evaluation.scoring.timeline import LASTING, NONE, Course, course_of
+from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
 from kinespace.tools.evaluation.takes import Take
 
 CLASSES = ("bow", "jump", "wave")
@@ -98,21 +97,6 @@ def test_a_course_counted_by_hand(name: str) -> None:
     assert _figures([_course()])[name] == (KNOWN_ANSWERS[name] and pytest.approx(KNOWN_ANSWERS[name], rel=1e-12))
 
 
-def test_a_motion_that_follows_its_like_has_no_delay() -> None:
-    """The guess was held: of two jumps in a row the first alone has a delay, though both are found."""
-    jumps = (Segment(0, 2, "jump"), Segment(2, 4, "jump"))
-    times = TIMES[:32]
-    guess = _held({0.5: JUMP}, NONE, times)
-    track = {"guess": guess, "published": guess, "event": guess}
-    course = replace(
-        _course(), times=times, segments=jumps, truth=np.full(32, JUMP), score=np.full(32, np.nan), **track
-    )
-    course = replace(course, segment=_segment(times, jumps))
-    figures = _figures([course])
-    assert figures["segments_found"] == 1.0
-    assert (figures["median_delay_s"], figures["p90_delay_s"], figures["median_event_delay_s"]) == (0.5, 0.5, 0.5)
-
-
 def test_classes_counted_by_hand() -> None:
     """Each class has its seconds, the share guessed right, and of that the share with the last second inside."""
     expected = {"bow": (16, 10 / 16, 1.0), "jump": (20, 17 / 20, 11 / 12), "wave": (4, 0.0, 0.0)}
@@ -128,25 +112,6 @@ def test_classes_counted_by_hand() -> None:
 
 def _basis(seconds: float, segments: int, persons: int | None) -> dict[str, object]:
     return {"seconds": pytest.approx(seconds), "segments": segments, "persons": persons}
-
-
-def test_figures_carry_seconds_segments_and_persons() -> None:
-    """Seconds, segments and persons of known and unknown motions are counted; an unknown person counts as none."""
-    named = replace(_course(), person="ann")
-    score = score_courses([named, replace(named, name="other", person="ben")], CLASSES, 1.0)
-    assert score.known == _basis(2 * 40 / RATE, 6, 2)
-    assert score.unknown == _basis(2 * 20 / RATE, 2, 2)
-    assert score.containing == _basis(0.0, 0, 0)
-    assert score_courses([_course(), named], CLASSES, 1.0).known["persons"] is None
-
-
-def test_a_take_asked_of_two_libraries_counts_once() -> None:
-    """The answers of several libraries to one segment enter the figure, but the segment counts once."""
-    right = _course()
-    score = score_courses([right, replace(right, guess=np.full(64, NONE))], CLASSES, 1.0)
-    assert score.known == _basis(40 / RATE, 3, None)
-    assert score.values["frame_accuracy"] == pytest.approx(KNOWN_ANSWERS["frame_accuracy"] / 2)
-    assert score.classes["bow"]["seconds"] == pytest.approx(16 / RATE)
 
 
 def test_a_class_is_found_that_is_named_at_some_time() -> None:
@@ -275,14 +240,6 @@ def _laid_out(
     clip = replace(stick_clip("bow", frames=len(TIMES)), name="take", actor="")
     take = Take(clip, tuple(segments), contains=() if segments else ("wave", "bow"))
     return course_of(take, TIMES, recognitions, classes=CLASSES, known=known)
-
-
-def test_an_answer_between_two_frames_counts_from_the_next() -> None:
-    """An answer after a frame's time does not count for that frame."""
-    course = _laid_out([_recognition(1.01, BOW, 0.9), _recognition(2.0, JUMP, 0.8)])
-    assert course.guess[7:10].tolist() == [NONE, NONE, BOW]
-    assert course.guess[15:17].tolist() == [BOW, JUMP]
-    assert set(course.event) == {NONE}
 
 
 def test_still_is_no_guess_and_unknown_is_one() -> None:

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.evaluation.scoring.done_score import Said
-from kinespace.tools.evaluation.scoring.words import KINDS, Heard, Span, score_words, word_rows
+from kinespace.tools.evaluation.words import KINDS, Heard, Said, Span, score_words, word_rows
 
 COMMANDS, SHOW = Span(commands=True), Span(early=0.125, late=1.0)
 SEGMENTS = (Segment(0.0, 4.0, "jab"), Segment(4.0, 8.0, "kick"), Segment(9.0, 12.0, "jab"))
@@ -63,30 +62,11 @@ def test_commands_counted_by_hand() -> None:
     ]
 
 
-def test_a_show_counted_by_hand() -> None:
-    """A word just before a gesture or a second after it is right once; all else is false, and misses no gesture."""
-    words = said((3.9, "kick"), (6.0, "duck"), (8.5, "kick"), (12.9, "jab"), (14.0, "jab"))
-    assert counts(heard(words, SEGMENTS, SHOW)) == (2, 3, 1)
-
-
 def test_a_label_may_be_off_by_its_rounding() -> None:
     """A label of thousandths is the frame that it was written for, at its start and at its end."""
     segments = (Segment(9.967, 14.5, "jab"), Segment(14.5, 20.933, "kick"))
     words = said((299 / 30, "jab"), (628 / 30, "kick"))
     assert [each.right for each in heard(words, segments, COMMANDS).verdicts["done"]] == [True, None]
-
-
-def test_without_words_or_gestures_there_is_no_share() -> None:
-    """A figure without a basis is None; the rate has one."""
-    score = score_words([heard([], (), COMMANDS)])["done"]
-    assert [score[each] for each in ("f1", "found", "right", "delay_s")] == [None] * 4
-    assert score["false_per_hour"] == 0.0
-
-
-def test_persons_are_drawn_again() -> None:
-    """A person with every gesture found and one with none: other persons may find all or none."""
-    takes = [heard(said((1.0, "jab")), SEGMENTS[:1], COMMANDS), heard([], SEGMENTS[:1], COMMANDS, "ben")]
-    assert score_words(takes)["done"]["intervals"]["found"] == (0.0, 1.0)
 
 
 @given(edges=EDGES, labels=LABELS, words=WORDS)

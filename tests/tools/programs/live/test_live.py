@@ -14,10 +14,10 @@ from programs import (
     started,
 )
 
-from kinespace.stream import Announcement, LiveSignature, Settings, osc
+from kinespace.stream import Announcement, Settings, osc
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue
-from kinespace.tools.loopback.answers import expected_answers
+from kinespace.tools.feeding.service import expected_answers
 from kinespace.tools.programs.live.program import OSC_OUT
 
 pytestmark = pytest.mark.slow
@@ -53,12 +53,11 @@ def test_it_says_where_it_listens_and_answers(options: str, answering: str) -> N
         assert (program.interrupt(), program.errors) == (0, "")
 
 
-@pytest.mark.parametrize("options", [(), ("--workers", 2, "--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies")])
-def test_every_frame_is_answered_that_is_due(options: tuple[object, ...]) -> None:
+def test_every_frame_is_answered_that_is_due() -> None:
     """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
     cues = ghost_cues("squat1Reps", 2.0)
     expected = expected_of(cues)
-    with live("--plain", *options) as stage:
+    with live("--plain", "--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies") as stage:
         stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
         stage.play(cues)
         answers = stage.answers(len(expected))
@@ -83,52 +82,6 @@ def test_no_performers_name_ends_live() -> None:
         assert stage.stopped()["frames"] == 4 * 144
 
 
-@pytest.mark.parametrize("options", [("--plain",), ()], ids=["plain", "table"])
-def test_a_terminal_without_the_characters_does_not_end_it(options: tuple[str, ...]) -> None:
-    """Where standard output takes ASCII only, other names and signs become question marks, and it goes on."""
-    cues = ghost_cues("squat1Reps", 1.2, performer="Zoë 舞")
-    with live(*options, environment={"FORCE_COLOR": "1", "PYTHONIOENCODING": "ascii"}) as stage:
-        stage.play(cues)
-        assert len(stage.answers(5)) >= 5
-        stage.program.expect(r"Zo\? \?")
-        assert stage.stopped()["frames"] == len(cues)
-
-
-def test_the_table_shows_the_recognised_motion() -> None:
-    """On a terminal a table is drawn that waits, then shows performer and motion; Ctrl-C ends it with the counts."""
-    cues = ghost_cues("lieDownFloor", 1.5, performer="me")
-    with live(environment={"FORCE_COLOR": "1"}) as stage:
-        stage.program.expect(r"waiting for frames on OSC 127\.0\.0\.1:\d+ \.\.\.")
-        stage.play(cues)
-        stage.program.expect(r"me .*lie down")
-        counts = stage.stopped()
-    assert counts["frames"] == 180
-
-
-def test_window_and_hop_follow_the_options() -> None:
-    """With the paper's signature, --window and --hop, answers are that window's and that far apart."""
-    settings = Settings(signature=LiveSignature.PAPER, window=0.7, hop=0.0)
-    cues = ghost_cues("squat1Reps", 1.0)
-    expected = expected_of(cues, settings)
-    assert len(expected) == len(cues) - 18
-    with live("--plain", "--signature", "paper", "--window", 0.7, "--hop", 0) as stage:
-        stage.play(cues)
-        answers = stage.answers(len(expected))
-        assert stage.stopped()["answers"] == len(expected)
-    assert [answer.label for answer in answers] == expected
-
-
-@pytest.mark.parametrize("option", ["--osc-out", "--zmq-in", "--zmq-out"])
-def test_a_failure_closes_the_ports_opened_before(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """When one of several addresses cannot be used, the ports opened before it are free again."""
-    receiver = osc.OscReceiver(LOOPBACK, 0)
-    host, port = receiver.address
-    receiver.close()
-    assert main(["live", "--osc-in", f"{host}:{port}", option, "nonsense"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    osc.OscReceiver(host, port).close()
-
-
 @pytest.mark.parametrize("listening", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - all networks include this machine
 @pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
 def test_answers_to_our_own_port_are_refused(listening: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,23 +92,12 @@ def test_answers_to_our_own_port_are_refused(listening: str, target: str, capsys
     assert f"expected another place than {listening}:{port}, where frames come in" in capsys.readouterr().err
 
 
-def test_notes_in_a_file_are_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """As a recording is not: whoever starts the program again keeps the take before."""
-    take = tmp_path / "take.mid"
-    take.write_bytes(b"a take")
-    assert main(["live", "--osc-in", "127.0.0.1:0", "--out", f"midi={take}"]) == 2
-    assert "take.mid: exists already; --overwrite writes over it" in capsys.readouterr().err
-    assert take.read_bytes() == b"a take"
-
-
-@pytest.mark.parametrize(
-    "options", ["--teach {0} --record {0}", "--library {0} --record {0}", "--record {1} --out midi={1}"]
-)
+@pytest.mark.parametrize("options", ["--teach {0} --record {0}", "--library {0} --record {0}"])
 def test_a_file_has_one_purpose(options: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`--overwrite` is no leave to write over the library that is read or taught, or over another output."""
-    library, take = tmp_path / "mine.npz", tmp_path / "take.mid"
+    """`--overwrite` is no leave to write over the library that is read or taught."""
+    library = tmp_path / "mine.npz"
     library.write_bytes(b"mine")
-    given = options.format(library, take).split()
+    given = options.format(library).split()
     assert main(["live", "--osc-in", "127.0.0.1:0", "--overwrite", *given]) == 2
     assert "expected a file for each purpose, got one for several" in capsys.readouterr().err
     assert library.read_bytes() == b"mine"

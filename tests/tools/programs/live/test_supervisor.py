@@ -11,7 +11,7 @@ import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Frame, osc
-from kinespace.tools.loopback.program import Program
+from kinespace.tools.feeding.service import Program
 
 pytestmark = pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="systemd is Linux's")
 

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded import JOINTS, SWINGS, TWO_ARMS, two_arms_frames, write_take, write_takes
-from synthetic import amc_text, stick_clips
+from recorded import JOINTS, SWINGS, write_take, write_takes
+from synthetic import stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary, Skeleton, read_recordings
-from kinespace.library.naming import hdm05
+from kinespace.library import NOTHING, MotionLibrary, read_recordings
 from kinespace.tools.cli.main import main
-from kinespace.tools.programs.recordings.build import by_body
 
 pytestmark = pytest.mark.slow
 
@@ -42,49 +40,6 @@ def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert {motion.frame_rate for motion in built.motions} == {60.0}
     megabytes = output.stat().st_size / 1e6
     assert capsys.readouterr().out == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB\n"
-
-
-def test_motions_carry_source_and_terms(tmp_path: Path) -> None:
-    """A clip named as HDM05's carries its terms, another its file's name; given terms go before HDM05's."""
-    write_takes(tmp_path, takes=1, actors=("bd",))
-    (tmp_path / "spin").mkdir()
-    (tmp_path / "ann.asf").write_text(TWO_ARMS.asf())
-    (tmp_path / "spin" / "ann_7.amc").write_text(amc_text(two_arms_frames("raiseBoth", frames=60)))
-    build(tmp_path, "-o", tmp_path / "plain.npz")
-    build(tmp_path, "-o", tmp_path / "given.npz", "--licence", "CC0", "--attribution", "A. Dancer")
-    plain, given = (MotionLibrary.load(tmp_path / name) for name in ("plain.npz", "given.npz"))
-    named = [(motion.source, motion.licence, motion.attribution) for motion in plain.motions]
-    assert named == [("HDM05", hdm05.LICENCE, hdm05.ATTRIBUTION)] * 3 + [("ann_7.amc", "", "")]
-    assert {(motion.licence, motion.attribution) for motion in given.motions} == {("CC0", "A. Dancer")}
-
-
-def test_other_names_take_their_class_from_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clip without a class in its name gets its folder's name, also in the current folder."""
-    folder = tmp_path / "spin"
-    folder.mkdir()
-    (folder / "ann.asf").write_text(TWO_ARMS.asf())
-    (folder / "ann_7.amc").write_text(amc_text(two_arms_frames("raiseBoth", frames=60)))
-    monkeypatch.chdir(folder)
-    assert build(".", "-o", tmp_path / "mine.npz") == 0
-    (motion,) = MotionLibrary.load(tmp_path / "mine.npz").motions
-    assert (motion.class_name, motion.actor, motion.take) == ("spin", "", "ann_7")
-
-
-def test_labels_cut_recordings_into_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With labels each segment is a motion of its label's class; a bad line ends with the file and the line."""
-    path = write_take(tmp_path, "bd", "bendLeft", 1)
-    labels = tmp_path / "labels.csv"
-    labels.write_text("start_s,end_s,label\n0.5,1,down\n0,0.5,up\n")
-    assert build(path, "--labels", labels, "-o", tmp_path / "mine.npz") == 0
-    motions = MotionLibrary.load(tmp_path / "mine.npz").motions
-    assert [(motion.class_name, motion.actor, motion.duration, motion.take, motion.source) for motion in motions] == [
-        ("down", "bd", 0.5, path.stem, "HDM05"),
-        ("up", "bd", 0.5, path.stem, "HDM05"),
-    ]
-    labels.write_text("start_s,end_s,label\n0,0.5,up\n0.5,x,down\n")
-    capsys.readouterr()
-    assert build(path, "--labels", labels, "-o", tmp_path / "other.npz") == 2
-    assert capsys.readouterr().err.startswith(f"kinespace: {labels}:3: could not convert string to float: 'x'")
 
 
 def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -134,44 +89,6 @@ def test_all_damaged_recordings_are_named(tmp_path: Path, capsys: pytest.Capture
     assert message.count("\n") == 1
     assert [f"{number:02}.bvh" in message for number in range(12)] == [True] * 10 + [False] * 2
     assert message.endswith("; and 2 more\n")
-
-
-def test_the_path_names_the_person_of_a_cut_take(tmp_path: Path) -> None:
-    """With --actor-in the motions cut from a take are its person's, as whole recordings are."""
-    (tmp_path / "ann.asf").write_text(TWO_ARMS.asf())
-    take = tmp_path / "ann_7.amc"
-    take.write_text(amc_text(two_arms_frames("raiseBoth", frames=120)))
-    labels = tmp_path / "labels.csv"
-    labels.write_text("start_s,end_s,label\n0,0.5,up\n")
-    assert build(take, "--labels", labels, "-o", tmp_path / "mine.npz", "--actor-in", "name") == 0
-    assert MotionLibrary.load(tmp_path / "mine.npz").actors == ("ann",)
-
-
-def test_motions_too_short_for_a_window_are_named_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A motion shorter than a quarter of a second is in the library, with a line that names it; longer ones are not."""
-    (tmp_path / "cut").mkdir()
-    write_take(tmp_path / "cut", "bd", "bendLeft", 1, frames=30)
-    path = write_take(tmp_path / "cut", "bd", "bendRight", 1, frames=28)
-    assert build(tmp_path / "cut", "-o", tmp_path / "mine.npz") == 0
-    assert [motion.frames for motion in MotionLibrary.load(tmp_path / "mine.npz").motions] == [15, 14]
-    message = "1 of 2 motions shorter than 0.25 s, too short for any window, and kept for playback alone: "
-    assert message + path.stem in capsys.readouterr().out.splitlines()
-
-
-def test_long_takes_without_labels_cause_a_remark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A take that lasts as no motion does is taken as one all the same, with a line that says how to cut it."""
-    write_take(tmp_path, "bd", "bendLeft", 1)
-    path = write_take(tmp_path, "bd", "bendRight", 1, frames=120 * 16)
-    assert build(tmp_path, "-o", tmp_path / "mine.npz") == 0
-    message = (
-        f"1 of 2 recordings longer than 15 s, {path.stem} (16 s) the longest; each is taken as one motion; --labels"
-    )
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if "--labels" in line]
-    assert line.startswith(message)
-    labels = tmp_path / "labels.csv"
-    labels.write_text("start_s,end_s,label\n0,15.5,down\n")
-    assert build(path, "--labels", labels, "-o", tmp_path / "other.npz") == 0
-    assert "--labels" not in capsys.readouterr().out
 
 
 # --- libraries ---------------------------------------------------------------------------------------------------
@@ -233,37 +150,6 @@ def test_changes_that_cannot_be_made_are_one_line(
     assert build(tmp_path / "stick.npz", "-o", tmp_path / "mine.npz", *options) == 2
     assert capsys.readouterr().err == f"kinespace: {error}\n"
     assert not (tmp_path / "mine.npz").exists()
-
-
-def test_labels_without_recordings_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Labels beside libraries alone are refused before any file is read."""
-    arguments = (tmp_path / "any.npz", "--labels", tmp_path / "any.csv", "-o", tmp_path / "never.npz")
-    assert build(*arguments) == 2
-    assert capsys.readouterr().err == "kinespace: --labels: expected recordings to cut, got libraries only\n"
-
-
-def test_bodies_are_merged_over_the_joints_they_share(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Libraries of bodies with other joints are merged over their shared joints, and the lost ones are listed."""
-    whole = MotionLibrary.builtin().without(actors=("bd", "bk", "dg", "mm"))
-    whole.save(tmp_path / "whole.npz")
-    joints = hdm05.SKELETON.joints
-    whole.restricted_to(joints[3:]).renamed({"grabHighR": "grab"}).save(tmp_path / "fewer.npz")
-    assert build(tmp_path / "whole.npz", tmp_path / "fewer.npz", "-o", tmp_path / "both.npz") == 0
-    both = MotionLibrary.load(tmp_path / "both.npz")
-    assert both.skeleton.joints == joints[3:]
-    assert set(both.classes) == {*whole.classes, "grab"}
-    message = "28 joints that all sources have; without root, lhipjoint, rhipjoint"
-    assert message in capsys.readouterr().out.splitlines()
-
-
-def test_recordings_of_two_skeletons_meet_over_shared_joints() -> None:
-    """Clips of each set of joints make a library of their own, whatever the order of the joints; merged they meet."""
-    one, *others = stick_clips(takes=1)
-    turned = one.as_of(Skeleton(one.skeleton.joints[::-1]))
-    fewer = [each.restricted_to(each.skeleton.joints[:5]) for each in others]
-    whole, rest = by_body([one, *fewer, turned])
-    assert (len(whole), len(rest), len(rest.skeleton.joints)) == (2, len(fewer), 5)
-    assert len(whole.merged_with(rest).skeleton.joints) == 5
 
 
 # --- the file ----------------------------------------------------------------------------------------------------

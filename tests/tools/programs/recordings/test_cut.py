@@ -7,7 +7,7 @@ import pytest
 
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
-from kinespace.stream.inputs.recording.kinerec import RawPacket, RawWriter
+from kinespace.stream.inputs.kinerec import RawPacket, RawWriter
 from kinespace.stream.osc.frames import encode_frame
 from kinespace.tools.cli.main import main
 
@@ -64,27 +64,6 @@ def test_an_evening_becomes_a_library(evening: Path, capsys: pytest.CaptureFixtu
     for name, index in zip("abc", MOTIONS, strict=True):
         mine = next(motion for motion in built.motions if motion.class_name == name)
         assert mine.duration == pytest.approx(whole.motions[index].duration, abs=0.8)
-
-
-@pytest.mark.parametrize("ending", [".csv", ".npz"])
-def test_a_converted_recording_becomes_the_same_library(evening: Path, ending: str) -> None:
-    """CSV and .npz as convert writes them are read as the recording itself."""
-    table, labels, library = evening.with_name(f"ann{ending}"), evening.with_name("l.csv"), evening.with_name("m.npz")
-    assert main(["convert", str(evening), "-o", str(table), "--performer", "ann"]) == 0
-    assert main(["cut", str(table), "-o", str(labels)]) == 0
-    _filled_in(labels)
-    assert main(["build", str(table), "--labels", str(labels), "-o", str(library)]) == 0
-    assert MotionLibrary.load(library).classes == ("a", "b", "c")
-    assert main(["info", str(table)]) == 0
-    assert main(["evaluate", "stream", str(table), "--labels", str(labels), "--library", str(library), "--json"]) == 0
-
-
-def test_labels_are_not_written_over_the_recording(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`cut` never writes its labels over the recording."""
-    table = evening.with_name("ann.csv")
-    main(["convert", str(evening), "-o", str(table), "--performer", "ann"])
-    assert main(["cut", str(table)]) == 2
-    assert "expected --output" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

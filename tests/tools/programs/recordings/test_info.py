@@ -1,13 +1,8 @@
 """`kinespace info`: the contents of a motion library, and of folders of recordings."""
 
-import json
-from pathlib import Path
-
 import pytest
-from recorded import write_takes
-from synthetic import stick_clips
 
-from kinespace.library import NOTHING, MotionLibrary
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.index import opened
 from kinespace.tools.cli.main import main
@@ -44,69 +39,3 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         f"done, ≤ 6/h false: {opened(library).courses.missed_at(6.0):.0%} of these motions missed",
     ):
         assert f"\n{line}\n" in printed
-
-
-def test_nothing_has_no_index(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The class of motions that are answered "unknown" has a row without an index; the others count on."""
-    MotionLibrary.of_clips(stick_clips()).renamed({"jump": NOTHING}).save(tmp_path / "mine.npz")
-    assert main(["info", str(tmp_path / "mine.npz")]) == 0
-    printed = capsys.readouterr().out
-    assert [_row(printed, name)[:3] for name in ("bow", NOTHING, "wave")] == [
-        ["bow", "0", "6"],
-        [NOTHING, "-", "6"],
-        ["wave", "1", "6"],
-    ]
-    assert "motions: 18 of 2 classes, " in printed
-    assert "done, ≤ 1/h false: " in printed
-
-
-def test_info_says_what_a_library_does_not_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A library without persons, sources, licence and attribution says that they are not known."""
-    path = tmp_path / "mine.npz"
-    MotionLibrary.of_clips(stick_clips(takes=1, actors=("",))).save(path)
-    assert main(["info", str(path)]) == 0
-    printed = capsys.readouterr().out
-    assert _row(printed, "wave")[:4] == ["wave", "2", "1", "?"]
-    for line in ("persons: not stated", "sources: not stated", "licence: not stated", "attribution: none"):
-        assert f"{line}\n" in printed
-    # One motion of each class is compared with no other.
-    assert "missed" not in printed
-
-
-def test_persons_are_summed_up_and_motions_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    """Each person has a row of motions, classes and seconds; --clips lists every motion; --json holds the same."""
-    library = MotionLibrary.builtin()
-    assert main(["info", "built-in", "--clips"]) == 0
-    printed = capsys.readouterr().out
-    own = [motion for motion in library.motions if motion.actor == "tr"]
-    assert _row(printed, "tr")[:4] == ["tr", str(len(own)), "11", f"{sum(motion.duration for motion in own):.1f}"]
-    assert len([line for line in printed.splitlines() if line.startswith("squat1Reps ")]) == 52 + 1
-    assert main(["info", "--clips", "--json"]) == 0
-    described = json.loads(capsys.readouterr().out)
-    assert (described["library"], described["motions"], len(described["clips"])) == ("built-in", 288, 288)
-    assert [row["person"] for row in described["persons"]] == ["bd", "bk", "dg", "mm", "tr"]
-    assert [row["index"] for row in described["classes"]] == list(range(11))
-    assert described["classes"][9] | {"seconds": 0} == {
-        "class": "squat1Reps",
-        "motions": 52,
-        "persons": 5,
-        "seconds": 0,
-        "frame_rates": [60.0],
-        "index": 9,
-    }
-
-
-def test_a_folder_is_summed_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Recordings of a folder are summed up by class and person, and listed if asked for; a single one has its row."""
-    takes = write_takes(tmp_path, takes=2, frames=60)
-    assert main(["info", str(tmp_path)]) == 0
-    printed = capsys.readouterr().out
-    assert _row(printed, "bendLeft") == ["bendLeft", "4", "2", "2.0", "120"]
-    assert _row(printed, "mm") == ["mm", "6", "3", "3.0", "120"]
-    assert "recordings: 12, 6 s\n" in printed
-    assert ".amc" not in printed
-    assert main(["info", str(tmp_path), "--clips"]) == 0
-    assert capsys.readouterr().out.count(".amc") == 12
-    assert main(["info", str(takes[0]), "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)["clips"]
-    assert (row["name"], row["class"], row["person"], row["joints"]) == (takes[0].name, "bendLeft", "bd", 6)

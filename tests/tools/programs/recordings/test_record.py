@@ -4,7 +4,7 @@ import csv
 import json
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -12,15 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, Program, Publisher, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, Program, ghost_cues, started
 from recorded import JOINTS
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.stream.inputs.recording.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream import Announcement, Frame, osc
+from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.tools.cli.main import main
-from kinespace.tools.feeding.packets import cut
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -107,28 +105,6 @@ def test_recorded_packets_are_replayed_bit_for_bit(
     assert received(stage, 200) == sent
 
 
-def test_zeromq_is_recorded_beside_osc_for_some_seconds(tmp_path: Path) -> None:
-    """Messages of several parts are kept with their parts, and --seconds ends by itself."""
-    publisher = Publisher()
-    path = tmp_path / "a.kinerec"
-    try:
-        with recording(path, "--zmq-in", f">{publisher.address}", "--seconds", 3) as (program, sender):
-            publisher.wait_for_subscriber()
-            messages = [publisher.encode(cue) for cue in ghost_cues("squat1Reps", 0.1)]
-            for message in messages:
-                publisher.send(message)
-            sender.send(b"datagram")
-            assert program.wait() == 0
-            assert program.errors == ""
-    finally:
-        publisher.close()
-    kept = RawFile(path)
-    assert [source.partition(" ")[0] for source in kept.header.sources] == ["osc", "zmq"]
-    packets = list(kept.packets())
-    assert [list(packet.parts) for packet in packets if packet.source == 1] == messages
-    assert [packet.parts for packet in packets if packet.source == 0] == [(b"datagram",)]
-
-
 @pytest.mark.parametrize("program", ["record", "live"])
 def test_an_existing_file_is_refused(tmp_path: Path, program: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Neither program writes over a recording, unless ordered to."""
@@ -143,40 +119,7 @@ def test_an_existing_file_is_refused(tmp_path: Path, program: str, capsys: pytes
     assert list(RawFile(path).packets()) == []
 
 
-def test_a_recording_stays_where_no_other_can_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A port that cannot be opened costs no recording, even if it may be written over."""
-    path = written(tmp_path / "a.kinerec")
-    before = path.read_bytes()
-    for command in (["record", str(path)], ["live", "--record", str(path)]):
-        assert main([*command, "--overwrite", "--osc-in", "nowhere.invalid:9"]) == 2
-        assert "nowhere.invalid" in capsys.readouterr().err
-        assert path.read_bytes() == before
-
-
 # --- replaying ---------------------------------------------------------------------------------------------------
-
-
-def test_packets_are_cut_and_due_when_they_came() -> None:
-    """--from and --to count from the first packet, the end left out, and due times count from the cut."""
-    packets = [RawPacket(100.0 + index / 10, 0, "", (bytes([index]),)) for index in range(10)]
-
-    def due(begin: float, end: float | None) -> list[tuple[float, int]]:
-        return [(round(moment, 6), packet.parts[0][0]) for moment, packet in cut(iter(packets), begin, end)]
-
-    assert due(0.0, None) == [(index / 10, index) for index in range(10)]
-    assert due(0.25, 0.55) == [(0.05, 3), (0.15, 4), (0.25, 5)]
-    assert due(5.0, None) == []
-
-
-def test_a_cut_is_looped_until_interrupted(tmp_path: Path, stage: osc.OscReceiver) -> None:
-    """With --loop the cut packets come again and again."""
-    packets = [RawPacket(index / 20, 0, "", (b"packet %d" % index,)) for index in range(8)]
-    path = written(tmp_path / "a.kinerec", *packets)
-    address = f"{LOOPBACK}:{stage.address[1]}"
-    with started("replay", path, "--osc", address, "--from", 0.08, "--to", 0.22, "--loop") as program:
-        assert received(stage, 9) == [b"packet 2", b"packet 3", b"packet 4"] * 3
-        assert program.interrupt() == 0
-        assert "packets sent" in program.output
 
 
 def test_a_part_beyond_the_end_is_an_error(
@@ -195,41 +138,6 @@ def test_a_part_beyond_the_end_is_an_error(
     assert replay(written(tmp_path / "b.kinerec"), *to) == 2
     assert capsys.readouterr().err == f"kinespace: {tmp_path / 'b.kinerec'}: no packets in it\n"
     assert stage.receive() is None
-
-
-def test_packets_without_an_address_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """ZeroMQ messages keep their parts; packets of a kind without an address are left out and counted."""
-    parts = (b"frame/p/", b"{}", b"\x00\x01")
-    packets = [RawPacket(0.0, 0, "", (b"datagram",)), RawPacket(0.5, 1, "", parts)]
-    path = written(tmp_path / "a.kinerec", *packets, sources=("osc here", "zmq there"))
-    receiver = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
-    try:
-        with started("replay", path, "--zmq", receiver.address, "--json") as program:
-            until = time.monotonic() + PATIENCE
-            message = None
-            while message is None and time.monotonic() < until:
-                # A bound SUB takes in new peers only when polled.
-                receiver.socket.poll(10)
-                message = receiver.receive()
-            assert program.wait() == 0
-            assert json.loads(program.output)["left_out"] == 1
-        assert message == list(parts)
-    finally:
-        receiver.close()
-    only_zmq = written(tmp_path / "b.kinerec", sources=("zmq there",))
-    assert replay(only_zmq) == 2
-    assert "expected --osc or --zmq, because its packets came by zmq" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("options", [["--listen", "127.0.0.1:0"]])
-def test_options_that_would_change_packets_are_refused(
-    tmp_path: Path, options: Sequence[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Faults and listening are for clips: a raw recording is sent bit for bit."""
-    assert replay(written(tmp_path / "a.kinerec"), *options) == 2
-    assert "is sent bit for bit" in capsys.readouterr().err
-    assert replay(written(tmp_path / "b.kinerec"), tmp_path / "a.kinerec") == 2
-    assert "expected one .kinerec alone" in capsys.readouterr().err
 
 
 # --- telling and converting --------------------------------------------------------------------------------------
@@ -276,29 +184,6 @@ def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixtu
     np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 0], [1, 2, 3, 4])
     np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 1:].astype(np.float32), frames[:4].reshape(4, -1))
     assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "a.kinerec", "a.npz"]
-
-
-def test_unannounced_joints_are_numbered(tmp_path: Path) -> None:
-    """Without an announcement the joints are numbered; frames of the most frequent size are kept."""
-    path = a_recording(tmp_path / "a.kinerec", announced=False)
-    assert main(["convert", str(path), "-o", str(tmp_path / "a.npz"), "--performer", "ann"]) == 0
-    with np.load(tmp_path / "a.npz") as numbers:
-        assert numbers["joints"].tolist() == [f"joint{number}" for number in range(1, 7)]
-        assert len(numbers["positions"]) == 3
-
-
-def test_several_files_become_files_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Files and folders of them are written into one folder; files of one name are refused before any is written."""
-    paths = [tmp_path / "one" / "a.csv", tmp_path / "two" / "b.csv", tmp_path / "two" / "a.csv"]
-    for path in paths:
-        path.parent.mkdir(exist_ok=True)
-        path.write_text("a_x,a_y,a_z,b_x,b_y,b_z\n0,0,0,0,1,0\n0,0,0,0,1,1\n")
-    (tmp_path / "three").mkdir()
-    out = tmp_path / "out"
-    assert main(["convert", str(paths[0]), str(tmp_path / "two"), "-o", str(out)]) == 2
-    assert "expected files of different names, got a.npz twice" in capsys.readouterr().err
-    assert main(["convert", str(paths[0]), str(paths[1]), "-o", str(out)]) == 0
-    assert sorted(each.name for each in out.iterdir()) == ["a.npz", "b.npz"]
 
 
 def test_impossible_conversions_end_in_one_line(
@@ -354,10 +239,3 @@ def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: py
             np.testing.assert_allclose(arrays["time"], 7.0 + np.arange(10) / 30)
         # Where its camera stands is not in the messages.
         np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=1e-6)
-
-
-@pytest.mark.parametrize("command", [["info"], ["info", "a.bvh"], ["convert", "a.bvh", "-o", "a.npz"]], ids=" ".join)
-def test_a_feed_is_for_raw_recordings(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """Motion files and libraries hold no packets to be read as a feed, and that is said in a line."""
-    assert main([*command, "--feed", "vmc"]) == 2
-    assert "--feed: expected a .kinerec file with it, got" in capsys.readouterr().err

@@ -3,7 +3,6 @@
 import json
 import re
 import threading
-import time
 from argparse import Namespace
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,8 +14,7 @@ import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port
 from recorded import write_take, write_takes
 
-from kinespace.library import Clip, MotionLibrary, Reading, find_recordings, read_recordings
-from kinespace.library.recordings import RecordingReader
+from kinespace.library import Clip, MotionLibrary, Reading, read_recordings
 from kinespace.library.windows.index import opened
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
 from kinespace.stream.inputs import OscDecoder, Source
@@ -24,8 +22,7 @@ from kinespace.stream.outputs import LayoutSink, NativeLayout
 from kinespace.stream.service.loop import Service
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues, piece_cues
-from kinespace.tools.programs.replay.exchange import Score
-from kinespace.tools.programs.replay.recordings import announced, pieces_of
+from kinespace.tools.programs.replay import pieces_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -111,70 +108,6 @@ def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) ->
     assert classes == ["up"] * 12 + ["down"] * 12
 
 
-def test_the_joints_are_announced_every_second(
-    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A feed of two and a half seconds announces its joints at 0, 1 and 2 seconds, always alike."""
-    monkeypatch.setattr(
-        "kinespace.tools.feeding.feed.time", SimpleNamespace(perf_counter=time.perf_counter, sleep=lambda _: None)
-    )
-    path = write_take(tmp_path, "bd", "bendLeft", 1, frames=300)
-    assert main(["replay", str(path), "--osc", target(stage)]) == 0
-    events = received(stage)
-    places = [index for index, event in enumerate(events) if isinstance(event, Announcement)]
-    assert places == [0, 121, 242]
-    assert len({event for event in events if isinstance(event, Announcement)}) == 1
-
-
-def test_a_recording_that_takes_long_to_read_moves_the_rest(
-    stage: osc.OscReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Each recording is read when its turn comes; when that takes longer than the pause the rest comes later."""
-    paths = find_recordings(write_takes(tmp_path, actors=("bd",), takes=2, frames=30))
-    clips, sent_before = list(read_recordings(paths)), list[int]()
-
-    def slowly(_: RecordingReader, path: Path) -> Clip:
-        if path == paths[3]:
-            time.sleep(1.0)
-        sent_before.append(len(frames_in(received(stage))))
-        return clips[paths.index(path)]
-
-    monkeypatch.setattr(RecordingReader, "clip", slowly)
-    begun = time.perf_counter()
-    assert replay(tmp_path, "--osc", target(stage), "--pause", 0) == 0
-    assert time.perf_counter() - begun >= 1.0 + (3 * 30 - 1) / 120 / SPEED
-    assert sent_before == [0, 30, 30, 30, 30, 30]
-    assert re.search(r"180 frames sent, .*\nthe feed stood still for \d+\.\d s", capsys.readouterr().out)
-
-
-def test_a_recording_that_cannot_be_read_ends_the_feed(
-    stage: osc.OscReceiver, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Frames before the mistake are sent and counted; then one line names the mistake, and the status is 2."""
-    paths = write_takes(tmp_path, actors=("bd",), takes=1, frames=30)
-    paths[-1].write_text("no motion", encoding="utf-8")
-    assert replay(tmp_path, "--osc", target(stage), "--json") == 2
-    printed = capsys.readouterr()
-    assert json.loads(printed.out)["sent"] == len(frames_in(received(stage))) == 60
-    assert printed.err.splitlines()[-1].startswith(f"kinespace: {paths[-1]}")
-
-
-def test_without_a_recording_the_built_in_motions_are_played(
-    stage: osc.OscReceiver, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """All motions of the built-in library are sent in its order, at their own rate, with the pause between."""
-    library = small_library(monkeypatch)
-    assert replay("--osc", target(stage), "--pause", 0.25, "--json") == 0
-    frames = frames_in(received(stage))
-    assert (
-        len(frames) == sum(motion.frames for motion in library.motions) == json.loads(capsys.readouterr().out)["sent"]
-    )
-    expected = [cue.frame.time for cue in clip_cues(library.motions, "replay", pause=0.25)]
-    assert [frame.time for frame in frames] == expected
-    sent = np.concatenate([motion.positions for motion in library.motions]).astype(np.float32)
-    np.testing.assert_array_equal([frame.positions for frame in frames], sent)
-
-
 def small_library(monkeypatch: pytest.MonkeyPatch) -> MotionLibrary:
     """Let the built-in library be the shortest motions of two classes."""
     whole = MotionLibrary.builtin()
@@ -203,18 +136,6 @@ def test_a_class_of_the_built_in_library_can_be_named(
     take.rename(tmp_path / "squat1Reps" / take.name)
     assert replay("squat1Reps", "--osc", target(stage), "--asf", tmp_path / "HDM_bd.asf") == 0
     assert len(frames_in(received(stage))) == 180
-
-
-def test_it_says_before_how_much_it_sends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The seconds are those of the feed, with its pauses, speed and part of each motion."""
-    motions = small_library(monkeypatch).motions
-    cues = list(clip_cues(motions, "me", speed=0.5))
-    # The last frame lasts, too.
-    assert announced(motions, course(speed=0.5)) == f"sending 3 motions, {cues[-1].due + 2 / 60:.0f} s"
-    assert announced(motions[:1], course(begin=0.1, end=0.2, speed=0.05, loop=True)) == (
-        "sending 1 motion, 2 s, again and again"
-    )
-    assert announced([Path("a"), Path("b")], course()) == "sending 2 recordings"
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
@@ -254,67 +175,12 @@ def test_osc_answers_to_any_performer_are_counted(
     assert described["right"] == round(share, 4)
 
 
-def test_a_class_that_the_library_lacks_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """With its share of the labelled time, so that a low share of right answers is understood."""
-    monkeypatch.setattr("kinespace.stream.service.loop.CLASSES_EVERY", 0.1)
-    takes = write_takes(tmp_path, takes=1)
-    clips = list(read_recordings(takes))
-    library = MotionLibrary.of_clips([each for each in clips if each.class_name != clips[0].class_name])
-    source, port = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder()), free_udp_port()
-    sink = LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, port))
-    told = []
-    with recognising(library, source, sink):
-        for more in ((), ("--json",)):
-            played = (takes[0], "--osc", target(source.receiver), "--listen", f"{LOOPBACK}:{port}", "--speed", "2")
-            assert replay(*played, *more) == 0
-            told.append(capsys.readouterr().out)
-    line = f"the library lacks {clips[0].class_name}: 100% of the labelled time, and no answer is right"
-    assert line in told[0].splitlines()
-    assert json.loads(told[1])["lacking"] == [clips[0].class_name]
-
-
 def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:
     """Give how many answers there are to some clips, and which share of them is right."""
     recognizer = Recognizer(library)
     answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips, "me")]
     right = [answer.label == performed for performed, answer in answers if answer is not None]
     return len(right), sum(right) / len(right)
-
-
-def test_answers_to_others_are_not_counted(
-    stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Answers that name another performer, and packets that are no answers, are not counted."""
-    port = free_udp_port()
-    bundle = osc.encode_recognition(_recognition("you"))
-    listening = threading.Event()
-    sender = osc.OscSender(LOOPBACK, port)
-
-    def disturb() -> None:
-        while not listening.wait(0.01):
-            sender.send(bundle)
-            sender.send(b"rubbish")
-
-    thread = threading.Thread(target=disturb)
-    thread.start()
-    try:
-        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--json") == 1
-        assert json.loads(capsys.readouterr().out)["answers"] == 0
-        assert replay(take, "--osc", target(stage), "--listen", f"{LOOPBACK}:{port}", "--performer", "[me]") == 1
-    finally:
-        listening.set()
-        thread.join(PATIENCE)
-        sender.close()
-    assert re.search(r"no answers about '\[me\]' came, but \d+ other packets", capsys.readouterr().out)
-
-
-def _recognition(performer: str) -> object:
-    library = MotionLibrary.builtin()
-    recognizer = Recognizer(library)
-    answers = [recognizer.push(cue.frame) for cue in clip_cues(library.motions[:1], performer)]
-    return next(answer for answer in answers if answer is not None)
 
 
 def test_ctrl_c_ends_the_feed_and_reports(
@@ -338,18 +204,3 @@ def test_ctrl_c_ends_the_feed_and_reports(
     times = [frame.time for frame in frames]
     assert times == sorted(times)
     assert times[180] == pytest.approx(1.0 + 1.5 + 1.0)
-
-
-def test_the_score_is_kept_by_class() -> None:
-    """Answers are counted by the class performed; the share is over all of them, and None without any.
-
-    Answers in stretches without a label are counted apart, and change no share.
-    """
-    score = Score()
-    assert score.share() is None
-    for performed, label in (("bow", "bow"), ("bow", "wave"), ("wave", "wave"), ("wave", "wave"), ("", "bow")):
-        score.add(performed, label)
-    assert score.answers == {"bow": 2, "wave": 2}
-    assert score.right == {"bow": 1, "wave": 2}
-    assert (score.share(), score.count, score.unlabelled) == (0.75, 5, 1)
-    assert score.table().row_count == 4

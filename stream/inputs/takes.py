@@ -1,0 +1,221 @@
+"""Raw recordings decoded again, as the live sources decode them, and read as takes of each performer."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinespace.library import Clip
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings.formats.errors import RecordingError
+from kinespace.library.recordings.formats.joint_choice import few
+from kinespace.library.recordings.formats.timed_frames import evened
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream.feeds import Preset
+from kinespace.stream.feeds.preset import builtin_preset, parse_preset
+from kinespace.stream.frame import Announcement, Frame, Input
+from kinespace.stream.inputs.clock import SenderClock
+from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder, ZmqDecoder
+from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket
+from kinespace.stream.packet import Sender
+
+#: Seconds after the last packet at which frames that are still open are closed: longer than any frame waits.
+_AFTERWARDS = 1.0
+#: Seconds by which a sender's clock may differ from the recorder's before the sender is taken to have begun again.
+_ASTRAY = 1.0
+
+
+def decoded(
+    header: RawHeader, packets: Iterable[RawPacket], preset: Preset | None = None
+) -> Iterator[tuple[float, Input]]:
+    """Give frames and announcements of packets, by the decoders of the live sources, each with its arrival in seconds.
+
+    Malformed and foreign packets give nothing. Frames that are still open after the last packet come last.
+
+    Parameters
+    ----------
+    header, packets
+        Header and packets of a raw recording.
+    preset
+        Another product's feed to read the packets as; None for the feed that the header names for each source, by the
+        preset that the recording keeps or, in an older recording, the built-in preset of that name.
+
+    Raises
+    ------
+    ValueError
+        An older recording's header names a feed that is not built in: it was a user's own preset, which must be given.
+        Or this version cannot read the preset that the recording keeps.
+    """
+    decoders = [_decoder(header, source, preset) for source in header.sources]
+    ended = 0.0
+    for packet in packets:
+        ended = packet.arrival + _AFTERWARDS
+        decoder = decoders[packet.source]
+        early = decoder.expire(packet.arrival)
+        held = decoder.decode(list(packet.parts), packet.arrival, _sender(packet))
+        yield from ((packet.arrival, event) for event in (*early, *held))
+    yield from ((ended, event) for decoder in decoders for event in decoder.expire(ended))
+
+
+def _decoder(header: RawHeader, source: str, preset: Preset | None) -> Decoder:
+    """Make the decoder of a source that a header names: `osc` or `zmq`, an address, perhaps `feed` and a preset."""
+    kind, _, rest = source.partition(" ")
+    name = rest.partition(" feed ")[2]
+    if preset is None and name in header.presets:
+        preset = parse_preset(header.presets[name], name, f"preset {name} in the recording")
+    elif preset is None and name:
+        preset = builtin_preset(name)
+    if preset:
+        return FeedDecoder(preset)
+    return OscDecoder() if kind == "osc" else ZmqDecoder()
+
+
+def _sender(packet: RawPacket) -> Sender:
+    host, _, port = packet.sender.rpartition(":")
+    return (host, int(port)) if port.isascii() and port.isdigit() else None
+
+
+@dataclass(slots=True)
+class Seen:
+    """A first look at one performer in a recording.
+
+    Attributes
+    ----------
+    frames
+        The number of frames.
+    joints
+        The joints as first announced; empty when they never were.
+    sizes
+        The number of frames for each number of joints.
+    clock
+        Reads the times of the frames.
+    """
+
+    frames: int = 0
+    joints: tuple[str, ...] = ()
+    sizes: Counter[int] = field(default_factory=Counter)
+    clock: SenderClock = field(default_factory=SenderClock)
+
+    def times(self) -> SenderClock:
+        """Give a reader that converts the times from the recording's beginning on, now that their unit is known."""
+        return SenderClock(self.clock.verdict)
+
+    def skeleton(self) -> Skeleton:
+        """Name the joints as announced; else as HDM05's when there are as many; else by number."""
+        if self.joints:
+            return Skeleton(few(self.joints))
+        ((size, _),) = self.sizes.most_common(1)
+        if size == len(hdm05.SKELETON.joints):
+            return hdm05.SKELETON
+        return Skeleton(few([f"joint{number}" for number in range(1, size + 1)]))
+
+
+def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
+    """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
+    return iter(decoded(recording.header, recording.packets(), preset))
+
+
+def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
+    """List the performers of a recording."""
+    seen: dict[str, Seen] = {}
+    for arrival, event in events:
+        each = seen.setdefault(event.performer, Seen())
+        if isinstance(event, Announcement):
+            each.joints = each.joints or event.joints
+        else:
+            each.frames += 1
+            each.clock.read(event.time, arrival)
+            each.sizes[len(event.positions)] += 1
+    return seen
+
+
+def ordered_frames(
+    recording: RawFile, preset: Preset | None, seen: Mapping[str, Seen]
+) -> Iterator[tuple[str, float, float, NDArray[np.floating]]]:
+    """Give the frames of some performers, in each performer's order of joints; frames of other joints are left out.
+
+    Yields
+    ------
+    The performer, the frame's arrival and its time, both in seconds, and positions (joints, 3), metres.
+    """
+    skeletons = {name: each.skeleton() for name, each in seen.items()}
+    clocks = {name: each.times() for name, each in seen.items()}
+    #: The number of joints that a performer's frames have now, and their order; None where some are missing.
+    orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {
+        name: (len(each.joints), np.arange(len(each.joints))) for name, each in skeletons.items()
+    }
+    for arrival, event in events_of(recording, preset):
+        name = event.performer
+        if name not in seen:
+            continue
+        if isinstance(event, Announcement):
+            whole = {*event.joints}.issuperset(skeletons[name].joints)
+            orders[name] = len(event.joints), skeletons[name].order_from(event.joints) if whole else None
+            continue
+        seconds, (size, order) = clocks[name].read(event.time, arrival), orders[name]
+        if order is not None and len(event.positions) == size:
+            yield name, arrival, seconds, event.positions[order]
+
+
+def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
+    """Read a raw recording: a clip for each performer, by name, each from the recording's first packet on.
+
+    Frames have the sender's times, shifted to the recorder's clock, and again when the sender began again.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    preset
+        Another product's feed to read it as; None for the feed that the recording names.
+
+    Raises
+    ------
+    RecordingError
+        No performer has two frames of the same joints.
+    ValueError
+        The file is no raw recording, or names an unknown feed.
+    OSError
+        The file cannot be opened.
+    """
+    recording = RawFile(path)
+    seen = {name: each for name, each in seen_in(events_of(recording, preset)).items() if each.frames > 1}
+    kept = _frames(recording, preset, seen)
+    clips = [
+        replace(
+            evened(np.array(times), np.array(positions), begin=0.0).clip(seen[name].skeleton()),
+            name=path.stem if len(seen) == 1 else f"{path.stem} {name}",
+            actor=name,
+        )
+        for name, (times, positions) in sorted(kept.items())
+        if len(set(times)) > 1
+    ]
+    if not clips:
+        raise RecordingError(f"{path}: expected a performer with at least 2 frames, got none")
+    return clips
+
+
+def _frames(
+    recording: RawFile, preset: Preset | None, seen: Mapping[str, Seen]
+) -> dict[str, tuple[list[float], list[NDArray[np.float64]]]]:
+    """Give each performer's frames, at seconds since the first packet."""
+    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in seen}
+    ahead = dict.fromkeys(seen, 0.0)
+    began = next(iter(recording.packets())).arrival
+    for name, arrived, seconds, positions in ordered_frames(recording, preset, seen):
+        if not np.isfinite(positions).all():
+            continue
+        times, rows = kept[name]
+        time, arrival = seconds + ahead[name], arrived - began
+        if abs(time - arrival) > _ASTRAY:
+            ahead[name] = arrival - seconds
+            time = arrival
+        if not times or time > times[-1]:
+            times.append(time)
+            rows.append(np.asarray(positions, dtype=np.float64))
+    return kept

@@ -1,0 +1,628 @@
+"""A gateway: frames go to worker processes of this machine that have their performers, and answers come back.
+
+It keeps the last seconds of each performer's frames. When a worker dies, hangs or comes, another one is shown these,
+and goes on: no worker knows that there are others. They talk by ZeroMQ, on an endpoint of this machine; each worker has
+a name that nobody else knows.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import multiprocessing
+import secrets
+import sys
+import tempfile
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from multiprocessing.reduction import ForkingPickler
+from typing import Any, NamedTuple
+
+import msgspec
+import zmq
+
+from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
+from kinespace.library.naming import hdm05
+from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.index import WindowIndex
+from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
+from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.recognition import Event, Recognition
+from kinespace.stream.recognizer import Settings
+from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts, remember
+from kinespace.stream.recognizer.recognizer import MAX_PAUSE
+from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
+from kinespace.stream.service.background import signals_held
+from kinespace.stream.service.wire import Orders, Report, SentFrame, decode_answers, encode
+from kinespace.stream.service.worker import Terms, work
+from kinespace.stream.status import InputCounts
+
+#: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
+MAX_SILENT = 0.8
+#: Seconds between two looks at the workers, above which this process itself was stopped for a while.
+_STOPPED = 0.4
+#: Seconds in which the last frames are answered at the end.
+_MAX_ENDING = 0.5
+#: Seconds without an answer after which a performer makes room for a newcomer.
+_UNHEARD = 1.0
+#: Seconds in which a new worker must be ready, and in which one that was left out must come back before it is killed.
+MAX_START, _MAX_ABSENT = 60.0, 2.0
+#: Seconds between two starts of a worker that ends soon after it was started.
+_PAUSE = 1.0
+#: Seconds of frames that another worker is shown before those that it answers: the longest window.
+HISTORY = 2.0
+#: Seconds after which a frame that nobody has answered is only shown: it took so long until the worker was missed.
+DUE = 1.5
+#: Seconds after which the joints are sent again: a message may be lost.
+_JOINTS_EVERY = 1.0
+
+
+class Kept(NamedTuple):
+    """A frame that was sent: its number among the performer's frames, when its packet came, and its message."""
+
+    number: int
+    arrival: float
+    sent: SentFrame
+
+
+@dataclass(slots=True)
+class Track:
+    """The frames of a performer that were sent to workers, and the answers that came back.
+
+    Attributes
+    ----------
+    newest, heard
+        When the newest frame came, and when an answer; before the first answer when the performer came.
+    decision
+        Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
+    worker
+        The worker that answers; empty for none.
+    number, answered
+        The numbers of the newest frame and of the last one answered; 0 for none.
+    """
+
+    newest: float
+    heard: float
+    decision: Decision
+    worker: str = ""
+    number: int = 0
+    answered: int = 0
+    _answered_at: float = 0.0
+    _joints: tuple[str, ...] | None = None
+    _joints_due: float = 0.0
+    _kept: deque[Kept] = field(default_factory=deque)
+
+    def send(self, frame: Frame, joints: tuple[str, ...] | None) -> SentFrame:
+        """Make the message of the newest frame; it has the joints from time to time."""
+        sent, now = SentFrame.of(frame), self.newest
+        if joints != self._joints or now >= self._joints_due:
+            sent.joints, self._joints, self._joints_due = joints, joints, now + _JOINTS_EVERY
+        sent.begins = not self.number
+        self.number += 1
+        self._kept.append(Kept(self.number, now, sent))
+        while self._kept[0].arrival < now - HISTORY - DUE:
+            self._kept.popleft()
+        return sent
+
+    def accept(self, answer: Recognition, classes: Sequence[str]) -> tuple[Recognition, float] | None:
+        """Take in an answer; give it with its events, and the arrival of its frame.
+
+        Parameters
+        ----------
+        answer
+            The answer of the performer's worker.
+        classes
+            The classes now; an answer by others, after an exchange, starts no motion.
+
+        Returns
+        -------
+        None for an answer that is no news: its frame was answered before, or is unknown.
+        """
+        for kept in reversed(self._kept):
+            if kept.number <= self.answered:
+                return None
+            if kept.sent.time == answer.time:
+                break
+        else:
+            return None
+        self.answered, self._answered_at, self.heard = kept.number, kept.arrival, self.newest
+        decide = self.decision.events if answer.classes == classes else self.decision.ends
+        return replace(answer, events=decide(answer)), kept.arrival
+
+    def is_owed(self, hop: float) -> bool:
+        """Whether a frame that was sent will still be answered."""
+        return bool(self.answered) and self.newest - self._answered_at >= hop
+
+    def end(self) -> Event | None:
+        """End the motion that goes on."""
+        return self.decision.end(self._kept[-1].sent.time) if self._kept else None
+
+    def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
+        """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
+        begun = self.decision.going_on
+        ended = self.end() if begun and begun.label not in classes else None
+        begun = self.decision.going_on
+        self.decision = Decision(lead, begun and replace(begun, index=classes.index(begun.label)))
+        return ended
+
+    def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
+        """Give the frames that another worker is shown, and those that it answers."""
+        since = self._answered_at - HISTORY if self.answered else 0.0
+        kept = [each for each in self._kept if each.arrival >= since]
+        seen = [each.sent for each in kept if each.number <= self.answered or each.arrival < now - DUE]
+        due = [each.sent for each in kept[len(seen) :]]
+        for first in (seen or due)[:1]:
+            (seen or due)[0] = msgspec.structs.replace(first, begins=True, joints=joints)
+        return seen, due
+
+
+@dataclass(slots=True)
+class _Worker:
+    """A worker's process: when it was started, and since when it is not ready; its last report, and when that came."""
+
+    process: Any
+    begun: float
+    absent_from: float
+    report: Report | None = None
+    newest: float = 0.0
+    reports: int = 0
+
+
+class Gateway:
+    """Takes the place of `Performers`.
+
+    Parameters
+    ----------
+    count
+        How many workers.
+    library
+        Motions to compare with.
+    terms
+        For the recognisers.
+
+    Attributes
+    ----------
+    terms
+        The terms now.
+    source
+        Where the workers' messages come in; the service reads and closes it.
+    publish
+        Gets each answer, and for how many seconds its frame has waited for it.
+    outdated
+        Answers that were not passed on: of former workers, or to performers who have left.
+    unsent
+        Frames that no worker got, because there was none, or because it takes none.
+
+    Raises
+    ------
+    ChildProcessError
+        A worker ended before it was ready.
+    TimeoutError
+        A worker was not ready within a minute.
+    """
+
+    def __init__(self, count: int, library: MotionLibrary | WindowIndex, terms: Terms) -> None:
+        self.terms = terms
+        self._know(library, terms.classes)
+        self.most, self.silence = terms.most, terms.silence
+        self.source = GatewaySource(self)
+        self.publish: Callable[[Recognition, float], None] = lambda *_: None
+        self.outdated = self.unsent = 0
+        self._tracks: dict[str, Track] = {}
+        self._newcomers = Newcomers(self.most)
+        # A sender may announce its joints once, so announcements are kept through a silence.
+        self._announced: dict[str, tuple[str, ...]] = {}
+        self._ended, self._gone = list[Event](), list[str]()
+        #: The processes by their names; those that recognise have sent a report.
+        self._workers: dict[str, _Worker] = {}
+        self._numbers = itertools.count(1)
+        #: The counts of workers that have ended.
+        self._past = Report(PerformerCounts())
+        self._no_room = self._dropped = self._lost = 0
+        self._last_lost, self._looked = "", time.monotonic()
+        with ExitStack() as opened:
+            # Only this user can open the folder. Windows has no such sockets.
+            folder = opened.enter_context(tempfile.TemporaryDirectory(prefix="kinespace-"))
+            context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+            opened.callback(context.destroy, linger=0)
+            self.socket = context.socket(zmq.ROUTER)
+            self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
+            self.socket.bind("tcp://127.0.0.1:*" if sys.platform == "win32" else f"ipc://{folder}/gateway")
+            self._place = str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+            opened.callback(self._kill_all)
+            for _ in range(count):
+                self._start(time.monotonic())
+            self._wait_until_ready()
+            self._opened = opened.pop_all()
+
+    def _know(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
+        motions = library.library if isinstance(library, WindowIndex) else library
+        self._skeleton, self._packed = motions.skeleton, bytes(ForkingPickler.dumps(library))
+        self._usual_sensitivity, self._lead = usual_sensitivity(motions), needed_lead(motions, self.settings)
+        self.classes = tuple(order) or motions.classes
+        self.terms = self.terms._replace(classes=tuple(order))
+
+    # --- as `Performers` ---
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The performers now followed, in the order of their first frames."""
+        return tuple(self._tracks)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of all recognisers."""
+        return self.terms.settings
+
+    @property
+    def sensitivity(self) -> float:
+        """The sensitivity of all recognisers."""
+        return self._usual_sensitivity if self.settings.sensitivity is None else self.settings.sensitivity
+
+    @property
+    def promise(self) -> tuple[float, float | None]:
+        """False alarms an hour that `done` promises; what is missed the workers know."""
+        return self.settings.promised, None
+
+    def set_sensitivity(self, share: float) -> None:
+        """Recognise all performers with another sensitivity soon."""
+        self.terms = self.terms._replace(settings=replace(self.settings, sensitivity=share))
+        self._tell_all(bytes(ForkingPickler.dumps(None)))
+
+    def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
+        """Compare all performers with another library soon; end the motions whose class it lacks."""
+        self._know(library, order)
+        self._tell_all(self._packed)
+        return [event for each in self._tracks.values() if (event := each.exchange(self.classes, self._lead))]
+
+    @property
+    def reported(self) -> Report:
+        """The sums of all that workers have counted."""
+        return _summed([self._past, *self._reports])
+
+    @property
+    def counts(self) -> PerformerCounts:
+        """Counts of what happened to all frames so far, as far as workers have reported it."""
+        counts = self.reported.counts
+        counts.no_room, counts.dropped = self._no_room, self._dropped
+        return counts
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Performers whose frames are refused for their joints, with the reason."""
+        return self._told("refused")
+
+    @property
+    def doubted(self) -> dict[str, str]:
+        """Performers with joints that cannot be believed, and the reason."""
+        return self._told("doubted")
+
+    @property
+    def compared(self) -> dict[str, str]:
+        """The joints by which performers are compared, if these are not all."""
+        return self._told("compared")
+
+    def _told(self, what: str) -> dict[str, str]:
+        """Give what workers tell of performers."""
+        return {name: text for each in self._reports for name, text in getattr(each, what).items()}
+
+    def carried(self, name: str) -> None:
+        """Give nothing: no worker tells which joints carry an answer, because nearly nobody asks."""
+
+    def skeleton_of(self, name: str) -> Skeleton | None:
+        """Give the joints of a performer's frames, by our names where we know them; None for an unknown performer."""
+        if name not in self._tracks:
+            return None
+        own = self._skeleton if self._skeleton.parents else hdm05.SKELETON
+        return own.linked(self._joints_of(name))
+
+    def _joints_of(self, name: str) -> tuple[str, ...]:
+        wanted, sent = self._skeleton.joints, self.terms.joints
+        return sent.naming.met(self._announced.get(name) or sent.assumed or wanted, wanted).joints
+
+    def ordered(self, frame: Frame) -> Frame | None:
+        """Give a frame in the order of the library's joints; None if it has too few joints."""
+        wanted, joints = self._skeleton.joints, self._joints_of(frame.performer)
+        if len(frame.positions) != len(joints) or len(set(joints).intersection(wanted)) < MIN_JOINTS:
+            return None
+        if joints == wanted:
+            return frame
+        return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
+
+    def drop_silent(self, now: float) -> list[Event]:
+        """Forget performers that sent nothing for `silence` seconds; give the ends of motions."""
+        for name in [name for name, each in self._tracks.items() if now - each.newest > self.silence]:
+            self._forget(name)
+            self._gone = [*self._gone[-MAX_REMEMBERED * self.most :], name]
+        ended, self._ended = self._ended, []
+        return ended
+
+    def end_paused(self, now: float) -> list[Event]:
+        """Give the ends of the motions of performers who send nothing for now."""
+        paused = (each for each in self._tracks.values() if now - each.newest > MAX_PAUSE)
+        return [event for each in paused if (event := each.end())]
+
+    def take_gone(self) -> list[str]:
+        """Give the performers who were dropped since the last call."""
+        gone, self._gone = self._gone, []
+        return [name for name in gone if name not in self._tracks]
+
+    def end(self) -> list[Event]:
+        """Wait for the last answers; give the ends of all motions going on, because no more frames will come."""
+        until, hop = time.monotonic() + _MAX_ENDING, self.settings.hop
+        while time.monotonic() < until and any(each.is_owed(hop) for each in self._tracks.values() if each.worker):
+            time.sleep(0.001)
+            self.read()
+        return [*self._ended, *(event for each in self._tracks.values() if (event := each.end()))]
+
+    def push_all(
+        self,
+        events: Sequence[Admitted],
+        arrival: float,
+        *,
+        newest_only: bool = False,  # noqa: ARG002 - as `Performers`; the workers see for themselves what has waited
+    ) -> list[Recognition | None]:
+        """Send frames to their workers, in order; their answers go to `publish` later."""
+        for_worker: dict[str, list[SentFrame]] = {}
+        for event in events:
+            if isinstance(event, Frame):
+                self._route(event, arrival, for_worker)
+            elif isinstance(event, Announcement):
+                remember(self._announced, event.performer, event.joints, self.most)
+            elif isinstance(event, NewSender):
+                self._announced.pop(event.performer, None)
+                self._forget(event.performer)
+        for worker, frames in for_worker.items():
+            if not self._send(worker, encode(Orders(frames, at=time.monotonic()))):
+                self.unsent += len(frames)
+        return [None] * len(events)
+
+    # --- performers ---
+
+    def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[SentFrame]]) -> None:
+        """Add a frame to those of the worker that answers it, if there is room for its performer."""
+        if (track := self._track(frame.performer, arrival)) is None:
+            self._no_room += 1
+            return
+        sent = track.send(frame, self._announced.get(frame.performer))
+        if track.worker:
+            for_worker.setdefault(track.worker, []).append(sent)
+        else:
+            self.unsent += 1
+
+    def _track(self, name: str, now: float) -> Track | None:
+        """Give a performer who sends a frame now; None when there is no room."""
+        track = self._tracks.get(name)
+        if track is None:
+            if len(self._tracks) >= self.most:
+                # On a machine that cannot keep up answers are late: one packet of a stranger drops nobody.
+                if not self._newcomers.is_steady(name, now):
+                    return None
+                idle = min(self._tracks, key=lambda other: self._tracks[other].heard)
+                if now - self._tracks[idle].heard < _UNHEARD:
+                    return None
+                self._forget(idle)
+                self._gone.append(idle)
+            self._newcomers.forget(name)
+            worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
+            track = self._tracks[name] = Track(now, now, Decision(self._lead), worker)
+        track.newest = now
+        return track
+
+    def _forget(self, name: str) -> None:
+        """Forget a performer; the end of its motion is given out with the ends of silent performers."""
+        if track := self._tracks.pop(name, None):
+            self._dropped += 1
+            if ended := track.end():
+                self._ended.append(ended)
+
+    # --- workers ---
+
+    @property
+    def ready(self) -> list[str]:
+        """The workers that recognise."""
+        return [name for name, each in self._workers.items() if each.report]
+
+    @property
+    def _reports(self) -> list[Report]:
+        return [each.report for each in self._workers.values() if each.report]
+
+    def _start(self, now: float) -> None:
+        name = f"{next(self._numbers)} {secrets.token_hex(16)}"
+        process = multiprocessing.get_context("spawn").Process(target=work, args=(name, self._place), daemon=True)
+        # An interrupt after the start and before the assignment would leave a process that nobody ends.
+        with signals_held():
+            process.start()
+            self._workers[name] = _Worker(process, now, now + MAX_START)
+
+    def _wait_until_ready(self) -> None:
+        until = time.monotonic() + MAX_START
+        while len(self.ready) < len(self._workers):
+            ended = [name for name, each in self._workers.items() if not each.process.is_alive()]
+            if ended:
+                raise ChildProcessError(f"worker {_named(ended[0])} ended before it was ready")
+            if time.monotonic() > until:
+                raise TimeoutError(f"the workers were not ready within {MAX_START:g} s")
+            time.sleep(0.005)
+            self.read()
+
+    def _load(self) -> dict[str, int]:
+        """Count the performers of each worker."""
+        counts = Counter(each.worker for each in self._tracks.values())
+        return {worker: counts[worker] for worker in self.ready}
+
+    def _balance(self, now: float) -> None:
+        """Give each performer without a worker to the one with the fewest, and one performer of the one with most."""
+        if not (load := self._load()):
+            return
+        most = max(load, key=load.__getitem__)
+        spared = most if load[most] > min(load.values()) + 1 else None
+        for name, track in self._tracks.items():
+            if track.worker in load and track.worker != spared:
+                continue
+            if track.worker == spared:
+                spared = None
+                load[most] -= 1
+            track.worker = least = min(load, key=load.__getitem__)
+            load[least] += 1
+            seen, due = track.past(self._announced.get(name), now)
+            self._send(least, encode(Orders(due, seen)))
+
+    def _send(self, worker: str, *parts: bytes) -> bool:
+        """Send a message to a worker; say whether there is room on the way to it."""
+        try:
+            self.socket.send_multipart([worker.encode(), *parts], zmq.NOBLOCK)
+        except zmq.ZMQError:
+            return False
+        return True
+
+    def _tell_all(self, library: bytes) -> None:
+        """Tell all workers of another library, and of the terms."""
+        for worker in self.ready:
+            self._send(worker, b"", library, bytes(ForkingPickler.dumps(self.terms)))
+
+    def _drop(self, worker: str, why: str) -> None:
+        """Give the performers of a worker to others; keep its counts."""
+        each = self._workers[worker]
+        if each.report:
+            self._past, each.report = _summed([self._past, each.report]), None
+            self._lost, self._last_lost = self._lost + 1, f"worker {_named(worker)} {why}"
+            for track in self._tracks.values():
+                track.worker = "" if track.worker == worker else track.worker
+            self._balance(time.monotonic())
+
+    def read(self) -> None:
+        """Read the messages that have come."""
+        while True:
+            try:
+                name, message = self.socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            worker, now = name.decode(errors="replace"), time.monotonic()
+            each = self._workers.get(worker)
+            if each and not message:
+                # Its first word: it needs the library.
+                self._send(worker, b"", self._packed, bytes(ForkingPickler.dumps(self.terms)))
+            elif each:
+                back = decode_answers(message)
+                each.newest, each.report = now, back.report or each.report
+                each.reports += back.report is not None
+                for answer in back.answers:
+                    self._accept(worker, answer, now)
+
+    def _accept(self, worker: str, answer: Recognition, now: float) -> None:
+        """Pass on an answer, if it is its performer's worker's, and news."""
+        track = self._tracks.get(answer.performer)
+        if track and track.worker == worker and (accepted := track.accept(answer, self.classes)):
+            recognition, arrival = accepted
+            self.publish(recognition, max(now - arrival, 0.0))
+        else:
+            self.outdated += 1
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each."""
+        counts = {
+            "frames that no worker took": self.unsent,
+            "answers of former workers or to frames answered before": self.outdated,
+        }
+        lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
+        return [f"workers: {len(self.ready)}", *(f"{count} {what}" for what, count in counts.items() if count), *lost]
+
+    def tend(self, now: float) -> None:
+        """Read messages; drop workers that do not report, kill those that hang, start others; move a performer."""
+        self.read()
+        was_stopped, self._looked = now - self._looked > _STOPPED, now
+        for name, each in [*self._workers.items()]:
+            each.newest = max(each.newest, now - MAX_SILENT / 2) if was_stopped else each.newest
+            alive = each.process.is_alive()
+            if each.report and not (alive and now - each.newest <= MAX_SILENT):
+                self._drop(name, "does not report" if alive else "is gone")
+            if each.report:
+                each.absent_from = now
+            elif now - each.absent_from > _MAX_ABSENT:
+                each.process.kill()
+            # A worker that ends at its start is not started without pause.
+            if not alive and now - each.begun > _PAUSE:
+                del self._workers[name]
+                self._start(now)
+        self._balance(now)
+
+    def settle(self) -> None:
+        """Wait for the workers' next reports, which count all that they have answered, for a second at most."""
+        before, until = {name: each.reports for name, each in self._workers.items()}, time.monotonic() + 1.0
+        while any(each.reports == before.get(name) for name, each in self._workers.items()):
+            if time.monotonic() > until:
+                return
+            time.sleep(0.005)
+            self.read()
+
+    def _kill_all(self) -> None:
+        for each in self._workers.values():
+            each.process.kill()
+            each.process.join()
+        self._workers.clear()
+
+    def close(self) -> None:
+        """End the workers; without effect a second time."""
+        self._opened.close()
+
+
+class GatewaySource:
+    """The messages of all workers, as a source of the service; no frames come in here."""
+
+    place = ""
+    lag = waited = 0.0
+    patience = math.inf
+    tended_within = TENDING
+    has_put_aside = False
+
+    def __init__(self, gateway: Gateway) -> None:
+        self.gateway = gateway
+
+    @property
+    def pollable(self) -> object:
+        """The socket."""
+        return self.gateway.socket
+
+    @property
+    def counts(self) -> InputCounts:
+        """Counts of what was dropped on the way to recognisers."""
+        return InputCounts(stale=self.gateway.reported.stale)
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for a person, a line each."""
+        return self.gateway.notes
+
+    def take(self, arrival: float) -> None:  # noqa: ARG002 - as any source
+        """Read the messages that have come; they hold no frames."""
+        self.gateway.read()
+
+    def tend(self, now: float) -> Sequence[Admitted]:
+        """Look after the workers."""
+        self.gateway.tend(now)
+        return ()
+
+    def close(self) -> None:
+        """End the workers."""
+        self.gateway.close()
+
+
+def _named(worker: str) -> str:
+    """Give a worker's number."""
+    return worker.partition(" ")[0]
+
+
+def _summed(reports: Sequence[Report]) -> Report:
+    """Add up reports: the counts that the gateway does not know itself."""
+    counts = PerformerCounts()
+    for each in reports:
+        counts.recognizers.add(each.counts.recognizers)
+        counts.other_joints += each.counts.other_joints
+        counts.opening += each.counts.opening
+    return Report(counts, stale=sum(each.stale for each in reports))

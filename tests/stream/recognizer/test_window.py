@@ -1,0 +1,135 @@
+"""The window: rows like a plain list's, and moments and covariances like the textbook's after every change."""
+
+from __future__ import annotations
+
+import naive_windows
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive_stream import NaiveWindow
+
+from kinespace.stream.recognizer.window import MAX_FEED_RATE, Window
+
+#: Everything holds of the compiled functions and of numpy.
+pytestmark = pytest.mark.usefixtures("arithmetic")
+
+#: Times are counted in these, so that the twin's are whole numbers.
+TICKS = 960
+WIDTH = 6
+#: Error of a mean, deviation, trend or covariance, relative to the largest.
+SAME = 1e-9
+
+
+def _window(seconds: float, *others: float, fastest: float = MAX_FEED_RATE) -> Window:
+    """Give a window whose points are its rows, with spans of so many seconds."""
+    spans = sorted({seconds, *others})
+    return Window(spans, spans, np.eye(WIDTH), fastest)
+
+
+def _rows(*marks: float) -> np.ndarray:
+    return np.array([mark + np.arange(WIDTH) for mark in marks]).reshape(len(marks), WIDTH)
+
+
+def _assert_by_definition(window: Window, seconds: float, times: np.ndarray, rows: np.ndarray) -> None:
+    """Compare mean, deviation, trend and covariance with the textbook's."""
+    expected, found = naive_windows.moments(times, rows), window.moments(seconds)
+    largest = max(float(expected.deviation.max()), 1e-12)
+    assert found.mean[0] == pytest.approx(expected.mean, rel=SAME)
+    assert np.abs(found.deviation[0] ** 2 - expected.deviation**2).max() <= SAME * largest**2
+    assert np.abs(found.trend[0] - expected.trend).max() <= 10 * SAME * largest
+    covariance = window.covariance(seconds)
+    assert np.abs(covariance - np.cov(rows.T, bias=True)).max() <= SAME * largest**2
+    assert np.array_equal(covariance, covariance.T)
+
+
+@pytest.mark.slow
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    ticks=st.integers(1, 2 * TICKS),
+    largest_step=st.sampled_from([1, 8, 40, 3 * TICKS]),
+    fastest=st.sampled_from([1.0, 20.0, 960.0]),
+    largest_batch=st.sampled_from([1, 2, 5, 200]),
+)
+@settings(max_examples=30)
+def test_the_window_equals_a_plain_list(
+    seed: int, ticks: int, largest_step: int, fastest: float, largest_batch: int
+) -> None:
+    """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
+    generator = np.random.default_rng(seed)
+    window, twin = (
+        _window(ticks / TICKS, fastest=fastest),
+        NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest)))),
+    )
+    time, mark = int(generator.integers(-1000, 1000)), 0
+    while mark < 700:
+        count = int(generator.integers(1, largest_batch + 1))
+        steps = generator.integers(1, largest_step + 1, size=count)
+        steps[generator.random(count) < 0.03] += 5 * TICKS
+        times, marks = (time + steps.cumsum()).tolist(), range(mark, mark + count)
+        window.push([each / TICKS for each in times], _rows(*marks))
+        for each, index in zip(times, marks, strict=True):
+            twin.push(each, index)
+        time, mark = times[-1], mark + count
+        rows, points = window.recent()
+        assert rows.tolist() == points.tolist() == _rows(*[kept for _, kept in twin.rows]).tolist()
+        assert window.times.tolist() == [each / TICKS for each, _ in twin.rows]
+        if generator.random() < 0.2:
+            found = window.moments(ticks / TICKS)
+            assert found.mean[0] == pytest.approx(rows.mean(axis=0))
+            assert found.deviation[0] == pytest.approx(rows.std(axis=0), abs=1e-6)
+        if generator.random() < 0.01:
+            window.clear()
+            twin.rows.clear()
+            time -= int(generator.integers(0, 2000))
+
+
+def test_a_feed_too_fast_shortens_the_window() -> None:
+    """Above the fastest feed foreseen it keeps the newest rows that there is room for."""
+    window = _window(1.0)
+    for time in np.arange(1500) / (4 * MAX_FEED_RATE):
+        window.push([time], _rows(time))
+    assert len(window.times) == MAX_FEED_RATE
+    assert window.times[-1] - window.times[0] == pytest.approx(0.25, rel=0.01)
+
+
+@pytest.mark.parametrize("start", [1.7e18, -1.7e18, 1e300])
+def test_the_newest_row_always_stays(start: float) -> None:
+    """With times so large that a window is lost in their rounding (a sender's nanoseconds) the newest row is held."""
+    window = _window(1.0)
+    for index in range(300):
+        time = start + index * abs(start) * 1e-6
+        window.push([time], _rows(index))
+        assert window.times.tolist() == [time]
+        assert window.recent()[0].tolist() == _rows(index).tolist()
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    seconds=st.sampled_from([0.1, 0.25, 1.0]),
+    start=st.sampled_from([0.0, 1.7e9]),
+    loud=st.booleans(),
+)
+@settings(max_examples=20)
+def test_moments_and_covariance_equal_the_textbooks(seed: int, seconds: float, start: float, *, loud: bool) -> None:
+    """After batches of any size at uneven times, over the last of a longer window's seconds, they equal the rows'."""
+    generator = np.random.default_rng(seed)
+    rows = 1.0 + generator.normal(scale=0.1 if loud else 1e-3, size=(120, WIDTH)) * generator.uniform(0, 1, WIDTH)
+    times = start + np.cumsum(generator.choice([1 / 120, 1 / 30, 0.2], size=len(rows)))
+    window, end = _window(seconds, 1.0), 0
+    while end < len(rows):
+        begin, end = end, min(end + int(generator.integers(1, 9)), len(rows))
+        window.push(times[begin:end].tolist(), rows[begin:end])
+        inside = window.times > times[end - 1] - seconds + 1e-6
+        if generator.random() < 0.8:
+            _assert_by_definition(window, seconds, window.times[inside], window.recent()[0][inside])
+
+
+@pytest.mark.parametrize("place", [0.0, 3.0])
+def test_a_point_that_stays_has_no_covariance(place: float) -> None:
+    """Of rows that are all the same, the origin too, and of one row, nothing is left, not even rounding."""
+    window, rows = _window(0.2), 1.0 + 0.1 * np.random.default_rng(8).normal(size=(40, WIDTH))
+    for index in range(80):
+        window.push([index / 120], rows[index : index + 1] if index < 40 else np.full((1, WIDTH), place))
+        assert index > 0 or not window.moments(0.2).deviation.any()
+        assert window.covariance(0.2).any() == (0 < index < 40 + 23)

@@ -1,0 +1,175 @@
+"""Workers on this machine: they start, answer as one process does, and are replaced."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from synthetic import STICK_CLASSES, stick_clip
+
+from kinespace.library.windows.index import opened
+from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
+from kinespace.stream.recognition import Recognition
+from kinespace.stream.recognizer import Performers, Settings
+from kinespace.stream.service import gateway as gateways
+from kinespace.stream.service import worker
+from kinespace.stream.service.gateway import Gateway
+from kinespace.stream.service.worker import Terms, Worker
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from kinespace.library.motion_library import MotionLibrary
+
+RATE, PATIENCE = 60, 60.0
+#: Seconds between two answers, and a frame: another worker's hops are others.
+HOP = 1 / 30 + 1 / RATE + 0.001
+NAMES = ("ann", "bob", "cleo", "dan")
+
+
+class Patient(Worker):
+    """A worker that is never too late, so that it leaves no answer out on a busy machine."""
+
+    def take(self, arrival: float) -> Sequence[Admitted] | None:
+        """Take in a message as if it had come just now."""
+        self.patience = math.inf
+        taken = super().take(arrival)
+        self.lag = self.waited = 0.0
+        return taken
+
+
+def _without_hurry(name: str, place: str) -> None:
+    """Work without hurry; what a process does."""
+    worker.Worker = Patient  # type: ignore[misc]
+    worker.work(name, place)
+
+
+class Fed:
+    """A gateway with workers of its own, the feed, and the answers of one process."""
+
+    def __init__(self, library: MotionLibrary, gateway: Gateway, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self.gateway, self._one = gateway, Performers(opened(library))
+        clips = [stick_clip(name, seed=80, frames=4 * RATE).positions[::2] for name in STICK_CLASSES]
+        self._moments = [
+            [Frame(name, 1 + k / RATE, each) for name in NAMES]
+            for k, each in enumerate(p for clip in clips for p in clip)
+        ]
+        self.heard, self.expected = list[Recognition](), list[Recognition]()
+        gateway.publish = lambda recognition, _: self.heard.append(recognition)
+
+    def play(self, count: int) -> None:
+        """Send some moments' frames; read until the last of them are answered."""
+        for frames in [self._moments.pop(0) for _ in range(count)]:
+            self.gateway.push_all(frames, self._clock())
+            self.expected += [each for each in self._one.push_all(frames, frames[0].time) if each]
+            self.gateway.tend(self._clock())
+        newest = {each.performer: each.time for each in self.expected}
+        self.until(
+            lambda: {each.performer for each in self.heard if each.time > newest[each.performer] - HOP} == {*NAMES}
+        )
+
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Read until something is reached."""
+        end = time.monotonic() + PATIENCE
+        while not reached():
+            assert time.monotonic() < end, (self.gateway.notes, len(self.heard), len(self.expected))
+            self.gateway.tend(self._clock())
+            time.sleep(0.001)
+
+    @property
+    def events(self) -> list[list[tuple[str, str, str]]]:
+        """The events that came, and those of one process, by performer."""
+        return [
+            sorted((event.performer, event.kind, event.label) for each in answers for event in each.events)
+            for answers in (self.heard, self.expected)
+        ]
+
+
+def _described(answers: Sequence[Recognition]) -> dict[tuple[str, float], tuple[object, ...]]:
+    return {(each.performer, each.time): (each.label, *each.scores.tolist(), each.events) for each in answers}
+
+
+@pytest.mark.slow
+def test_answers_equal_one_processs(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two workers give the answers of one process, each once, bit by bit; a gateway that stood still drops none."""
+    monkeypatch.setattr(gateways, "work", _without_hurry)
+    with closing(Gateway(2, opened(sticks), Terms(Settings(), 8))) as gateway:
+        # By a clock that stands still no motion ends because the machine does.
+        now = time.monotonic()
+        fed = Fed(sticks, gateway, lambda: now)
+        fed.play(150)
+        fed.until(lambda: len(fed.heard) == len(fed.expected))
+        assert _described(fed.heard) == _described(fed.expected)
+        assert gateway.skeleton_of("nobody") is gateway.carried("ann") is None
+        fed.until(lambda: gateway.counts.recognizers.frames == 150 * len(NAMES))
+        gateway.set_sensitivity(0.0)
+        assert gateway.sensitivity == 0.0
+        gateway.tend(time.monotonic() + 10 * gateways.MAX_SILENT)
+        assert len(gateway.ready) == 2
+
+
+@pytest.mark.slow
+def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No event is lost when one of two workers is killed, or hangs; another process takes its place."""
+    monkeypatch.setattr(gateways, "_MAX_ABSENT", 0.5)
+    monkeypatch.setattr(gateways, "work", _without_hurry)
+    monkeypatch.setattr(gateways, "DUE", PATIENCE)
+    with closing(Gateway(2, opened(sticks), Terms(settings=Settings(), most=8))) as gateway:
+        fed, processes = Fed(sticks, gateway), gateway._workers  # noqa: SLF001 - who is killed
+        fed.play(60)
+        for number in (signal.SIGKILL, signal.SIGSTOP if sys.platform != "win32" else signal.SIGTERM):
+            lost = min(gateway.ready)
+            os.kill(processes[lost].process.pid, number)
+            fed.play(60)
+            fed.until(lambda lost=lost: lost not in processes and len(gateway.ready) == 2)
+        fed.play(60)
+        found, expected = fed.events
+        assert found == expected
+        assert [event.kind for event in gateway.end()] == ["end"] * len(NAMES)
+        order = STICK_CLASSES[:0:-1]
+        gateway.exchange(opened(sticks.without(classes=STICK_CLASSES[:1])), order)
+        fed.until(lambda: (fed.play(1), fed.heard[-1].classes == order)[1])
+        numbers = [each.process.pid for each in processes.values()]
+    if Path("/proc").is_dir():
+        assert not [each for each in numbers if Path(f"/proc/{each}").exists()]
+
+
+def test_a_worker_that_cannot_begin_is_an_error(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No gateway waits for a worker that ends before it is ready."""
+    monkeypatch.setattr(gateways, "work", sys.exit)
+    with pytest.raises(ChildProcessError, match="worker 1 ended before it was ready"):
+        Gateway(1, opened(sticks), Terms(settings=Settings(), most=8))
+
+
+def test_a_further_performer_has_no_room_and_joints_are_put_in_order(sticks: MotionLibrary) -> None:
+    """Its frames are counted until they come steadily, and somebody was not answered for a second."""
+    positions = stick_clip(STICK_CLASSES[0], seed=80, frames=8).positions[0]
+    names = ("ann", "bob", "cleo")
+    with closing(Gateway(0, sticks, Terms(Settings(), most=3))) as gateway:
+        gateway.push_all([Frame(name, 1.0, positions) for name in names], 1.0)
+        assert gateway.push_all([Frame("dan", 1.0, positions)], 1.9) == [None]
+        assert (gateway.names, gateway.counts.no_room) == (names, 1)
+        joints = sticks.skeleton.joints[::-1]
+        gateway.push_all([Announcement("ann", joints)], 1.0)
+        turned = gateway.ordered(Frame("ann", 9.0, positions[::-1]))
+        assert turned
+        assert np.array_equal(turned.positions, positions)
+        assert gateway.ordered(Frame("ann", 9.0, positions[1:])) is None
+        for index in range(12):
+            # One packet of a stranger drops nobody.
+            assert gateway.names == names
+            gateway.push_all([Frame("dan", 1.0 + index / 30, positions)], 3.0 + index / 30)
+        assert (gateway.names, gateway.take_gone()) == (("bob", "cleo", "dan"), ["ann"])
+        gateway.push_all([NewSender("dan")], 2.5)
+        assert (gateway.names, gateway.take_gone()) == (("bob", "cleo"), [])
+        assert gateway.drop_silent(100.0) == gateway.end_paused(100.0) == []
+        assert (gateway.names, gateway.take_gone(), gateway.counts.dropped) == ((), ["bob", "cleo"], 4)

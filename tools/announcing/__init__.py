@@ -1,1 +1,0 @@
-"""A recogniser announced by mDNS, and its OSC addresses described by OSCQuery."""

@@ -1,0 +1,126 @@
+"""Events of an evaluation as annotations that ELAN (`.eaf`) and BORIS (`.boris`) open beside the film."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.stream.recognition import EventKind
+from kinespace.tools.evaluation.stream_score import Course
+from kinespace.tools.terminal.console import printable
+
+#: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
+TIERS = ("started", "done", "performed")
+_BORIS_VERSION = "7.0"
+_XSI = "http://www.w3.org/2001/XMLSchema-instance"
+_SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
+
+
+def is_annotation(path: Path, takes: int) -> bool:
+    """Say whether a file's ending is ELAN's or BORIS's; ValueError for several takes in a file of ELAN."""
+    if path.suffix.lower() == ".eaf" and takes != 1:
+        raise ValueError(f"--answers: expected one take in a file of ELAN, got {takes}; BORIS's takes several (.boris)")
+    return path.suffix.lower() in _WRITERS
+
+
+def write_annotations(path: Path, courses: Sequence[Course]) -> None:
+    """Write what was said of takes, and what was performed, into a file that `is_annotation`."""
+    path.write_text(_WRITERS[path.suffix.lower()](courses), encoding="utf-8")
+
+
+def _tiers(course: Course) -> dict[str, list[Segment]]:
+    """Give a take's segments by tier; a motion that goes on ends with the take."""
+    begun, started, done = dict[str, float](), list[Segment](), list[Segment]()
+    for answer in course.answers:
+        for event in answer.events:
+            if event.kind is EventKind.START:
+                begun[event.label] = event.time
+            elif event.time > (since := begun.pop(event.label, event.time)):
+                started.append(Segment(since, event.time, event.label))
+        if answer.done:
+            done.append(Segment(max(answer.done.start, 0.0), answer.done.end, answer.done.label))
+    last = float(course.times[-1])
+    started += [Segment(since, last, label) for label, since in begun.items() if last > since]
+    return dict(zip(TIERS, (started, done, list(course.segments)), strict=True))
+
+
+def _elan(courses: Sequence[Course]) -> str:
+    (course,) = courses
+    root = ET.Element("ANNOTATION_DOCUMENT", AUTHOR="kinespace", FORMAT="3.0", VERSION="3.0")
+    root.set("DATE", "1970-01-01T00:00:00+00:00")
+    root.set("xmlns:xsi", _XSI)
+    root.set("xsi:noNamespaceSchemaLocation", _SCHEMA)
+    ET.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
+    order, count = ET.SubElement(root, "TIME_ORDER"), 0
+    for name, segments in _tiers(course).items():
+        person = printable(course.person)
+        tier = ET.SubElement(root, "TIER", LINGUISTIC_TYPE_REF="motion", TIER_ID=name, PARTICIPANT=person)
+        for segment in segments:
+            slots = []
+            for seconds in (segment.start, segment.end):
+                count += 1
+                slots.append(f"ts{count}")
+                ET.SubElement(order, "TIME_SLOT", TIME_SLOT_ID=slots[-1], TIME_VALUE=str(round(1000 * seconds)))
+            place = ET.SubElement(ET.SubElement(tier, "ANNOTATION"), "ALIGNABLE_ANNOTATION", ANNOTATION_ID=f"a{count}")
+            for number, slot in enumerate(slots, 1):
+                place.set(f"TIME_SLOT_REF{number}", slot)
+            ET.SubElement(place, "ANNOTATION_VALUE").text = printable(segment.label)
+    ET.SubElement(
+        root, "LINGUISTIC_TYPE", LINGUISTIC_TYPE_ID="motion", TIME_ALIGNABLE="true", GRAPHIC_REFERENCES="false"
+    )
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True)
+
+
+def _boris(courses: Sequence[Course]) -> str:
+    tiers = [_tiers(course) for course in courses]
+    codes = sorted({f"{tier} {each.label}" for own in tiers for tier, some in own.items() for each in some})
+    people = sorted({course.person for course in courses} - {""})
+    project = {
+        "time_format": "s",
+        "project_date": "1970-01-01T00:00:00",
+        "project_name": "kinespace",
+        "project_description": "",
+        "project_format_version": _BORIS_VERSION,
+        "subjects_conf": {
+            str(place): {"key": "", "name": name, "description": ""} for place, name in enumerate(people)
+        },
+        "behaviors_conf": {str(place): _behaviour(code) for place, code in enumerate(codes)},
+        "observations": {
+            course.name: {
+                "file": {},
+                "type": "LIVE",
+                "date": "1970-01-01T00:00:00",
+                "description": "",
+                "time offset": 0.0,
+                "events": sorted(_boris_events(course, own), key=lambda event: event[0]),
+                "independent_variables": {},
+            }
+            for course, own in zip(courses, tiers, strict=True)
+        },
+        "behavioral_categories": [],
+        "independent_variables": {},
+        "coding_map": {},
+        "behaviors_coding_map": [],
+        "converters": {},
+    }
+    return json.dumps(project, indent=1, ensure_ascii=False)
+
+
+def _behaviour(code: str) -> dict[str, str]:
+    empty = dict.fromkeys(("key", "description", "category", "modifiers", "excluded", "coding map"), "")
+    return {"type": "State event", "code": code, **empty}
+
+
+def _boris_events(course: Course, tiers: dict[str, list[Segment]]) -> Iterator[tuple[float, str, str, str, str]]:
+    """Give the events of a take: a state event begins with one row and ends with the next of its behaviour."""
+    for tier, segments in tiers.items():
+        for segment in segments:
+            for seconds in (segment.start, segment.end):
+                yield round(seconds, 3), course.person, f"{tier} {segment.label}", "", ""
+
+
+_WRITERS = {".eaf": _elan, ".boris": _boris}

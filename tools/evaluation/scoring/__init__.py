@@ -1,1 +1,0 @@
-"""Scores of a stream: protocols, timelines, figures with their intervals."""

@@ -1,0 +1,604 @@
+"""How right a stream of answers was: the answer at each moment against the motion performed at that moment."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.stream.recognition import EventKind, Outcome, Recognition
+from kinespace.tools.evaluation.bootstrap import Figure, Interval, Percentile, Ratio, RocArea, intervals_of, values_of
+from kinespace.tools.evaluation.harness import Protocol, written
+from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.terminal.console import console, counted, csv_text, print_scores, table_of
+
+
+def guess_of(answer: Recognition) -> str | None:
+    """Give the class that is guessed, named or not; None where there is no guess."""
+    return answer.classes[answer.guess_index] if answer.guess_index >= 0 else None
+
+
+def counted_in(take: Take, known: Collection[str], answers: Iterable[Recognition], inside: float = 0.0) -> Counter[str]:
+    """Count the answers in a take's segments.
+
+    Parameters
+    ----------
+    take
+        The take.
+    known
+        The classes that the library knows.
+    answers
+        The answers, by time.
+    inside
+        Seconds for which an answer's segment must have lasted for the answer to count.
+
+    Returns
+    -------
+    The number of `answers` to known motions, and how many of them name the class performed (`right`), have it as best
+    guess (`guessed`), name another (`wrong`) or find the body `implausible`. Of answers to unknown motions (`unknown`)
+    how many name a class (`unknown_named`).
+    """
+    counts = Counter[str]()
+    for answer in answers:
+        performed = [each.label for each in take.segments if each.start + inside <= answer.time < each.end]
+        if performed and performed[-1] not in known:
+            counts.update(unknown=1, unknown_named=answer.class_name is not None)
+        elif performed:
+            right, guessed = (each == performed[-1] for each in (answer.class_name, guess_of(answer)))
+            counts.update(answers=1, right=right, guessed=guessed, wrong=answer.class_name is not None and not right)
+            counts.update(implausible=answer.outcome is Outcome.IMPLAUSIBLE)
+    return counts
+
+
+#: The index that stands for "no class".
+NONE = -1
+#: Seconds for which a lasting answer stays right; until the segment's end if that comes sooner.
+LASTING = 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """One take: the motion performed and the answer given, at the time of every frame.
+
+    Attributes
+    ----------
+    name
+        The take's name.
+    times
+        Shape (frames,), seconds from the take's start.
+    segments
+        The segments performed, with the library's class names where it knows them.
+    truth
+        Index of the class performed; NONE where the library does not know it or no label says it.
+    segment
+        Index of the segment, -1 outside all.
+    guess
+        Index of the best guess, named or not; NONE before the first answer and while still.
+    published
+        Index of the class named last, NONE for none.
+    event
+        Index of the class whose event goes on, NONE for none.
+    score
+        Raw score of the best guess; NaN before the first answer.
+    person
+        The person who performs; empty when not known.
+    contains
+        Indices of the classes that are performed at some time in the take.
+    doubted
+        Share of the frames at which the body was implausible or joints were left out.
+    unlike
+        Whether the body was found unlike the library's; None while that was not decided.
+    answers
+        The answers, by time.
+    """
+
+    name: str
+    times: NDArray[np.float64]
+    segments: tuple[Segment, ...]
+    truth: NDArray[np.intp]
+    segment: NDArray[np.intp]
+    guess: NDArray[np.intp]
+    published: NDArray[np.intp]
+    event: NDArray[np.intp]
+    score: NDArray[np.float64]
+    person: str = ""
+    contains: tuple[int, ...] = ()
+    doubted: float = 0.0
+    unlike: bool | None = None
+    answers: Sequence[Recognition] = field(default=(), repr=False)
+
+    @property
+    def seconds(self) -> float:
+        """Seconds from the first frame to the last."""
+        return float(self.times[-1] - self.times[0]) if len(self.times) > 1 else 0.0
+
+    @property
+    def lasts(self) -> NDArray[np.float64]:
+        """Seconds for which each frame counts: until the next frame, but not beyond its segment's end, (frames,)."""
+        last = self.times[-1:] + self.seconds / max(len(self.times) - 1, 1)
+        ends = np.array([*(each.end for each in self.segments), np.inf])
+        until: NDArray[np.float64] = np.minimum(np.append(self.times[1:], last), ends[self.segment])
+        return until - self.times
+
+
+def course_of(
+    take: Take,
+    times: NDArray[np.float64],
+    recognitions: Sequence[Recognition],
+    *,
+    classes: Sequence[str],
+    known: Collection[str],
+) -> Course:
+    """Put the motions performed and the answers together, at every frame's time.
+
+    Parameters
+    ----------
+    take
+        The take; classes in it that the library does not know are ignored.
+    times
+        Of the frames that were played, seconds, shape (frames,).
+    recognitions
+        The answers, by time.
+    classes
+        The class names in which indices count.
+    known
+        The classes that the recogniser's library knows.
+    """
+    places, segments = {class_name: index for index, class_name in enumerate(classes)}, take.segments
+    inside = np.searchsorted([each.start for each in segments], times, side="right") - 1
+    # The last element is for frames before the first segment, whose index is -1.
+    ends = np.array([*(each.end for each in segments), -np.inf])
+    segment = np.where(times < ends[inside], inside, -1)
+    performed = np.array([*(places[each.label] if each.label in known else NONE for each in segments), NONE])
+    last = np.searchsorted([each.time for each in recognitions], times, side="right") - 1
+    events = [event for each in recognitions for event in each.events]
+    going_on = [places[each.label] if each.kind is EventKind.START else NONE for each in events]
+    guesses = [NONE if (guess := guess_of(each)) is None else places[guess] for each in recognitions]
+    published = [NONE if each.class_name is None else places[each.class_name] for each in recognitions]
+    last_event = np.searchsorted([each.time for each in events], times, side="right") - 1
+    return Course(
+        name=take.clip.name,
+        times=times,
+        segments=segments,
+        truth=performed[segment],
+        segment=segment,
+        guess=_held(guesses, last, NONE),
+        published=_held(published, last, NONE),
+        event=_held(going_on, last_event, NONE),
+        score=_held([each.score for each in recognitions], last, np.nan),
+        person=take.person,
+        contains=tuple(places[each] for each in take.contains if each in known),
+        answers=recognitions,
+        doubted=float(_held([each.is_doubted for each in recognitions], last, before=False).mean()),
+    )
+
+
+def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDArray[Any]:
+    """Hold each value until the next one; `before` the first."""
+    return np.array([*values, before])[np.where(last < 0, len(values), last)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """One segment of one take, with the answers of one recogniser.
+
+    Attributes
+    ----------
+    key
+        Name of the take and index of the segment; the same for every recogniser.
+    person
+        The person who performs; empty when not known.
+    truth
+        Index of the class performed, NONE when the recogniser's library does not know the class.
+    seconds
+        The time of its frames: each lasts until the next frame, the last of them until the segment's end at most.
+    right, named
+        The time of the frames whose best guess was the class performed, and of the frames with a named class.
+    inside, right_inside, named_inside
+        The time of the frames whose last second lies wholly in the segment, and of such among them.
+    begun, started
+        The numbers of named classes and of start events that begin in it.
+    found
+        Whether a right guess lasted.
+    delay, seen
+        Seconds to the first such guess, and as a share of the segment; None when there is none, and where the segment
+        follows one of its class: the guess was held.
+    event_delay
+        Seconds until an event of the class performed goes on; None as before.
+    scores
+        Raw scores of the frames inside, where there was an answer.
+    """
+
+    key: tuple[str, int]
+    person: str
+    truth: int
+    seconds: float
+    right: float
+    named: float
+    inside: float
+    right_inside: float
+    named_inside: float
+    begun: int
+    started: int
+    found: bool
+    delay: float | None
+    seen: float | None
+    event_delay: float | None
+    scores: NDArray[np.float64] = field(repr=False)
+
+    @property
+    def known(self) -> bool:
+        """Whether the recogniser's library knows the motion performed."""
+        return self.truth != NONE
+
+    @property
+    def mostly_right(self) -> bool:
+        """Whether the guess was right for more than half of it."""
+        # Not by rounding: frames of one rate may fill exactly half.
+        return 2 * self.right > self.seconds * (1 + 1e-9)
+
+
+def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
+    """Count in every segment of some takes.
+
+    Parameters
+    ----------
+    courses
+        The takes.
+    window
+        Seconds before a moment that must lie inside the segment.
+    """
+    for course in courses:
+        begun, started, every = _begun(course.published), _begun(course.event), course.lasts
+        for index, segment in enumerate(course.segments):
+            frames = np.flatnonzero(course.segment == index)
+            if not frames.size:
+                continue
+            truth, times = int(course.truth[frames[0]]), course.times[frames]
+            right, named = course.guess[frames] == truth, course.published[frames] != NONE
+            lasts = every[frames]
+            inside = times - window >= segment.start
+            scores = course.score[frames][inside]
+            known = truth != NONE
+            first = _first_lasting(right, times) if known else None
+            going_on = np.flatnonzero(course.event[frames] == truth) if known else frames[:0]
+            again = index > 0 and course.segments[index - 1].label == segment.label
+            delay = None if first is None or again else float(times[first] - segment.start)
+            yield Stretch(
+                key=(course.name, index),
+                person=course.person,
+                truth=truth,
+                seconds=float(lasts.sum()),
+                right=float(lasts @ right),
+                named=float(lasts @ named),
+                inside=float(lasts @ inside),
+                right_inside=float(lasts @ (right & inside)),
+                named_inside=float(lasts @ (named & inside)),
+                begun=int(begun[frames].sum()),
+                started=int(started[frames].sum()),
+                found=first is not None,
+                delay=delay,
+                seen=None if delay is None else delay / segment.duration,
+                event_delay=float(times[going_on[0]] - segment.start) if going_on.size and not again else None,
+                scores=scores[np.isfinite(scores)],
+            )
+
+
+def _begun(track: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Say for each frame whether a class begins with it."""
+    begun: NDArray[np.bool_] = (track != NONE) & np.append(True, track[1:] != track[:-1])
+    return begun
+
+
+def _first_lasting(right: NDArray[np.bool_], times: NDArray[np.float64]) -> int | None:
+    """Find the first moment from which the answer stays right for `LASTING` seconds, or to the end."""
+    wrong = np.append(np.flatnonzero(~right), len(right))
+    for first in np.flatnonzero(right & ~np.append(False, right[:-1])):
+        stop = wrong[np.searchsorted(wrong, first)]
+        if stop == len(right) or times[stop] - times[first] >= LASTING:
+            return int(first)
+    return None
+
+
+def answer_rows(courses: Sequence[Course], classes: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Give a row for each answer: take, person, the class performed, the label of its segment, and the answer.
+
+    `truth` is empty where the library does not know what is performed, or no label says it; scores of classes that the
+    take's library lacks are empty, too.
+    """
+    scores = dict.fromkeys((f"score {name}" for name in classes), "")
+    for course in courses:
+        for answer in course.answers:
+            frame = max(int(np.searchsorted(course.times, answer.time, side="right")) - 1, 0)
+            truth, segment = int(course.truth[frame]), int(course.segment[frame])
+            yield {
+                "take": course.name,
+                "person": course.person,
+                "truth": "" if truth == NONE else classes[truth],
+                "performed": "" if segment < 0 else course.segments[segment].label,
+                **{name: value for name, value in answer.as_dict().items() if name not in scores},
+                **scores,
+                **dict(zip((f"score {name}" for name in answer.classes), answer.scores.tolist(), strict=True)),
+            }
+
+
+def segment_rows(courses: Sequence[Course], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
+    """Give a row for each segment: take, person, times, the class performed, and how it was answered; shares of time.
+
+    `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came, and
+    where the segment follows one of its class.
+    """
+    by_name = {course.name: course for course in courses}
+    for each in stretches_of(courses, window):
+        name, index = each.key
+        segment = by_name[name].segments[index]
+        yield {
+            "take": name,
+            "person": each.person,
+            "start": segment.start,
+            "end": segment.end,
+            "performed": segment.label,
+            "truth": classes[each.truth] if each.known else "",
+            "seconds": each.seconds,
+            "right": each.right / each.seconds if each.known and each.seconds else "",
+            "named": each.named / each.seconds if each.seconds else "",
+            "starts": each.started,
+            "delay": each.delay,
+            "event_delay": each.event_delay,
+        }
+
+
+def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write rows of the same columns as CSV, times and scores to six digits."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        for number, row in enumerate(rows):
+            if number == 0:
+                writer.writerow(row.keys())
+            writer.writerow(map(_cell, row.values()))
+
+
+def _cell(value: object) -> object:
+    return round(value, 6) if isinstance(value, float) else csv_text(value) if isinstance(value, str) else value
+
+
+_Item = TypeVar("_Item")
+_seconds = attrgetter("seconds")
+#: Seconds, units, and persons, by name.
+Basis = dict[str, float | None]
+
+#: Figures of which less is better; for all others more is better.
+LOWER_IS_BETTER = frozenset(
+    (
+        *("median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"),
+        *("false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute", "doubted"),
+    )
+)
+
+
+def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
+    """Give what figures rest on: the seconds of each segment together, segments, and persons, None if not all known."""
+    known = len(set(persons)) if all(persons) else None
+    return {"seconds": float(sum(seconds)), "segments": len(seconds), "persons": known}
+
+
+@dataclass(frozen=True, eq=False)
+class StreamScore:
+    """How right the answers to some takes were.
+
+    Attributes
+    ----------
+    figures
+        By name; `print_score` says of each what it is. Shares are 0 to 1.
+    classes
+        Of each class performed, the seconds, and the shares of its time guessed right, and right with the last second
+        inside the segment.
+    known, unknown, containing
+        The basis of the figures of known motions, of unknown motions, and of `takes_found` (segments are takes for the
+        last). A segment that several libraries were asked about counts once.
+    """
+
+    figures: Mapping[str, Figure]
+    classes: dict[str, dict[str, float]] = field(repr=False)
+    known: Basis
+    unknown: Basis
+    containing: Basis
+
+    @cached_property
+    def values(self) -> dict[str, float | None]:
+        """The value of each figure; None where there is nothing to take a share of."""
+        return values_of(self.figures)
+
+    def as_json(self, *, by_person: bool = False) -> dict[str, object]:
+        """Give values, classes, bases, and the 95 % interval of each figure (`Figure.interval`)."""
+        bases = {"known": self.known, "unknown": self.unknown, "containing": self.containing}
+        intervals = intervals_of(self.figures, by_person=by_person)
+        return {**self.values, "classes": self.classes, **bases, "intervals": intervals}
+
+
+def score_courses(courses: Sequence[Course], classes: Sequence[str], window: float) -> StreamScore:
+    """Score some takes together.
+
+    Parameters
+    ----------
+    courses
+        At least one. Courses of the same name belong to the same take, recognised by several libraries.
+    classes
+        The library's class names.
+    window
+        Seconds before a moment that must lie inside the segment.
+    """
+    stretches = list(stretches_of(courses, window))
+    of_known = [each for each in stretches if each.known]
+    known, unknown = _grouped(of_known, "key"), _grouped([each for each in stretches if not each.known], "key")
+    takes, containing = _grouped(courses, "name"), _grouped([each for each in courses if each.contains], "name")
+    figures: dict[str, Figure] = {
+        "frame_accuracy": _ratio(known, lambda each: each.right, _seconds),
+        "segment_accuracy": _ratio(known, lambda each: each.right_inside, lambda each: each.inside),
+        "segment_majority": _ratio(known, lambda each: each.mostly_right, lambda _: 1),
+        "known_answered": _ratio(known, lambda each: each.named_inside, lambda each: each.inside),
+        "segments_found": _ratio(known, lambda each: each.found, lambda _: 1),
+        "median_delay_s": _percentile(known, lambda each: each.delay, 50),
+        "p90_delay_s": _percentile(known, lambda each: each.delay, 90),
+        "median_seen": _percentile(known, lambda each: each.seen, 50),
+        "median_event_delay_s": _percentile(known, lambda each: each.event_delay, 50),
+        "unknown_answered": _ratio(unknown, lambda each: each.named, _seconds),
+        "false_per_minute": _ratio(unknown, lambda each: each.begun, _seconds, 60),
+        "false_starts_per_minute": _ratio(unknown, lambda each: each.started, _seconds, 60),
+        "auc_unknown": RocArea(_scores(known), _scores(unknown), persons=(_persons(known), _persons(unknown))),
+        "takes_found": _ratio(containing, _found, lambda each: len(each.contains)),
+        "changes_per_minute": _ratio(takes, lambda each: _changes(each.event), _seconds, 60),
+        "true_changes_per_minute": _ratio(takes, lambda each: _changes(each.truth), _seconds, 60),
+        "doubted": _ratio(takes, lambda each: each.doubted * each.seconds, _seconds),
+        "unlike": _ratio(takes, lambda each: bool(each.unlike), lambda each: each.unlike is not None),
+    }
+    of_classes = sorted(_grouped(of_known, "truth"), key=lambda own: own[0].truth)
+    by_class = {classes[own[0].truth]: _score_of_class(_grouped(own, "key")) for own in of_classes}
+    return StreamScore(figures, by_class, _basis(known), _basis(unknown), _basis(containing))
+
+
+def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
+    """Put together the answers of several libraries to one segment, or to one take."""
+    groups = dict[object, list[_Item]]()
+    for item in items:
+        groups.setdefault(getattr(item, by), []).append(item)
+    return list(groups.values())
+
+
+def _ratio(
+    units: Sequence[Sequence[_Item]],
+    counted: Callable[[_Item], float],
+    among: Callable[[_Item], float],
+    scale: float = 1,
+) -> Ratio:
+    above, below = ([float(sum(map(count, unit))) for unit in units] for count in (counted, among))
+    return Ratio(above, below, scale, persons=(_persons(units),))
+
+
+def _percentile(
+    units: Sequence[Sequence[Stretch]], measured: Callable[[Stretch], float | None], percent: float
+) -> Percentile:
+    """Take a percentile of a number over the stretches that have it."""
+    values = [[value for each in unit if (value := measured(each)) is not None] for unit in units]
+    return Percentile(values, percent, persons=(_persons(units),))
+
+
+def _scores(units: Sequence[Sequence[Stretch]]) -> list[NDArray[np.float64]]:
+    return [np.concatenate([each.scores for each in unit]) for unit in units]
+
+
+def _basis(units: Sequence[Sequence[Stretch | Course]]) -> Basis:
+    return basis_of([unit[0].seconds for unit in units], _persons(units))
+
+
+def _persons(units: Sequence[Sequence[Any]]) -> list[str]:
+    return [unit[0].person for unit in units]
+
+
+def _found(course: Course) -> int:
+    """Count the classes of a take that were named at some time."""
+    return len({*course.contains} & {*course.published.tolist()})
+
+
+def _changes(track: NDArray[np.intp]) -> int:
+    """Count changes after the first motion: that motion begins within the take and is no change from another."""
+    begun = np.flatnonzero(track != NONE)
+    return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
+
+
+def _score_of_class(units: Sequence[Sequence[Stretch]]) -> dict[str, float]:
+    right = _ratio(units, lambda each: each.right, _seconds).value()
+    inside = _ratio(units, lambda each: each.right_inside, lambda each: each.inside).value()
+    return {"seconds": _basis(units)["seconds"] or 0.0, "right": right or 0.0, "right_inside": inside or 0.0}
+
+
+_SHARE, _SECONDS, _PLAIN = "{:.1%}", "{:.2f} s", "{:.3g}"
+#: What each figure is, and the form of its value; under a heading the basis of the figures below it.
+_KNOWN = {
+    "frame_accuracy": ("share of their time guessed right", _SHARE),
+    "segment_accuracy": ("the same, last second wholly inside", _SHARE),
+    "segment_majority": ("segments most of which is guessed right", _SHARE),
+    "known_answered": ("share named at all, last second inside", _SHARE),
+    "segments_found": ("segments found: a lasting right guess", _SHARE),
+    "median_delay_s": ("delay of that guess, median", _SECONDS),
+    "p90_delay_s": ("the same, 90 %", _SECONDS),
+    "median_seen": ("share of the motion seen by then, median", _SHARE),
+    "median_event_delay_s": ("delay of the start event, median", _SECONDS),
+}
+_UNKNOWN = {
+    "unknown_answered": ("share of their time named", _SHARE),
+    "false_per_minute": ("names begun per minute", _PLAIN),
+    "false_starts_per_minute": ("start events per minute", _PLAIN),
+    "auc_unknown": ("ROC area of the raw score against known", _PLAIN),
+}
+_CONTAINING = {"takes_found": ("classes named at some time in the take", _SHARE)}
+_WHOLE = {
+    "changes_per_minute": ("changes of the motion per minute", _PLAIN),
+    "true_changes_per_minute": ("the same, by the labels", _PLAIN),
+    "doubted": ("share of their time in which joints are doubted", _SHARE),
+    "unlike": ("takes whose body was found unlike the library's", _SHARE),
+}
+_CLASSES = (
+    ("class", "{name}"),
+    ("seconds", "{seconds:.1f}"),
+    ("right", "{right:.1%}"),
+    ("right, last second inside", "{right_inside:.1%}"),
+)
+_SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
+
+
+def print_score(score: StreamScore, *, by_person: bool = False) -> None:
+    """Print the figures with their intervals (`Figure.interval`) and their basis, and each class's result."""
+    rows = list[tuple[str, ...]]()
+    for heading, basis, unit, figures in (
+        ("known motions", score.known, "segment", _KNOWN),
+        ("unknown motions", score.unknown, "segment", _UNKNOWN),
+        ("takes that contain a class", score.containing, "take", _CONTAINING),
+        ("whole takes", score.known, "", _WHOLE),
+    ):
+        if basis["segments"]:
+            rows.append((f"{heading}: {rests_on(basis, unit)}" if unit else heading,))
+            for name, (text, form) in figures.items():
+                ends = interval(score.figures[name].interval(by_person=by_person), form)
+                rows.append((f"  {text}", written(score.values[name], form), ends))
+    headings = "", "", "95 %, by person" if by_person else "95 %"
+    console.print(table_of("Answers against the motion performed at that moment", headings, rows))
+    if score.classes:
+        by_class = ({"name": name, **each} for name, each in score.classes.items())
+        print_scores(by_class, _CLASSES, title="By class")
+
+
+def print_persons(
+    persons: Mapping[str, Mapping[str, float | None]], summary: Mapping[str, Mapping[str, float | None]], by: Protocol
+) -> None:
+    """Print every person's main figures, their mean, and the worst of each."""
+    shown = [name for name in _SHOWN_OF_PERSONS if summary["mean"][name] is not None]
+    texts = _KNOWN | _UNKNOWN | _CONTAINING
+    rows = [(person, *(written(figures[name]) for name in shown)) for person, figures in {**persons, **summary}.items()]
+    console.print(table_of(f"By person ({by})", ("person", *(texts[name][0] for name in shown)), rows))
+
+
+def interval(ends: Interval | None, form: str = _SHARE) -> str:
+    """Write the ends of an interval; their unit is written once, after the second.
+
+    An interval without length says nothing: every draw had the same figure.
+    """
+    if ends is None or ends[0] == ends[1]:
+        return "-"
+    low, high = map(form.format, ends)
+    return f"{low.rstrip('% s')}–{high}"
+
+
+def rests_on(basis: Mapping[str, Any], unit: str) -> str:
+    """Write what figures rest on (`stream_score.basis_of`)."""
+    persons = "persons not known" if basis["persons"] is None else counted(basis["persons"], "person")
+    return f"{basis['seconds']:.0f} s, {counted(basis['segments'], unit)}, {persons}"

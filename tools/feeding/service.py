@@ -1,0 +1,341 @@
+"""`kinespace` as a person starts it, in a process of its own, and its answers: received, and expected."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Literal, NamedTuple, Self
+
+import zmq
+
+from kinespace.library import MotionLibrary
+from kinespace.stream import osc, zeromq
+from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.recognition import Answer
+from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.cli.arguments import arguments_of
+from kinespace.tools.cli.entry import check_interrupted
+from kinespace.tools.cli.values import host_and_port
+from kinespace.tools.feeding import echo
+from kinespace.tools.feeding.echo import ANY, LOOPBACK
+from kinespace.tools.feeding.feed import Cue, FrameSender, OscFrameSender, Packet, ZmqFrameSender
+
+#: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.
+_SHORT_SLEEP = 5e-5
+#: Milliseconds of the longest wait: the program ends within this time.
+_MAX_WAIT = 100
+
+#: Scores agree to the digits that every transport carries.
+_SAME_SCORE = 1e-5
+
+Receiver = osc.OscReceiver | zeromq.ZmqReceiver
+
+
+class Received(NamedTuple):
+    """A packet, the receiver it came in on, and the `time.perf_counter` reading when it did."""
+
+    receiver: Receiver
+    packet: Packet
+    arrival: float
+
+
+class Listener:
+    """Waits for packets on UDP ports and ZeroMQ endpoints.
+
+    Parameters
+    ----------
+    receivers
+        Where packets come in; closed by `close`.
+    """
+
+    def __init__(self, *receivers: Receiver) -> None:
+        self._receivers = receivers
+        self._poller = zmq.Poller()
+        for receiver in receivers:
+            self._poller.register(receiver.socket, zmq.POLLIN)
+
+    def listen_until(self, moment: float) -> list[Received]:
+        """Collect packets until a `time.perf_counter` reading; at least once, even when that is past."""
+        received = list[Received]()
+        while True:
+            check_interrupted()
+            remaining = moment - time.perf_counter()
+            if self._poller.poll(min(_MAX_WAIT, max(0, int(remaining * 1000)))):
+                for receiver in self._receivers:
+                    while (packet := receiver.receive()) is not None:
+                        received.append(Received(receiver, packet, time.perf_counter()))
+            elif remaining <= 0:
+                return received
+            elif remaining < 1e-3:
+                time.sleep(min(remaining, _SHORT_SLEEP))
+
+    def close(self) -> None:
+        """Give the sockets back."""
+        for receiver in self._receivers:
+            receiver.close()
+
+
+def answer_in(packet: Packet) -> Answer | None:
+    """Read the answer in a packet; None for other packets."""
+    return osc.decode_answer(packet) if isinstance(packet, bytes) else zeromq.decode_answer(packet)
+
+
+def classes_in(packet: Packet) -> list[str]:
+    """List the recogniser's classes where a packet lists them; none for other packets."""
+    with suppress(PacketError, ValueError, LookupError, TypeError):
+        if isinstance(packet, bytes):
+            messages = decode_packet(packet) if packet.startswith(b"/motion/classes\0") else ()
+            return [str(name) for _, names in messages for name in names]
+        if packet[0] == b"classes/":
+            return [str(name) for name in json.loads(packet[-1])["classes"]]
+    return []
+
+
+class Expected(NamedTuple):
+    """An answer that is to come: the index of its cue, and its content."""
+
+    cue: int
+    label: str
+    score: float
+
+
+def expected_answers(cues: Sequence[Cue], library: MotionLibrary, settings: Settings) -> list[Expected]:
+    """Recognise a feed of one performer like the service, positions rounded as in packets."""
+    recognizer = Recognizer(library, settings)
+    expected = list[Expected]()
+    for index, cue in enumerate(cues):
+        (frame,) = osc.decode(osc.encode_frame(cue.frame), 0.0).events
+        recognition = recognizer.push(frame)  # type: ignore[arg-type]  # a frame was encoded
+        if recognition is not None:
+            expected.append(Expected(index, recognition.label, recognition.score))
+    return expected
+
+
+class AnswerMatcher:
+    """Pairs answers with their frames, in order; answers that were skipped are lost.
+
+    An answer names neither its frame nor its number. But its content is known beforehand, so it is paired with the next
+    expected answer of the same content.
+    """
+
+    def __init__(self, expected: Sequence[Expected]) -> None:
+        self._waiting = deque(expected)
+        self.lost = 0
+
+    def match(self, answer: Answer) -> Expected | None:
+        """Give the expected answer that this answer is; None for an unexpected answer."""
+        for skipped, expected in enumerate(self._waiting):
+            if expected.label == answer.label and abs(expected.score - answer.score) < _SAME_SCORE:
+                for _ in range(skipped + 1):
+                    self._waiting.popleft()
+                self.lost += skipped
+                return expected
+        return None
+
+    @property
+    def waiting(self) -> int:
+        """How many expected answers have not come."""
+        return len(self._waiting)
+
+
+#: Seconds that a program may take to print what is expected.
+_PATIENCE = 60.0
+_POLL = 0.01
+#: Linux's PR_SET_PDEATHSIG.
+_SIGNAL_OF_PARENTS_END = 1
+
+
+def _end_with_parent() -> None:
+    """Let the new process end with its parent, also with one that is killed."""
+    ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENTS_END, signal.SIGTERM)
+
+
+class Place(NamedTuple):
+    """Where a recogniser listens for frames by OSC and by ZeroMQ (empty: not), and where it answers by ZeroMQ."""
+
+    osc: tuple[str, int]
+    frames: str
+    answers: str
+
+
+class Program:
+    """A running `kinespace`; a context manager that kills it at the end, also when it is stopped.
+
+    Parameters
+    ----------
+    arguments
+        Its arguments.
+    module
+        What Python runs, in place of `kinespace`.
+    """
+
+    def __init__(self, *arguments: str, module: str = "kinespace") -> None:
+        self._name = arguments[0]
+        self._folder = tempfile.TemporaryDirectory()
+        self._output = Path(self._folder.name) / "output"
+        with self._output.open("wb") as printed:
+            self.process = subprocess.Popen(  # noqa: S603 - our own command
+                [sys.executable, "-m", module, *arguments],
+                env={**os.environ, "COLUMNS": "200", "PYTHONUTF8": "1"},
+                stdin=subprocess.DEVNULL,
+                stdout=printed,
+                stderr=subprocess.STDOUT,
+                preexec_fn=_end_with_parent if sys.platform == "linux" else None,  # noqa: PLW1509 - no thread of ours holds a lock
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        self._folder.cleanup()
+
+    @property
+    def printed(self) -> str:
+        """Everything printed so far."""
+        return self._output.read_text(encoding="utf-8", errors="replace")
+
+    def expect(self, pattern: str) -> re.Match[str]:
+        """Wait until the output matches.
+
+        Raises
+        ------
+        ChildProcessError
+            The program has ended, or a minute has passed.
+        """
+        until = time.monotonic() + _PATIENCE
+        while True:
+            ended = self.process.poll() is not None or time.monotonic() > until
+            if found := re.search(pattern, self.printed):
+                return found
+            if ended:
+                said = self.printed.strip().removeprefix("kinespace: ")
+                raise ChildProcessError(f"kinespace {self._name}: {said or 'silent'}")
+            time.sleep(_POLL)
+
+    def place(self) -> Place:
+        """Wait until `live` listens; give its addresses."""
+        # A second ZeroMQ address is the one for commands.
+        pattern = r"listening on OSC (\S+):(\d+)(?:, ZeroMQ ([^\s;,]+))?[^;]*; answering to .*?ZeroMQ ([^\s;,]+)"
+        host, port, frames, answers = self.expect(pattern).groups()
+        return Place((host, int(port)), frames or "", answers)
+
+
+Transport = Literal["osc", "zmq"]
+#: Seconds after which a connection is given up.
+_MAX_START = 60.0
+#: Milliseconds between two greetings.
+_GREET_EVERY = 50
+
+
+class BackgroundService:
+    """`kinespace live`, or an echo, in its own process on this machine; a context manager that ends it.
+
+    Parameters
+    ----------
+    transport
+        "osc" or "zmq".
+    library
+        The library to recognise with; the built-in library when not given.
+    settings
+        Of the recognisers.
+    echo
+        Send every packet back unread instead, to measure the cost of everything around a recogniser.
+    performers
+        The number of performers at once, at most.
+
+    Attributes
+    ----------
+    process_id
+        The number of the process, once it runs.
+
+    Raises
+    ------
+    ChildProcessError
+        The process ended before it began; the message says why.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        library: MotionLibrary | None = None,
+        settings: Settings | None = None,
+        echo: bool = False,
+        performers: int = 32,
+    ) -> None:
+        self._opened = ExitStack()
+        self._transport, self._echo, self._performers = transport, echo, performers
+        self._library, self._settings = library, settings
+        self.process_id = 0
+
+    def __enter__(self) -> Self:
+        with ExitStack() as opened:
+            self._receiver = osc.OscReceiver(LOOPBACK, 0) if self._transport == "osc" else None
+            port = self._receiver.address[1] if self._receiver else 0
+            if self._receiver:
+                opened.callback(self._receiver.close)
+            program = opened.enter_context(
+                Program(f"{port}", module=echo.__name__)
+                if self._echo
+                else Program("live", *self._command(opened, port))
+            )
+            self.process_id = program.process.pid
+            found = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);")
+            self._frames_to, self._answers_at = found.groups()
+            self._opened = opened.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._opened.close()
+
+    def _command(self, opened: ExitStack, port: int) -> list[str]:
+        """Give the arguments of `kinespace live`, which answers to a port, or by ZeroMQ where it is 0."""
+        if port:
+            ends = [f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"]
+        else:
+            ends = [f"--zmq-in={ANY}", f"--zmq-out={ANY}"]
+        command = ["--plain", "--performers", f"{self._performers}", *ends]
+        command += arguments_of(self._settings) if self._settings else []
+        if self._library:
+            file = Path(opened.enter_context(tempfile.TemporaryDirectory())) / "library.npz"
+            self._library.save(file, compressed=False)
+            command += ["--library", f"{file}"]
+        return command
+
+    def connect(self) -> tuple[FrameSender, Receiver]:
+        """Open a sender of frames to the service and a receiver of its answers, and check that both reach it.
+
+        UDP reaches it at once. ZeroMQ peers take a moment to connect, and messages before that are lost.
+
+        Raises
+        ------
+        TimeoutError
+            They did not connect within a minute.
+        """
+        if self._receiver:
+            return OscFrameSender(*host_and_port(self._frames_to)), self._receiver
+        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False))
+        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False))
+        until = time.monotonic() + _MAX_START
+        while time.monotonic() < until:
+            sender.greet()
+            receiver.socket.poll(_GREET_EVERY)
+            while (parts := receiver.receive()) is not None:
+                # A greeting came back, or a status counts it.
+                if self._echo or (parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"]):
+                    return sender, receiver
+        raise TimeoutError("ZeroMQ: the recogniser's process was not reached")

@@ -1,0 +1,271 @@
+"""`kinespace build`: makes one motion library file of recordings and libraries.
+
+Puts the motions of recordings and library files together, over the joints that all of them have. A recording's class is
+in its name (HDM05) or is its folder's name. A file of labels next to a take, with the take's name and the ending .csv,
+.tsv or .txt, cuts it into motions.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import reduce
+from pathlib import Path
+
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, find_recordings
+from kinespace.library.naming import hdm05
+from kinespace.library.recordings import (
+    RecordingError,
+    RecordingReader,
+    instead_of_recording,
+    is_recording,
+    is_systems,
+    labelled,
+    performed,
+    segments_beside,
+)
+from kinespace.library.recordings.formats import utkinect
+from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
+from kinespace.library.windows.courses import without_course
+from kinespace.library.windows.segments import mirrored
+from kinespace.tools.cli.arguments import (
+    BUILT_IN,
+    add_labels,
+    add_reading,
+    add_shared,
+    library_at,
+    mapping,
+    names,
+    reading_of,
+    several,
+)
+from kinespace.tools.terminal.console import counted, progress, say
+from kinespace.tools.terminal.files import NameNotes, require_place_for
+
+#: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
+_MAX_SECONDS = 15.0
+#: Damaged files that are named, at most.
+_MAX_NAMED = 10
+#: Seconds of the shortest window by which motions are compared.
+_MIN_WINDOW = 0.25
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    text = f"folders, recordings, libraries, or {BUILT_IN}"
+    parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help=text)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    text = "leave these classes or persons out"
+    parser.add_argument("--without", action="extend", type=names, default=[], metavar="CLASS|PERSON,...", help=text)
+    text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
+    parser.add_argument("--rename", **several(mapping, "OLD=NEW"), help=text)
+    add_shared(parser, "--either-side")
+    text = "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)"
+    add_labels(parser, text)
+    add_shared(parser, "--overwrite", "--feed", "--actor-in")
+    add_reading(parser)
+    parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
+    parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Build a library from recordings and libraries, save it, and print its contents; return the exit status."""
+    sources, output, labels = options.sources, options.output, options.labels
+    files = [each for each in sources if each == BUILT_IN or (each.suffix == ".npz" and not is_recording(each))]
+    places = [source for source in sources if source not in files]
+    if labels and not places:
+        raise ValueError("--labels: expected recordings to cut, got libraries only")
+    require_place_for(output, overwrite=options.overwrite)
+    libraries = [library_at(file) for file in files]
+    read = _Recordings(reading_of(options), options.licence, options.attribution)
+    clips = list(read.motions(places, labels)) if places else []
+    if not (clips or libraries):
+        notes = f" ({'; '.join(read.notes)})" if read.notes else ""
+        raise ValueError(f"labels: expected segments with two frames or more of their takes, got none{notes}")
+    libraries += by_body(clips)
+    merged = changed(reduce(MotionLibrary.merged_with, libraries), options.without, dict(options.rename))
+    if not merged.classes:
+        raise ValueError(f"motions: expected some of another class than {NOTHING!r}, got none")
+    if options.either_side:
+        merged = merged.with_motions(list(map(mirrored, merged.motions)))
+    merged.save(output)
+    made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
+    say(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB")
+    for line in (*read.notes, *_unshared(libraries, merged), *_short(merged), *_never_done(merged), *_long(read.uncut)):
+        say(line)
+    return 0
+
+
+def _never_done(library: MotionLibrary) -> Iterator[str]:
+    if lacking := without_course(library.motions):
+        yield f"too short, or one posture, to be found done: {', '.join(lacking)}"
+
+
+def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, str]) -> MotionLibrary:
+    """Leave out classes and persons, and rename the classes that stay by their old names.
+
+    Raises
+    ------
+    ValueError
+        The library lacks a class or a person.
+    """
+    classes, actors = {motion.class_name for motion in library.motions}, library.actors
+    for name in without:
+        if name not in classes and name not in actors:
+            raise ValueError(
+                f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
+            )
+    for name in names:
+        if name not in classes - set(without):
+            stays = " that stays" if name in classes else ""
+            raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
+    left = library.without(
+        classes=[name for name in without if name in classes], actors=[name for name in without if name in actors]
+    )
+    return left.renamed(names)
+
+
+class _Recordings:
+    """Reads recordings: each is one motion, or labels cut it into several motions of these classes.
+
+    Attributes
+    ----------
+    uncut
+        Recordings that are one motion each.
+    notes
+        On the labels, for a person, a line each.
+    """
+
+    def __init__(self, reading: Reading, licence: str | None, attribution: str | None) -> None:
+        self._reading, self._licence, self._attribution = reading, licence, attribution
+        self.uncut: list[Clip] = []
+        self.notes: list[str] = []
+        self._filled = self._read = 0
+
+    def motions(self, places: Sequence[Path], labels: Sequence[Path]) -> Iterator[Clip]:
+        """Give the motions of recordings, by the given labels or the labels next to the recordings."""
+        paths = find_recordings(places)
+        if labels and len(labels) != len(paths):
+            raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
+        given = list(map(read_labels, labels)) if labels else list(map(segments_beside, paths))
+        named, found = NameNotes(), sum(each is not None for each in given)
+        if found and not labels:
+            self.notes.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels next to them")
+        near = {} if labels else {path: labels_beside(path) for path in paths}
+        for path, (first, *others) in ((path, files) for path, files in near.items() if len(files) > 1):
+            self.notes.append(f"{path.name}: cut by {first.name}, not by {', '.join(each.name for each in others)}")
+        self.notes += _passed_over(places, {*paths, *labels, *(each for files in near.values() for each in files)})
+        damaged = list[str]()
+        reader = RecordingReader(self._reading)
+        for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
+            try:
+                clips = [self._with_terms(named(clip), path) for clip in reader.clips(path)]
+            except RecordingError as error:
+                damaged.append(str(error))
+                continue
+            self._filled += sum(clip.filled for clip in clips)
+            self._read += sum(clip.frames * len(clip.skeleton.joints) for clip in clips)
+            yield from self._motions_of(clips, path, segments)
+        if damaged:
+            more = [f"and {len(damaged) - _MAX_NAMED} more"] if len(damaged) > _MAX_NAMED else []
+            raise RecordingError(*damaged[:_MAX_NAMED], *more)
+        if self._filled:
+            self.notes.append(
+                f"{self._filled} of {self._read} joint positions were missing and were filled with straight lines"
+            )
+
+    def _with_terms(self, clip: Clip, path: Path) -> Clip:
+        """Set a clip's source and terms: the given ones, the file's own, or HDM05's for names like HDM05's."""
+        notes = clip.source or path.name, clip.licence, clip.attribution
+        ours = hdm05.SOURCE, hdm05.LICENCE, hdm05.ATTRIBUTION
+        source, *terms = ours if hdm05.read_clip_name(path) else notes
+        return replace(
+            clip, source=source, licence=self._licence or terms[0], attribution=self._attribution or terms[1]
+        )
+
+    def _motions_of(self, clips: Sequence[Clip], path: Path, segments: Sequence[Segment] | None) -> Iterator[Clip]:
+        """Give the motions of one recording, a clip for each performer."""
+        if segments is None:
+            whole = [labelled(clip, path, self._reading.actor_in) for clip in clips]
+            self.uncut += whole
+            yield from whole
+        else:
+            yield from self._cut([performed(clip, path, self._reading.actor_in) for clip in clips], segments, path)
+
+    def _cut(self, takes: Sequence[Clip], segments: Sequence[Segment], path: Path) -> Iterator[Clip]:
+        """Cut the takes of one recording: with several performers each label names its performer."""
+        performers = {take.actor for take in takes}
+        for segment in segments:
+            if len(takes) > 1 and segment.performer not in performers:
+                notes = repr(segment.performer) if segment.performer else "none"
+                raise LabelError(
+                    f"{path}: labels: expected a performer of {', '.join(sorted(performers))}, got {notes}"
+                )
+        for take in takes:
+            own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
+            if others := sorted({each.performer for each in segments} - {each.performer for each in own} - performers):
+                lost = sum(each.performer in others for each in segments)
+                self.notes.append(
+                    f"{path.name}: {counted(lost, 'label')} of {', '.join(others)} left out: "
+                    f"{take.actor} is in the recording"
+                )
+            self.notes += oddities(take, own)
+            yield from cut(take, own)
+
+
+def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
+    """Make a library of the clips of each set of joints; merged they meet over the joints that all of them have."""
+    bodies = dict[frozenset[str], list[Clip]]()
+    for clip in clips:
+        bodies.setdefault(frozenset(clip.skeleton.joints), []).append(clip)
+    return [MotionLibrary.of_clips(each) for each in bodies.values()]
+
+
+def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str]:
+    """List the files in folders that are neither recordings, nor skeletons, nor labels of a recording."""
+    files = [
+        (path, is_systems(path.relative_to(place)))
+        for place in places
+        if place.is_dir()
+        for path in sorted(place.rglob("*"))
+        if path.is_file() and path not in used and path.suffix.lower() != ".asf"
+        if not path.name.startswith(utkinect.LABELS)
+    ]
+    notes = [f"{path.name} ({'a system wrote it' if hidden else instead_of_recording(path)})" for path, hidden in files]
+    if notes:
+        yield f"{counted(len(notes), 'file')} passed over: {_listed(notes)}"
+
+
+def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:
+    """List the joints that were lost because some sources lack them."""
+    every = dict.fromkeys(name for library in libraries for name in library.skeleton.joints)
+    lost = [name for name in every if name not in merged.skeleton.joints]
+    if lost:
+        yield f"{len(merged.skeleton.joints)} joints that all sources have; without {', '.join(lost)}"
+
+
+def _short(library: MotionLibrary) -> Iterator[str]:
+    """List the motions that are too short to be compared with."""
+    short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
+    if short:
+        yield (
+            f"{len(short)} of {counted(len(library), 'motion')} shorter than {_MIN_WINDOW:g} s, too short for any "
+            f"window, and kept for playback alone: {_listed(motion.name for motion in short)}"
+        )
+
+
+def _long(clips: Sequence[Clip]) -> Iterator[str]:
+    """Say that long recordings, which may have several motions, were taken as one motion each."""
+    long = [clip for clip in clips if clip.duration > _MAX_SECONDS]
+    if long:
+        longest = max(long, key=lambda clip: clip.duration)
+        yield (
+            f"{len(long)} of {counted(len(clips), 'recording')} longer than {_MAX_SECONDS:g} s, {longest.name} "
+            f"({longest.duration:.0f} s) the longest; each is taken as one motion; --labels cuts takes into motions"
+        )
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    return f"{', '.join(every[:5])}{' ...' if len(every) > 5 else ''}"

@@ -1,0 +1,240 @@
+"""The command line of `kinespace camera`: its arguments, and the run that they ask for."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from kinespace.library.signature.landmark_body import JOINTS
+from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.service.background import Child, leave_signals_to_parent
+from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.camera.bodies import Bodies, Seen
+from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
+from kinespace.tools.camera.models import fetched, models_at
+from kinespace.tools.cli.arguments import OSC_IN, add_shared
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.values import host_and_port, opening
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
+from kinespace.tools.terminal.console import say
+
+if TYPE_CHECKING:
+    from kinespace.tools.camera.film import Film, Picture
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.description = (
+        "Finds bodies in the pictures of a camera or a film (BlazePose) and sends their joints as frames, until the "
+        "film ends or Ctrl-C. Pictures stay in this process: nothing is stored or sent but numbers. The whole body "
+        "must be in the picture. Exit status: 0 done, 2 could not be done, or a film without a body."
+    )
+    parser.add_argument(
+        "source", nargs="?", default="0", metavar="0|FILE|URL", help="a camera, a film, a stream (default: camera 0)"
+    )
+    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
+    parser.add_argument(
+        "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
+    )
+    parser.add_argument("--performer", default="camera", help="name of the performer (default %(default)s)")
+    add_shared(parser, "--people")
+    parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
+    add_shared(parser, "--size")
+    parser.add_argument(
+        "--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: the cache)"
+    )
+    parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    if options.get_models:
+        fetched(say)
+        return 0
+    plan = CameraPlan(
+        options.source,
+        osc=options.osc or (None if options.zmq else OSC_IN),
+        zmq=options.zmq,
+        performer=options.performer,
+        people=options.people,
+        models=options.models,
+        size=options.size,
+        fast=options.fast,
+    )
+    ended = threading.Event()
+    stop_on_signals(ended.set)
+    say(str(watch(plan, say, ended.is_set)))
+    return 0
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPlan:
+    """What is to be watched, and where frames go; as the options of `kinespace camera` say."""
+
+    source: str
+    osc: str | None = None
+    zmq: str | None = None
+    performer: str = "camera"
+    people: int = 1
+    models: Path | None = None
+    size: str = "full"
+    fast: bool = False
+
+
+@dataclass(slots=True)
+class Watched:
+    """Counts of pictures (all, and those with a body), frames sent and failed, pictures left out, and seconds."""
+
+    pictures: int = 0
+    found: int = 0
+    frames: int = 0
+    failed: int = 0
+    lost: int = 0
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        often = self.pictures / self.seconds if self.seconds else 0.0
+        share = self.found / max(self.pictures, 1)
+        return (
+            f"{self.pictures} pictures, {often:.1f} a second, a body in {self.found} ({share:.1%}); {self.lost} "
+            f"left out because they came too fast; {self.frames} frames sent, {self.failed} failed"
+        )
+
+
+def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callable[[], bool]) -> Watched:
+    """Send a frame for each body in each picture; `started` gets a line once the first picture is there.
+
+    Raises
+    ------
+    ImportError
+        The extra is not installed.
+    OSError
+        Models, camera, film or address cannot be opened, or a camera has stopped.
+    ValueError
+        An option cannot be used, or a whole film showed no body.
+    """
+    require_extra()
+    from kinespace.tools.camera.film import Film  # noqa: PLC0415 - needs an extra
+    from kinespace.tools.camera.networks import Networks  # noqa: PLC0415 - as above
+
+    bodies = Bodies(Networks(models_at(plan.models, plan.size)), plan.people, plan.performer)
+    with ExitStack() as opened:
+        sender = opened.enter_context(closing(_sender(plan)))
+        film = opened.enter_context(closing(Film(plan.source, wants_end, paced=not plan.fast)))
+        started(f"{plan.source} to {sender}; Ctrl-C ends")
+        counts = _watched(film, bodies, _Out(sender))
+    counts.failed = sender.failed
+    if not counts.found and counts.pictures and not film.is_live and not wants_end():
+        raise ValueError(f"{plan.source}: no body in any of {counts.pictures} pictures")
+    return counts
+
+
+def _watched(film: Film, bodies: Bodies, out: _Out) -> Watched:
+    counts, begun = Watched(), time.perf_counter()
+    for picture in film:
+        seen = bodies.seen(picture.pixels, picture.time)
+        counts.pictures += 1
+        counts.found += bool(seen)
+        counts.frames += sum(out.send(each, picture) for each in seen)
+    counts.lost, counts.seconds = film.lost, time.perf_counter() - begun
+    return counts
+
+
+class _Out:
+    """Sends bodies as frames, and announces their joints."""
+
+    def __init__(self, sender: FrameSender) -> None:
+        self._joints = landmark_body()
+        self._sender = sender
+        self._announced: dict[str, float] = {}
+        self._count = 0
+
+    def send(self, seen: Seen, picture: Picture) -> bool:
+        """Send one body; False where too little of it is seen."""
+        positions = self._joints.of(upright(seen.landmarks, picture.pixels))
+        if np.isfinite(positions).all(axis=1).sum() < MIN_JOINTS:
+            return False
+        if picture.time >= self._announced.get(seen.name, 0.0) + ANNOUNCE_EVERY:
+            self._announced[seen.name] = picture.time
+            self._sender.announce(Announcement(seen.name, JOINTS))
+        frame = Frame(seen.name, picture.time, positions.astype(np.float32))
+        self._sender.send(self._sender.encode(Cue(picture.time, frame, self._count)))
+        self._count += 1
+        return True
+
+
+def _sender(plan: CameraPlan) -> FrameSender:
+    if plan.zmq:
+        with opening("--zmq"):
+            return ZmqFrameSender(Endpoint.parse(plan.zmq, bind=False))
+    with opening("--osc"):
+        return OscFrameSender(*host_and_port(plan.osc or ""))
+
+
+#: Seconds after which a process that is to end is killed.
+_MAX_END = 0.5
+
+
+class CameraProcess:
+    """A camera's process; a context manager. It ends with its parent, however that ends.
+
+    Parameters
+    ----------
+    plan
+        What is watched, and where frames go.
+    say
+        Is given a line for a person when the camera has stopped, from another thread.
+
+    Attributes
+    ----------
+    opened
+        A line that says what is watched.
+
+    Raises
+    ------
+    ImportError, OSError, ValueError
+        As `session.watch`, before the first picture.
+    """
+
+    def __init__(self, plan: CameraPlan, say: Callable[[str], object]) -> None:
+        require_extra()
+        self._child, self._say, self._ending = Child("camera", _watch, plan, max_end=_MAX_END), say, False
+        self.opened = self._child.said
+        threading.Thread(target=self._listen, name="kinespace camera", daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending = True
+        self._child.close()
+
+    def _listen(self) -> None:
+        wait([self._child.process.sentinel])
+        last = "its process died"
+        with suppress(EOFError, OSError):
+            last = self._child.connection.recv()
+        if not self._ending:
+            self._say(f"camera: {last}")
+
+
+def _watch(connection: Connection, plan: CameraPlan) -> None:
+    """Run in the child: say what is watched, go on until the film ends, or the parent says so or is gone."""
+    leave_signals_to_parent()
+    with suppress(OSError):
+        try:
+            connection.send(str(watch(plan, connection.send, connection.poll)))
+        except (OSError, ValueError, ImportError) as error:
+            connection.send(error)
+    # A camera's driver may hang, and would keep the process.
+    os._exit(0)

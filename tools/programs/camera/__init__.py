@@ -1,1 +1,0 @@
-"""`kinespace camera`: a camera's bodies sent as frames."""

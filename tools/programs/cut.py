@@ -1,0 +1,64 @@
+"""`kinespace cut`: lists the movements between stillnesses of a recording, for a person to name.
+
+Writes start_s,end_s,label,performer for each movement between two stillnesses, with an empty label. Fill in the
+classes; kinespace build --labels makes a library of them. Motions that follow one another without a stillness of half a
+second stay one row, to be divided by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from pathlib import Path
+
+from kinespace.library.recordings import RecordingReader, find_recordings
+from kinespace.library.teaching.movement import STILLNESS, stretches_of
+from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
+from kinespace.tools.terminal.console import csv_text, progress, say
+from kinespace.tools.terminal.files import NameNotes, require_place_for
+
+COLUMNS = ("start_s", "end_s", "label", "performer")
+#: Seconds: a longer row hardly is one motion; HDM05's longest cut clip has eight.
+_MAX_SECONDS = 8.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    text = "the labels to write (default: next to the recording, with its name)"
+    parser.add_argument("-o", "--output", type=Path, metavar="CSV", help=text)
+    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
+    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
+    add_shared(parser, "--overwrite", "--feed")
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Propose labels for a recording, every label empty; return the exit status."""
+    source = options.source
+    labels = options.output or source.with_suffix(".csv")
+    if labels == source:
+        raise ValueError(f"{source}: expected --output, because the labels would replace the recording")
+    require_place_for(labels, overwrite=options.overwrite)
+    named = NameNotes()
+    takes = [named(each) for each in RecordingReader(reading_of(options)).clips(find_recordings([source])[0])]
+    found = [
+        (stretch, take.actor)
+        for take in progress(takes, "Looking", len(takes))
+        for stretch in stretches_of(take, options.stillness)
+    ]
+    found.sort()
+    with labels.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(COLUMNS)
+        rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
+    whose = ", ".join(take.actor or "one performer" for take in takes)
+    say(f"{labels}: {len(found)} movements of {whose}; write a class behind each; a movement without one is left out")
+    long = [each for each, _ in found if each.duration > _MAX_SECONDS]
+    if long:
+        advice = f"cut at quieter moments by --stillness above {options.stillness:g}"
+        say(
+            f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, because the performer never stood still: divide "
+            f"these rows where the motions change, or {advice}"
+        )
+    return 0

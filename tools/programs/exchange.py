@@ -1,0 +1,178 @@
+"""A feed that is sent, the answers that come meanwhile, and the report on both."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from rich.table import Table
+
+from kinespace.stream import osc
+from kinespace.stream.frame import Announcement
+from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
+from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
+from kinespace.tools.terminal.console import console, note, say, table_of
+
+#: Seconds without an answer after which no more are expected.
+_LINGER = 0.3
+#: Seconds to wait after the last frame, at most.
+_MAX_LINGER = 3.0
+#: Frames after which it is said that nobody listens.
+_SOON = 30
+#: Seconds for which a feed may stand still without a note.
+_NOTICED = 0.05
+
+
+@dataclass(slots=True)
+class Score:
+    """The share of right answers while each class was performed.
+
+    Attributes
+    ----------
+    answers, right
+        By class.
+    unlabelled
+        Answers at moments without a label.
+    """
+
+    answers: Counter[str] = field(default_factory=Counter)
+    right: Counter[str] = field(default_factory=Counter)
+    unlabelled: int = 0
+
+    def add(self, performed: str, label: str) -> None:
+        """Count one answer."""
+        if not performed:
+            self.unlabelled += 1
+            return
+        self.answers[performed] += 1
+        self.right[performed] += performed == label
+
+    @property
+    def count(self) -> int:
+        """The number of answers, at labelled moments and others."""
+        return self.answers.total() + self.unlabelled
+
+    def share(self) -> float | None:
+        """Give the share of answers that was right; None without any."""
+        return self.right.total() / self.answers.total() if self.answers else None
+
+    def table(self) -> Table:
+        """Draw the shares by class, and of all answers."""
+        rows = [(name, f"{count}", f"{self.right[name] / count:.0%}") for name, count in sorted(self.answers.items())]
+        rows.append(("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}"))
+        if self.unlabelled:
+            rows.append(("unlabelled", f"{self.unlabelled}", ""))
+        return table_of("Answers while each class was performed", ("performed", "answers", "right"), rows)
+
+
+class Exchange:
+    """One feed with its answers."""
+
+    def __init__(self, sender: FrameSender, listener: Listener | None, announcement: Announcement, place: str) -> None:
+        self._sender, self._place = sender, place
+        self._listener = listener
+        self._announcement = announcement
+        # OSC answers name the performer in their address, which cannot hold every character.
+        self._names = {announcement.performer, osc.address_part(announcement.performer)}
+        self._score = Score()
+        self._sent = self._received = 0
+        self._stood_still = 0.0
+        self._performed = ""
+        #: The recogniser's classes, once it has listed them.
+        self._classes: list[str] = []
+
+    def play(self, cues: Iterable[Cue]) -> None:
+        """Send every frame when it is due, the skeleton before the first and every second.
+
+        Each recording is read in the pause before it. When that takes longer the feed stands still, and then goes on
+        at its own pace: frames sent all at once to catch up would be no feed.
+        """
+        pace, next_announcement, recording = Pace(), 0.0, 0
+        for cue in cues:
+            if cue.recording != recording:
+                recording = cue.recording
+                self._stood_still += pace.put_off(cue.due)
+            if cue.due >= next_announcement:
+                self._sender.announce(self._announcement)
+                next_announcement = cue.due + ANNOUNCE_EVERY
+            packet = self._sender.encode(cue)
+            if self._listener:
+                self._take_in(self._listener.listen_until(pace.moment(cue.due)))
+            else:
+                pace.wait_for(cue.due)
+            self._sender.send(packet)
+            self._sent += 1
+            if self._sent == _SOON and self.reached_nobody:
+                note(f"no program listens at {self._place} so far; start kinespace live there")
+            self._performed = cue.class_name
+        end = time.perf_counter() + _MAX_LINGER
+        while self._listener and time.perf_counter() < end:
+            if not self._take_in(self._listener.listen_until(time.perf_counter() + _LINGER)):
+                break
+
+    def _take_in(self, received: Sequence[Received]) -> bool:
+        """Count the answers that came; say whether one about our performer was among them."""
+        self._received += len(received)
+        before = self._score.count
+        for each in received:
+            self._classes = classes_in(each.packet) or self._classes
+            answer = answer_in(each.packet)
+            if answer and answer.performer in self._names:
+                self._score.add(self._performed, answer.label)
+        return self._score.count > before
+
+    @property
+    def answered(self) -> bool:
+        """Whether any answer came."""
+        return bool(self._score.count)
+
+    @property
+    def reached_nobody(self) -> bool:
+        """Whether it is known that no frame reached a program."""
+        return bool(self._sent) and self._sender.unheard >= self._sent
+
+    def _lacking(self) -> list[str]:
+        """List the classes performed that the library lacks; none before the recogniser has listed its own."""
+        return sorted({*self._score.answers} - {*self._classes}) if self._classes else []
+
+    def _silence(self) -> str:
+        """Say that no answer came, and list checks."""
+        if self._received:
+            return (
+                f"no answers about {self._announcement.performer!r} came, but {self._received} other packets: do the "
+                "frames reach the recogniser, and can it use their joints? It counts and shows both"
+            )
+        if self.reached_nobody:
+            return "no answers came"
+        return "no answers came: is a recogniser running, and does it send its answers here?"
+
+    def report(self, *, as_json: bool) -> None:
+        """Print the counts and, when listening, the share of right answers."""
+        score = self._score
+        if as_json:
+            share = score.share()
+            figures = {
+                "sent": self._sent,
+                "failed": self._sender.failed,
+                "unheard": self._sender.unheard,
+                "answers": score.answers.total(),
+                "unlabelled": score.unlabelled,
+                "lacking": self._lacking(),
+            }
+            print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
+            return
+        console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")
+        if self._stood_still > _NOTICED:
+            console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
+        if self._sender.unheard:
+            say(lost_at(self._place, self._sender.unheard))
+        if self._listener and not score.count:
+            say(self._silence())
+        elif self._listener:
+            console.print(score.table())
+            if lacking := self._lacking():
+                share = sum(score.answers[name] for name in lacking) / score.answers.total()
+                say(f"the library lacks {', '.join(lacking)}: {share:.0%} of the labelled time, and no answer is right")

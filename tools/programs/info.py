@@ -1,0 +1,267 @@
+"""`kinespace info`: describes a motion library, or recordings.
+
+Counts the motions of a library, or of a folder of recordings, by class and by person. Describes a single recording, or
+a .kinerec.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_rows, find_recordings
+from kinespace.library.recordings import instead_of_recording, is_recording, labelled
+from kinespace.library.windows.courses import without_course
+from kinespace.library.windows.index import opened
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
+from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
+from kinespace.stream.inputs.takes import decoded
+from kinespace.stream.recognizer.joints.fitting import TITLES, kinds_of
+from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
+from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.terminal.console import print_scores, progress, say
+from kinespace.tools.terminal.files import read_with_notes
+
+#: Headings of listed recordings and of a library's listed motions, and the form of each cell.
+_LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
+_MEASURED = ("joints", "{joints}"), ("metres across", "{metres_across:.2f}"), ("filled in", "{filled:.1%}")
+_OF_RECORDINGS = ("recording", "{name}"), *_LASTING, *_MEASURED
+_OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), *_LASTING
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    text = f"a library, a recording, a folder of them, or a class of the built-in library (default: {BUILT_IN})"
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE|CLASS", help=text)
+    parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
+    add_shared(parser, "--json", "--feed", "--actor-in")
+    add_reading(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Describe a library or recordings; return the exit status."""
+    file, feed = options.file, options.feed
+    if feed and not (file and file.suffix.lower() == ENDING):
+        raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
+    show: Callable[[Mapping[str, Any]], None]
+    if file and file.suffix.lower() == ENDING:
+        described, show = _raw(file, preset_named(feed) if feed else None), _show_raw
+    elif file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
+        described, show = _recordings(file, reading_of(options), clips=options.clips), _show_recordings
+    elif file and file.is_file() and file.suffix != ".npz":
+        raise ValueError(f"{file}: expected a recording or a library, got {instead_of_recording(file)}")
+    else:
+        described, show = _library(file, clips=options.clips), _show_library
+    if options.json:
+        print(json.dumps(described))
+    else:
+        show(described)
+    return 0
+
+
+# --- raw recordings ---
+
+
+def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
+    """Look through a raw recording: its senders with packets, its performers with frames, and whether it is cut off."""
+    recording = RawFile(file)
+    senders, performers = Counter[str](), Counter[str]()
+    arrivals = list[float]()
+
+    def noting() -> Iterator[RawPacket]:
+        for packet in progress(recording.packets(), "Reading", None):
+            senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
+            # The first and the last.
+            arrivals[1 if arrivals else 0 :] = [packet.arrival]
+            yield packet
+
+    for _, event in decoded(recording.header, noting(), preset):
+        performers[event.performer] += isinstance(event, Frame)
+    return {
+        "file": str(file),
+        "recorded": recording.header.began,
+        "seconds": arrivals[-1] - arrivals[0] if arrivals else 0.0,
+        "packets": senders,
+        "presets": {
+            name: name in builtin_names() and text == builtin_preset(name).text
+            for name, text in recording.header.presets.items()
+        },
+        "frames": performers,
+        "damage": recording.damage() or None,
+    }
+
+
+def _show_raw(described: Mapping[str, Any]) -> None:
+    say(f"{described['file']}: recorded {described['recorded']}, {described['seconds']:.1f} s")
+    for sender, count in described["packets"].items():
+        say(f"{sender}: {count} packets")
+    for name, same in described["presets"].items():
+        say(f"preset {name}: kept in the recording, {'same as' if same else 'other than'} the built-in one")
+    for performer, count in described["frames"].items():
+        say(f"performer {performer}: {count} frames")
+    if described["damage"]:
+        say(described["damage"])
+
+
+# --- libraries and folders ---
+
+
+def _row(clip: Clip, name: str) -> dict[str, Any]:
+    """Describe one motion of a library, or one recording, without its positions."""
+    return {
+        "name": name,
+        "class": clip.class_name,
+        "person": clip.actor,
+        "take": clip.take,
+        "seconds": round(clip.duration, 3),
+        "frame_rate": clip.frame_rate,
+    }
+
+
+def _sums(motions: Sequence[Mapping[str, Any]], what: str, others: str) -> list[dict[str, Any]]:
+    """Sum up motions by class or by person: number, number of the other names, seconds, frame rates."""
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for motion in motions:
+        groups.setdefault(motion[what], []).append(motion)
+    other = "person" if what == "class" else "class"
+    return [
+        {
+            what: name,
+            "motions": len(group),
+            others: len({each[other] for each in group} - {""}),
+            "seconds": round(sum(each["seconds"] for each in group), 3),
+            "frame_rates": sorted({each["frame_rate"] for each in group}),
+        }
+        for name, group in sorted(groups.items())
+    ]
+
+
+def _summed_up(motions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {
+        "motions": len(motions),
+        "seconds": round(sum(each["seconds"] for each in motions), 3),
+        "classes": _sums(motions, "class", "persons"),
+        "persons": _sums(motions, "person", "classes"),
+    }
+
+
+def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others: str) -> None:
+    """Print a table of classes or of persons."""
+    indexed = (("index", "{index}"),) if any("index" in row for row in rows) else ()
+    figures = (("motions", "{motions}"), (others, f"{{{others}}}"), ("seconds", "{seconds:.1f}"), ("Hz", "{rates}"))
+    shown = [
+        {**row, what: row[what] or "?", others: row[others] or "?"}
+        | {"rates": ", ".join(f"{rate:g}" for rate in row["frame_rates"])}
+        for row in rows
+    ]
+    print_scores(shown, ((what, f"{{{what}}}"), *indexed, *figures), title=title)
+
+
+def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:
+    """Read recordings and sum them up; list them if there is one, or if asked for."""
+    paths = find_recordings([place])
+    names = [str(path.relative_to(place)) if place.is_dir() else path.name for path in paths]
+    motions, listed = list[dict[str, Any]](), list[dict[str, Any]]()
+    joints = dict[str, None]()
+    for name, path, read in zip(names, paths, read_with_notes(paths, reading), strict=True):
+        clip = labelled(read, path, reading.actor_in)
+        joints |= dict.fromkeys(clip.skeleton.joints)
+        motions.append(_row(clip, name))
+        if clips or len(paths) == 1:
+            # A few frames at a time: all pairs of all frames take many times the recording's memory.
+            parts = np.array_split(clip.positions, 1 + clip.frames * len(clip.skeleton.pairs) // 1_000_000)
+            across = float(np.median(np.concatenate([distance_rows(p, clip.skeleton).max(axis=1) for p in parts])))
+            measured = {
+                "joints": len(clip.skeleton.joints),
+                "metres_across": round(across, 3),
+                "filled": round(clip.filled / (clip.frames * len(clip.skeleton.joints)), 4),
+            }
+            listed.append(motions[-1] | measured)
+    described = {"place": str(place), **_summed_up(motions), "joints": list(joints)}
+    return described | ({"clips": listed} if listed else {})
+
+
+def _show_recordings(described: Mapping[str, Any]) -> None:
+    """Print recordings: a single one as a row with its joints; of several the sums, and their rows if asked for."""
+    if "clips" in described:
+        print_scores(described["clips"], _OF_RECORDINGS, title=described["place"])
+    if described["motions"] > 1:
+        _show_sums(described["place"], described["classes"], "class", "persons")
+        _show_sums("", described["persons"], "person", "classes")
+        _say_each({"recordings": f"{described['motions']}, {described['seconds']:.0f} s"})
+    _say_each({"joints": f"{len(described['joints'])}: {', '.join(described['joints'])}"})
+
+
+def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
+    """Sum up a library's motions, or a class of the built-in one; give its joints, licence and attribution."""
+    chosen = class_at(file) if file and file != BUILT_IN and not file.suffix else ""
+    library = library_at(None if chosen else file)
+    kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
+    motions = [_row(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
+    indices = {name: index for index, name in enumerate(library.classes)}
+    described = {"library": str(file or BUILT_IN), **_summed_up(motions)}
+    described["classes"] = [{**row, "index": indices.get(row["class"])} for row in described["classes"]]
+    described |= {
+        "joints": list(library.skeleton.joints),
+        "sources": list(dict.fromkeys(each.source for each in kept if each.source)),
+        "arithmetic": compiled.kind(),
+        "licence": library.licence,
+        "attribution": library.attribution,
+        "feeds": sorted(kinds_of(library)),
+        "without_course": without_course(kept),
+        "missed": {} if chosen else _missed(library),
+    }
+    return described | ({"clips": motions} if clips else {})
+
+
+def _missed(library: MotionLibrary) -> dict[str, float]:
+    """Give for some false alarms an hour the share of a library's own motions that others' do not find."""
+    try:
+        courses = opened(library).courses
+    except ValueError:
+        # No motion is long enough for a window.
+        return {}
+    shares = {f"{each:g}": courses.missed_at(each) for each in (1.0, 6.0, 60.0)}
+    return {each: round(share, 3) for each, share in shares.items() if not math.isnan(share)}
+
+
+def _show_library(described: Mapping[str, Any]) -> None:
+    """Print a library's classes with their indices, its persons, joints, licence and attribution."""
+    if "clips" in described:
+        clips = [each | {"person": each["person"] or "?"} for each in described["clips"]]
+        print_scores(clips, _OF_LIBRARY, title=described["library"], names=3)
+    _show_sums(described["library"], described["classes"], "class", "persons")
+    _show_sums("", described["persons"], "person", "classes")
+    classes = sum(row["index"] is not None for row in described["classes"])
+    persons = [row["person"] for row in described["persons"] if row["person"]]
+    lacking = described["without_course"]
+    missed = {
+        f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in described["missed"].items()
+    }
+    _say_each(
+        {
+            "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
+            "persons": ", ".join(persons) or "not stated",
+            "joints": f"{len(described['joints'])}: {', '.join(described['joints'])}",
+            "sources": ", ".join(described["sources"]) or "not stated",
+            "taught by": ", ".join(TITLES[each] for each in described["feeds"]),
+            "arithmetic": described["arithmetic"],
+            "licence": described["licence"] or "not stated",
+            "attribution": described["attribution"] or "none",
+        }
+        | missed
+        | ({"too short, or one posture, to be found done": ", ".join(lacking)} if lacking else {})
+    )
+
+
+def _say_each(lines: Mapping[str, str]) -> None:
+    for heading, text in lines.items():
+        say(f"{heading}: {text}")

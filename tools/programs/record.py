@@ -1,0 +1,87 @@
+"""`kinespace record`: writes every packet of a feed to a file, as it came.
+
+Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs the last second at most. kinespace
+replay sends the file again bit for bit; kinespace live --record records while it recognises.
+"""
+
+from __future__ import annotations
+
+import argparse
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack, closing, nullcontext
+from pathlib import Path
+
+import zmq
+from rich.status import Status
+
+from kinespace.stream.inputs import Admission, Source
+from kinespace.stream.inputs.kinerec import RawWriter, source_name
+from kinespace.stream.status import InputCounts
+from kinespace.stream.zeromq import Keyring
+from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
+from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.programs.live.endpoints import open_ends
+from kinespace.tools.terminal.console import progress_console, say
+from kinespace.tools.terminal.files import require_place_for
+
+#: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
+_MAX_SLEEP = 100
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    parser.add_argument("output", type=Path, metavar="FILE", help="the recording to make, like tonight.kinerec")
+    add_shared(parser, "--osc-in", "--zmq-in", "--keys", "--open", "--overwrite")
+    parser.add_argument("--seconds", type=positive, help="seconds to record (default: until Ctrl-C)")
+    # A recording has no answers, and lets everybody in.
+    parser.set_defaults(osc_out=None, zmq_out=None, out=(), allow_from=(), sender="", camera=None, lsl_in=None)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Record until interrupted, or for the seconds asked for; print the counts and return the exit status."""
+    output = options.record = options.output
+    require_place_for(output, overwrite=options.overwrite)
+    if not options.zmq_in:
+        options.osc_in = options.osc_in or OSC_IN
+    stopped = threading.Event()
+    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
+        sources, _, writer = open_ends(options, None, keyring, Admission())
+        assert writer  # noqa: S101 - for mypy
+        with closing(writer), ExitStack() as opened, Status("no packets yet", console=progress_console) as shown:
+            for source in sources:
+                opened.callback(source.close)
+            stop_on_signals(stopped.set)
+            names = ", ".join(source_name(source.receiver) for source in sources)
+            say(f"recording {names} to {output}; Ctrl-C ends")
+            _record(sources, writer, stopped, options.seconds, shown)
+            counts = sum((source.counts for source in sources), InputCounts())
+    say(
+        f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
+        f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"
+        + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else "")
+    )
+    return 0
+
+
+def _record(
+    sources: Sequence[Source], writer: RawWriter, stopped: threading.Event, seconds: float | None, shown: Status
+) -> None:
+    """Go on until stopped or until the seconds have passed; packets that have arrived by then are kept."""
+    poller = zmq.Poller()
+    for source in sources:
+        poller.register(source.pollable, zmq.POLLIN)
+    began = drawn = now = time.monotonic()
+    over = False
+    while not over:
+        over = stopped.is_set() or (seconds is not None and now >= began + seconds)
+        poller.poll(0 if over else _MAX_SLEEP)
+        for source in sources:
+            while source.take(time.monotonic()) is not None and not stopped.is_set():
+                pass
+        now = time.monotonic()
+        if now >= drawn + 1.0:
+            drawn = now
+            if writer.written:
+                shown.update(f"{writer.written} packets in {drawn - began:.0f} s")

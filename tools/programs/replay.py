@@ -1,0 +1,286 @@
+"""`kinespace replay`: the feed is sent, and the answers are counted.
+
+Sends recordings as live packets on an absolute schedule. With --listen it counts the answers and prints the share that
+was right; a clip's class is in its name (HDM05) or is its folder's name. If a file of labels with a take's name lies
+next to the take, the class is the label of the moment. Exit status: 0 sent (and, with --listen, answered), 1 the frames
+reached no program, or no answer came to --listen, 2 could not be done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from itertools import chain, count, pairwise
+from pathlib import Path
+
+from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
+from kinespace.library.recordings import RecordingReader, labelled, segments_beside
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream import osc, zeromq
+from kinespace.stream.frame import Announcement
+from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
+from kinespace.stream.zeromq import Endpoint, Keyring
+from kinespace.tools.cli.arguments import (
+    BUILT_IN,
+    OSC_IN,
+    add_reading,
+    add_shared,
+    class_at,
+    not_negative,
+    positive,
+    reading_of,
+)
+from kinespace.tools.cli.values import host_and_port, opening
+from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
+from kinespace.tools.feeding.service import Listener
+from kinespace.tools.programs.exchange import Exchange
+from kinespace.tools.terminal.console import console, counted, progress, progress_console, say
+from kinespace.tools.terminal.files import NameNotes
+
+#: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
+_MEETING = 0.5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    text = (
+        "recordings, folders of them, or classes of the built-in library, whose motions are played; or one .kinerec "
+        "(default: built-in, all its motions)"
+    )
+    parser.add_argument("clips", nargs="*", type=Path, metavar="CLIP|CLASS", help=text)
+    add_reading(parser)
+    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default: {OSC_IN})")
+    text = "publish on ZeroMQ instead; connects, put @ before it to bind"
+    parser.add_argument("--zmq", metavar="ENDPOINT", help=text)
+    parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
+    add_shared(parser, "--keys", "--open")
+    parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
+    text = "factor on the recorded speed (default %(default)s)"
+    parser.add_argument("--speed", type=positive, default=1.0, help=text)
+    parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
+    text = "begin each recording at this second"
+    parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help=text)
+    parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
+    parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
+    add_shared(parser, "--json")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Send the recordings; with `--listen`, print the share of right answers.
+
+    Returns
+    -------
+    The exit status: 1 when the frames reached no program, or when listening and no answers came, else 0.
+
+    Raises
+    ------
+    ValueError
+        A place is no recording, folder or class, a recording cannot be used, or an option does not apply to the places.
+    """
+    places, reading = options.clips, reading_of(options)
+    if options.end is not None and options.end <= options.begin:
+        raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
+    zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
+    is_raw = any(place.suffix.lower() == ENDING for place in places)
+    if is_raw:
+        if len(places) != 1:
+            raise ValueError(f"replay: expected one {ENDING} alone, got {len(places)} recordings")
+        if options.listen:
+            raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen")
+    with ExitStack() as opened:
+        keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
+        osc_to = options.osc or (None if zmq_to else OSC_IN)
+        if is_raw:
+            return replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
+        recordings = recordings_in(places, reading)
+        pieces = pieces_of(recordings, reading, options)
+        with progress_console.status("Reading"):
+            first = next(pieces)
+        announcement = Announcement(options.performer, first.clip.skeleton.joints)
+        played = piece_cues(chain([first], pieces), options.performer, speed=options.speed, pause=options.pause)
+        listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
+        if listener:
+            opened.callback(listener.close)
+        sender = [*_senders(opened, osc_to, zmq_to, keyring).values()][-1]
+        exchange = Exchange(sender, listener, announcement, zmq_to.address if zmq_to else osc_to or "")
+        # Ctrl-C, or a recording that cannot be read, does not end the report.
+        opened.callback(exchange.report, as_json=options.json)
+        with suppress(KeyboardInterrupt):
+            if not options.json:
+                console.print(announced(recordings, options))
+            exchange.play(progress(played, "Sending", None))
+        in_vain = exchange.reached_nobody
+    return 1 if in_vain or (listener and not exchange.answered) else 0
+
+
+def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> Listener:
+    """Open the ZeroMQ endpoint, or HOST:PORT, on which answers come."""
+    with opening("--listen"):
+        if "://" in listen:
+            endpoint = Endpoint.parse(listen, bind=False, to_anybody=to_anybody)
+            return Listener(zeromq.ZmqReceiver(endpoint, b"class", keyring=keyring))
+        return Listener(osc.OscReceiver(*host_and_port(listen)))
+
+
+def _senders(
+    opened: ExitStack, osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None
+) -> dict[str, FrameSender]:
+    """Open a sender for each kind of packets that has an address, ZeroMQ last; wait until its peers have connected."""
+    senders: dict[str, FrameSender] = {}
+    if osc_to:
+        senders["osc"] = OscFrameSender(*host_and_port(osc_to), asks=True)
+    if zmq_to:
+        with opening("--zmq"):
+            senders["zmq"] = ZmqFrameSender(zmq_to, keyring, asks=True)
+        time.sleep(_MEETING)
+    for sender in senders.values():
+        opened.callback(sender.close)
+    return senders
+
+
+def recordings_in(places: Sequence[Path], reading: Reading) -> list[Path | Clip]:
+    """List the files to read and the built-in library's motions, place by place, each once."""
+    found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
+    if reading != Reading() and not any(isinstance(each, Path) for each in found):
+        raise ValueError(
+            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none to read"
+        )
+    return list(dict.fromkeys(found))
+
+
+def _in_place(place: Path) -> Sequence[Path | Clip]:
+    """Give the motions of the built-in library, or of its class of that name, if no path has that name."""
+    if place == BUILT_IN and not place.exists():
+        return MotionLibrary.builtin().motions
+    if name := class_at(place):
+        return [each for each in MotionLibrary.builtin().motions if each.class_name == name]
+    return find_recordings([place])
+
+
+def announced(recordings: Sequence[Path | Clip], options: argparse.Namespace) -> str:
+    """Say how much is about to be sent; the seconds only of motions, because files are read while they are sent."""
+    clips = [each for each in recordings if isinstance(each, Clip)]
+    what = counted(len(recordings), "motion" if clips else "recording")
+    if len(clips) < len(recordings):
+        return f"sending {what}"
+    lasting = [min(each.duration, options.end or each.duration) - options.begin for each in clips]
+    seconds = (sum(lasting) + options.pause * (len(clips) - 1)) / options.speed
+    return f"sending {what}, {seconds:.0f} s{', again and again' if options.loop else ''}"
+
+
+def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace) -> Iterator[Piece]:
+    """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
+    skeleton: Skeleton | None = None
+    reader, teller = RecordingReader(reading), NameNotes()
+    while True:
+        for recording in recordings:
+            clip, segments = _read(reader, recording)
+            skeleton = skeleton or clip.skeleton
+            yield from _cut(teller(clip).as_of(skeleton), segments, options)
+        if not options.loop:
+            return
+
+
+def _read(reader: RecordingReader, recording: Path | Clip) -> tuple[Clip, Sequence[Segment]]:
+    """Read a recording, and the labels next to it if there are any; without labels the clip has its class."""
+    if isinstance(recording, Clip):
+        return replace(recording, name=recording.name or f"{recording.class_name} {recording.actor}".strip()), ()
+    clip, segments = reader.clip(recording), segments_beside(recording)
+    return (clip, segments) if segments else (labelled(clip, recording), ())
+
+
+def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -> Iterator[Piece]:
+    """Give the wanted part of a recording in pieces, each of one class: it is divided where labels begin and end."""
+    begin = round(options.begin * clip.frame_rate)
+    end = clip.frames if options.end is None else min(round(options.end * clip.frame_rate), clip.frames)
+    if begin >= end:
+        raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {clip.duration:.2f} s")
+    spans = [(round(each.start * clip.frame_rate), round(each.end * clip.frame_rate), each.label) for each in segments]
+    ends = {place for span in spans for place in span[:2] if begin < place < end}
+    for first, last in pairwise(sorted({begin, end, *ends})):
+        label = next((label for start, stop, label in spans if start <= first < stop), "")
+        piece = replace(clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last])
+        yield Piece(first - begin, replace(piece, class_name=label) if segments else piece)
+
+
+def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Namespace) -> int:
+    """Send a recording's packets at the times of their arrivals.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    senders
+        Of its datagrams ("osc") and its ZeroMQ messages ("zmq"); packets without a sender are counted and left out.
+    options
+        The factor on the `speed`, the seconds from the recording's first packet between
+        which packets are sent (`begin`, and `end`, which is not part of them), whether to begin again after the last
+        until interrupted (`loop`), and whether to print one `json` object and nothing else.
+
+    Raises
+    ------
+    ValueError
+        The recording has no packets, or none between the two moments.
+    """
+    recording = RawFile(path)
+    kinds = [source.partition(" ")[0] for source in recording.header.sources]
+    counts: Counter[str] = Counter()
+    if not {*senders} & {*kinds}:
+        raise ValueError(f"{path}: expected --osc or --zmq, because its packets came by {' and '.join(kinds)}")
+    # Ctrl-C ends the feed, not the report.
+    with suppress(KeyboardInterrupt):
+        pace, last = Pace(), 0.0
+        for _ in count() if options.loop else range(1):
+            start = last
+            for due, packet in progress(cut(recording.packets(), options.begin, options.end), "Sending", None):
+                last, kind = start + due / options.speed, kinds[packet.source]
+                pace.wait_for(last)
+                if kind in senders:
+                    senders[kind].send(b"".join(packet.parts) if kind == "osc" else packet.parts)  # type: ignore[arg-type]  # of one kind
+                counts["sent" if kind in senders else "left out"] += 1
+            if not counts:
+                raise ValueError(_nothing_to_send(recording))
+    failed = sum(sender.failed for sender in senders.values())
+    unheard = {str(sender): sender.unheard for sender in senders.values()}
+    every = sum(unheard.values())
+    figures = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
+    if options.json:
+        print(json.dumps({**figures, "lost_from": recording.lost_from}))
+    else:
+        say(
+            f"{figures['sent']} packets sent, {failed} refused by the system, {figures['left_out']} without an "
+            "address for their kind"
+        )
+        for place, lost in unheard.items():
+            if lost:
+                say(lost_at(place, lost))
+        if recording.damage():
+            say(recording.damage())
+    return 1 if every and every >= counts["sent"] else 0
+
+
+def _nothing_to_send(recording: RawFile) -> str:
+    """Say why a recording, as cut, has no packets."""
+    arrivals = [packet.arrival for packet in recording.packets()]
+    damage = f"; {recording.damage()}" if recording.damage() else ""
+    if not arrivals:
+        return f"{recording.path}: no packets in it{damage}"
+    return f"{recording.path}: expected --from and --to within its {arrivals[-1] - arrivals[0]:.2f} s{damage}"
+
+
+def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterator[tuple[float, RawPacket]]:
+    """Give the packets between two moments, seconds from the first packet, with the time at which each is due."""
+    first: float | None = None
+    for packet in packets:
+        first = packet.arrival if first is None else first
+        moment = packet.arrival - first
+        if end is not None and moment >= end:
+            return
+        if moment >= begin:
+            yield moment - begin, packet

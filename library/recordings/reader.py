@@ -68,8 +68,8 @@ class Reading:
         Unit of length of all BVH, C3D and TRC files, by name or in metres; when empty, the file's own, or a guess from
         the body's size.
     joints
-        The joints or markers to read, by patterns of the file's own names (`library.formats.joint_choice.chosen`); all
-        when there are none.
+        The joints or markers to read, by patterns of the file's own names
+        (`library.recordings.formats.joint_choice.chosen`); all when there are none.
     naming
         How the files' joint names are read; by default our names are found for them.
     actor_in

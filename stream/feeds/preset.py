@@ -251,7 +251,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     bones
         By name, for positions relative to a parent: the parents, and offsets for bones without a position.
     guessed
-        Whether the positions are a network's guess from one picture: then `stream.feeds.landmark_body` makes a body.
+        Whether a network guessed the positions from one picture: `library.signature.landmark_body` makes a body then.
     asking
         The messages for the sender, or None.
     """

@@ -6,7 +6,7 @@ offset, as in MotionBuilder and Blender; where they are mostly small against it 
 write position channels of nothing, or of noise. An End Site is a joint like any other, called after its parent with
 `_end`. A joint that always coincides with its parent, or with an earlier child of its parent, is left out.
 
-The file names no unit; `library.formats.units.guessed_metres` guesses it.
+The file names no unit; `library.recordings.formats.units.guessed_metres` guesses it.
 """
 
 from __future__ import annotations
@@ -358,8 +358,8 @@ def read_clip(
     frame_rate
         Frames per second; by default the file's own.
     joints
-        Names of the clip's joints (`library.formats.joint_choice.chosen`); when not given, all joints that never
-        coincide.
+        Names of the clip's joints (`library.recordings.formats.joint_choice.chosen`); when not given, all joints that
+        never coincide.
 
     Returns
     -------

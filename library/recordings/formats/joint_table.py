@@ -111,7 +111,7 @@ def read_clips(
     frame_rate
         Frames per second; as often as the file's times say when not given.
     joints
-        Which joints, by name (`library.formats.joint_choice.chosen`); all when none are given.
+        Which joints, by name (`library.recordings.formats.joint_choice.chosen`); all when none are given.
 
     Raises
     ------

@@ -133,7 +133,7 @@ def read_clips(
         Metres of the file's unit, and frames per second; when not given as POINT:UNITS and POINT:RATE say, or as the
         body's size and the header do.
     joints
-        Which points, by name (`library.formats.joint_choice.chosen`); all labelled positions when not given.
+        Which points, by name (`library.recordings.formats.joint_choice.chosen`); all labelled positions when not given.
 
     Returns
     -------

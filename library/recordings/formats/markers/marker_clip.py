@@ -54,7 +54,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     frame_rate
         Frames per second; None: as often as the times say.
     joints
-        Which markers, by name (`library.formats.joint_choice.chosen`); all when none are given.
+        Which markers, by name (`library.recordings.formats.joint_choice.chosen`); all when none are given.
     times
         Seconds of the frames; None: they follow each other evenly.
     metres

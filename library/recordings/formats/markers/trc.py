@@ -61,7 +61,7 @@ def read_clips(
     metres_per_unit, frame_rate
         Metres of the file's unit, and frames per second; as the header and the times say when not given.
     joints
-        Which markers, by name (`library.formats.joint_choice.chosen`); all when none are given.
+        Which markers, by name (`library.recordings.formats.joint_choice.chosen`); all when none are given.
 
     Returns
     -------

@@ -55,4 +55,4 @@ def extra(package: str, name: str) -> ModuleType:
         return import_module(package)
     except (ImportError, RuntimeError) as error:
         # RuntimeError: pylsl is there without the library that it calls.
-        raise ImportError(f"{name.upper()} needs {package}: pip install 'kinespace[{name}]'") from error
+        raise ImportError(f"{package.partition('.')[0]} cannot be loaded: pip install 'kinespace[{name}]'") from error

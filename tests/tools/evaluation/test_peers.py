@@ -25,4 +25,4 @@ def test_a_peer_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, caps
     monkeypatch.setitem(sys.modules, "aeon", ModuleType("aeon"))
     monkeypatch.delitem(sys.modules, "aeon.classification", raising=False)
     assert main(["evaluate", "peers"]) == 2
-    assert "pip install 'kinespace[peers]'" in capsys.readouterr().err
+    assert capsys.readouterr().err == "kinespace: aeon cannot be loaded: pip install 'kinespace[peers]'\n"

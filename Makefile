@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 # Tests start some hundreds of programs: without compiled modules on disk each would compile them anew, for a second.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup fetched demo docs chaos soak figures test quick lint types pytest sanitize fuzz wheel-check clean
+.PHONY: setup fetched demo docs chaos soak kills figures test quick lint types pytest sanitize fuzz wheel-check clean
 
 setup: $(MADE)
 
@@ -58,6 +58,10 @@ chaos: setup
 # An hour of a stage in ten minutes: does memory grow, is a descriptor or a thread left?
 soak: setup
 	PYTHONPATH=tests:tests/support $(BIN)/python -m chaos.soak $(SOAK)
+
+# `live --teach` is killed two hundred times: is an example lost?
+kills: setup
+	PYTHONPATH=tests:tests/support $(BIN)/python -m chaos.kills $(KILLS)
 
 # Every figure of recognition and retrieval, some minutes; `make test` measures a few. `FIGURES=--update` writes them.
 figures: setup

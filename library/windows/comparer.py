@@ -66,7 +66,7 @@ class Likelihood(NamedTuple):
         """
         # Scaled eigenvectors have no metric.
         count = UNIT * max(sum(each.ndim == 2 for each in vectors), 1)
-        products, squares, constants = list["Numbers"](), list["Numbers"](), np.zeros(len(vectors[0]))
+        products, squares, constants = list[Numbers](), list[Numbers](), np.zeros(len(vectors[0]))
         for each in vectors:
             if each.ndim == 2:
                 shared, own, constant = factors(each.shape[1])

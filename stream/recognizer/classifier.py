@@ -144,11 +144,12 @@ class MotionClassifier:
 
     def _mean_scores(self, clip: Clip) -> NDArray[np.float64]:
         index = opened(self.library_.restricted_to(clip.skeleton.joints))
-        found = _log_distances(index, clip.over(index.library.skeleton), self.hop, self.timing)
-        if not len(found):
+        ends = window_ends(clip, self.hop)
+        if not len(ends):
             raise ValueError(f"clip {clip.name!r}: expected some tenths of a second, got {clip.duration:.2f} s")
+        found = _log_distances(index, clip.over(index.library.skeleton), ends, self.timing)
         means = np.zeros(len(index.classes) + 1)
-        weights = np.minimum(window_ends(clip, self.hop) / clip.frame_rate, _LITTLE) ** 2
+        weights = np.minimum(ends / clip.frame_rate, _LITTLE) ** 2
         means[:-1] = np.average(1 / (1 + np.exp(found)), axis=0, weights=weights)
         # A class without a window long enough has no score.
         places = {name: place for place, name in enumerate(index.classes)}
@@ -188,21 +189,19 @@ class MotionClassifier:
         return [each if isinstance(each, Clip) else Clip(skeleton, np.asarray(each), self.frame_rate) for each in given]
 
 
-def _log_distances(index: WindowIndex, clip: Clip, hop: float, timing: float) -> NDArray[np.float64]:
+def _log_distances(index: WindowIndex, clip: Clip, ends: NDArray[np.intp], timing: float) -> NDArray[np.float64]:
     """Give the log distance of each class from each of a clip's windows, shape (windows, classes).
 
     As the recogniser has it, but that windows at other times since the beginning are farther: by `timing` times the
     logarithm of how many times as long after it.
     """
     comparison, comparer, window = index.comparison, index.comparer, window_of(index)
-    weighing, ends = comparison.weighing, window_ends(clip, hop)
+    weighing = comparison.weighing
     times, rows = clip.times.tolist(), distance_rows(clip.positions, clip.skeleton)
     seen = list[Signature]()
     for begin, end in pairwise([0, *ends.tolist()]):
         window.push(times[begin:end], rows[begin:end])
         seen.append(signature(window, weighing.parts, index.body, weighing.eigenvectors))
-    if not seen:
-        return np.empty((0, len(index.classes)))
     numbers = {part: np.array([each.parts[part] for each in seen]) for part in weighing.parts}
     placed, asked = comparison.placed_and_joined(numbers)
     since = ends[:, None] / clip.frame_rate + _BEGINNING

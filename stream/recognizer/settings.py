@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from numbers import Real
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.comparison import by_paper
@@ -42,13 +42,6 @@ class LiveSignature(StrEnum):
     WINDOWS = "windows"
     #: The leading eigenvector of one window, unweighted, by |inner products| (Le Naour et al. 2012).
     PAPER = "paper"
-
-
-# The wire between workers knows one kind of text in a field.
-if TYPE_CHECKING:
-    _Signature = LiveSignature | Literal["windows", "paper"]
-else:
-    _Signature = LiveSignature
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +90,7 @@ class Settings:
         signature.
     """
 
-    signature: _Signature = LiveSignature.WINDOWS
+    signature: LiveSignature | Literal["windows", "paper"] = LiveSignature.WINDOWS
     window: float | None = None
     sensitivity: float | None = None
     lead: float | None = None

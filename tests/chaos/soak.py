@@ -39,8 +39,9 @@ PERFORMERS, FRAME_RATE, THERE, AWAY = 8, 30.0, 4.5, 5.5
 TAUGHT_EVERY, OPEN = 10.0, 10.0
 #: Seconds of the stage before the first measurement, longer than a teacher remembers; and until all have gone.
 WARM, QUIET = REMEMBERED + 30.0, 9.0
-#: Megabytes by which a process may grow.
+#: Megabytes by which a process may grow, and the threads that asyncio's pool may begin when pages ask at once.
 MAX_GROWTH = 10.0
+POOL = min(32, (os.cpu_count() or 1) + 4)
 
 
 class Held(NamedTuple):
@@ -175,7 +176,9 @@ def main() -> int:
     grown = [
         name
         for name, now in after.items()
-        if now.memory > before[name].memory + MAX_GROWTH or now[1:] > before[name][1:]
+        if now.memory > before[name].memory + MAX_GROWTH
+        or now.descriptors > before[name].descriptors
+        or now.threads > before[name].threads + POOL
     ]
     _say({"came": stage.came, "taught": stage.taught, "pages": stage.opened, "grown": grown, "ended": ended})
     _say({"on": machine(), "counts": printed.strip().splitlines()[-1]})

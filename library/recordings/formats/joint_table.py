@@ -156,7 +156,7 @@ def _npz_clip(path: Path, frame_rate: float | None) -> Clip:
     if positions.shape != expected or times.ndim != 1:
         raise RecordingError(f"{path}: expected positions {expected}, got {positions.shape}")
     if not (np.abs(positions) < MAX_DISTANCE).all():
-        raise RecordingError(f"{path}: positions: expected finite metres, got NaN, infinity or more")
+        raise RecordingError(f"{path}: positions: expected metres below {MAX_DISTANCE:g}, got NaN or more")
     return replace(laid(times, positions, frame_rate).clip(skeleton), name=path.stem, actor=str(performer))
 
 
@@ -235,21 +235,24 @@ class _Table:
             if clock := _CLOCK.fullmatch(self.first[column].strip()) if self.first else None:
                 name = f"s of {name}"
                 if clock[4]:
-                    frames = np.round(moments % 1 * _SMPTE)
-                    most, usual = (
-                        float(np.nanmax(frames)) + 1,
-                        _OF_SMPTE if (np.diff(frames) < 0).any() else _USUAL_SMPTE,
-                    )
-                    rate = self.header.rate or next((each for each in usual if each >= most), most)
-                    if usual == _USUAL_SMPTE and not self.header.rate:
-                        self.notes.append(f"times: SMPTE's within one second: {rate:g} frames a second")
-                    moments = np.floor(moments) + frames / rate
+                    moments = self._of_smpte(moments)
                 # The day, or its half, begins anew.
                 days = np.round(np.minimum(np.diff(moments), 0) / -_HALF_DAY)
                 moments += np.cumsum(np.append(0, days * _HALF_DAY))
             if np.isfinite(moments).any():
                 found[name] = moments
         return clock_of(found)
+
+    def _of_smpte(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Give the seconds of times whose fractions hold the number of a frame."""
+        frames = np.round(moments % 1 * _SMPTE)
+        rate = self.header.rate
+        if not rate:
+            most, shows = float(np.nanmax(frames)) + 1, bool((np.diff(frames) < 0).any())
+            rate = next((each for each in (_OF_SMPTE if shows else _USUAL_SMPTE) if each >= most), most)
+            if not shows:
+                self.notes.append(f"times: SMPTE's within one second: {rate:g} frames a second")
+        return np.floor(moments) + frames / rate
 
     def people(self, path: Path, moments: NDArray[np.float64] | None) -> dict[str, NDArray[np.intp]]:
         """Give the rows of each person; RecordingError where bodies stand at one time, and no column tells whose."""

@@ -34,9 +34,9 @@ from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.background import BackgroundViews
-from kinespace.stream.service.gateway import GatewaySource
+from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.loop import Recognising, Service
-from kinespace.stream.status import Status
+from kinespace.stream.service.worker import Terms
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import (
     OSC_IN,
@@ -73,6 +73,160 @@ Known = MotionLibrary | WindowIndex
 
 #: In place of a library: only taught motions are known.
 _NO_LIBRARY = Path("none")
+#: Where answers go by default: a port that no usual receiver uses.
+OSC_OUT = "127.0.0.1:9311"
+#: Where WebSocket clients come unless the user says otherwise.
+WS = "127.0.0.1:9313"
+#: Times a second the table is drawn.
+_REDRAWS = 5
+#: Files and connections that may be open at once, as far as the system allows.
+MAX_CONNECTIONS = 16_384
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the program's options."""
+    add_shared(parser, "--osc-in", "--zmq-in")
+    text = f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)"
+    parser.add_argument("--osc-out", metavar="[HOST:]PORT", help=text)
+    parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
+    text = "read the feed of this product, by default on its own port; or FILE.toml: see kinespace feeds"
+    parser.add_argument("--feed", metavar="NAME", help=text)
+    add_shared(parser, "--sender")
+    text = (
+        f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
+        f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies"
+    )
+    parser.add_argument("--out", type=names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text)
+    text = (
+        "the joints of frames whose sender never names them, in order: the library's names, or a preset that lists "
+        "them, like kinectv2, or FILE.toml (default: the library's joints)"
+    )
+    parser.add_argument("--joints", metavar="A,B,...", help=text)
+    add_names(parser, "senders")
+    add_shared(parser, "--library")
+    add_settings(parser)
+    parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
+    text = "read packets from these networks alone; let them teach; let them and this machine get the answers by ZeroMQ"
+    parser.add_argument("--allow-from", type=names, default=(), metavar="NETWORK,...", help=text)
+    add_shared(parser, "--keys", "--open")
+    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
+    add_shared(parser, "--overwrite")
+    text = "publish bodies on --zmq-out, for kinespace page elsewhere"
+    parser.add_argument("--bodies", action="store_true", help=text)
+    add_shared(parser, "--page")
+    text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
+    parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
+    text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"
+    parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
+    parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
+    parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
+    text = "spread performers over processes (default: none)"
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
+    text = "watch a camera, a film or a stream, as kinespace camera does"
+    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
+    add_shared(parser, "--people", "--size")
+    parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
+    text = "let people teach motions by showing them, and keep them there"
+    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
+    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
+    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
+    text = "taught motions may be done by either side (default: with --camera)"
+    parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
+    text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
+    parser.add_argument("--loud-lessons", action="store_true", help=text)
+    text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
+    parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the program with these options; return the exit status."""
+    if options.log:
+        log_as(options.log)
+    if not (options.osc_in or options.zmq_in or options.feed):
+        options.osc_in = OSC_IN
+    if not (options.osc_out or options.zmq_out or options.out):
+        options.osc_out = OSC_OUT
+    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
+        return recognise(options, keyring)
+
+
+def workers(text: str) -> int:
+    """Read a number of workers; `auto`: one for each core but one, which receives."""
+    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
+
+
+def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
+    """Open the addresses, recognise until interrupted, print the counts."""
+    _allow_many_connections()
+    settings, record = settings_of(options), options.record
+    preset = _checked(options, settings)
+    performers, lessons = recognisers(options, preset)
+    # What workers send is read as a source is.
+    from_workers = [performers.source] if isinstance(performers, Gateway) else []
+    in_lines = options.plain or options.log or not console.is_terminal
+    shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
+    admission = Admission(silence=performers.silence, allowed=options.allow)
+    with ExitStack() as opening:
+        _close_in(opening, from_workers)
+        # Before the sockets are open: no packet is to wait until the page runs.
+        served, servers = list[Served](), list[Any]()
+        for each in open_servers(options, keyring, performers, commands=lessons is not None):
+            _close_in(opening, [*each.sinks, *each.frames, *each.requests])
+            served.append(each)
+            servers.append(PageProcess(each.plan, say))
+        sources, sinks, kept = open_ends(
+            options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
+        )
+        _close_in(opening, [*sources, *sinks, *([kept] if kept else ())])
+        controls = open_controls(options, sources, keyring)
+        senders = open_senders(options, sources)
+        opening.pop_all()
+    listeners = [lessons] if lessons else []
+    if options.bodies:
+        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
+    with (
+        closing(kept) if kept else nullcontext(),
+        Service(
+            performers,
+            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
+            [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
+            admission=admission,
+            control=lessons,
+        ) as service,
+        ExitStack() as running,
+    ):
+        if isinstance(performers, Gateway):
+            performers.publish = service.publish
+        for each in (*servers, *senders):
+            running.enter_context(each)
+        if lessons:
+            lessons.sinks = service.sinks
+        # Before the program says that it runs.
+        stop_on_signals(service.stop)
+        open_to_senders = [each for each in sources if each.place]
+        listening = ", ".join(map(str, [*open_to_senders, *controls]))
+        answering = ", ".join(map(str, sinks)) or "nobody"
+        # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
+        listening += ", also for /motion/teach" if lessons and preset else ""
+        say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
+        for server in servers:
+            say(f"{server.name}: {server.address}")
+        # All objects so far live as long as the program: the collector need not look at them again.
+        gc.freeze()
+        _run(service, shown, lessons)
+        if lessons:
+            lessons.close()
+        if isinstance(performers, Gateway):
+            performers.settle()
+        status = service.status()
+    for line in (
+        *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
+        *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
+        *([f"{record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
+    ):
+        say(line)
+    return 2 if lessons and lessons.has_unsaved else 0
 
 
 def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:
@@ -81,9 +235,6 @@ def _made(options: argparse.Namespace, library: Known, joints: SentJoints, class
     if not options.workers:
         views = BackgroundViews()
         return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
-    from kinespace.stream.service.gateway import Gateway  # noqa: PLC0415 - only where there are workers
-    from kinespace.stream.service.worker import Terms  # noqa: PLC0415 - as above
-
     if isinstance(library, MotionLibrary) and settings.signature is LiveSignature.WINDOWS:
         library = opened(library)
     return Gateway(options.workers, library, Terms(settings, options.performers, joints, tuple(classes)))
@@ -169,178 +320,10 @@ def _require_room_for(motions: Known, settings: Settings) -> None:
         raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
 
 
-#: Where answers go by default: a port that no usual receiver uses.
-OSC_OUT = "127.0.0.1:9311"
-#: Where WebSocket clients come unless the user says otherwise.
-WS = "127.0.0.1:9313"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the program's options."""
-    add_shared(parser, "--osc-in", "--zmq-in")
-    text = f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)"
-    parser.add_argument("--osc-out", metavar="[HOST:]PORT", help=text)
-    parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
-    text = "read the feed of this product, by default on its own port; or FILE.toml: see kinespace feeds"
-    parser.add_argument("--feed", metavar="NAME", help=text)
-    add_shared(parser, "--sender")
-    text = (
-        f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
-        f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies"
-    )
-    parser.add_argument("--out", type=names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text)
-    text = (
-        "the joints of frames whose sender never names them, in order: the library's names, or a preset that lists "
-        "them, like kinectv2, or FILE.toml (default: the library's joints)"
-    )
-    parser.add_argument("--joints", metavar="A,B,...", help=text)
-    add_names(parser, "senders")
-    add_shared(parser, "--library")
-    add_settings(parser)
-    parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
-    text = "read packets from these networks alone; let them teach; let them and this machine get the answers by ZeroMQ"
-    parser.add_argument("--allow-from", type=names, default=(), metavar="NETWORK,...", help=text)
-    add_shared(parser, "--keys", "--open")
-    parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
-    add_shared(parser, "--overwrite")
-    text = "publish bodies on --zmq-out, for kinespace page elsewhere"
-    parser.add_argument("--bodies", action="store_true", help=text)
-    add_shared(parser, "--page")
-    text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
-    parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
-    text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"
-    parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
-    parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
-    parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
-    text = "spread performers over processes (default: none)"
-    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
-    text = "watch a camera, a film or a stream, as kinespace camera does"
-    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
-    add_shared(parser, "--people", "--size")
-    parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
-    text = "let people teach motions by showing them, and keep them there"
-    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
-    text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
-    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
-    text = "taught motions may be done by either side (default: with --camera)"
-    parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
-    text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
-    parser.add_argument("--loud-lessons", action="store_true", help=text)
-    text = "also obey ZeroMQ requests, like tcp://127.0.0.1:9330"
-    parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
-
-
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    if options.log:
-        log_as(options.log)
-    if not (options.osc_in or options.zmq_in or options.feed):
-        options.osc_in = OSC_IN
-    if not (options.osc_out or options.zmq_out or options.out):
-        options.osc_out = OSC_OUT
-    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        return recognise(options, keyring)
-
-
-def workers(text: str) -> int:
-    """Read a number of workers; `auto`: one for each core but one, which receives."""
-    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
-
-
-#: Times a second the table is drawn.
-_REDRAWS = 5
-#: Files and connections that may be open at once, as far as the system allows.
-MAX_CONNECTIONS = 16_384
-
-
-def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
-    """Open the addresses, recognise until interrupted, print the counts."""
-    _allow_many_connections()
-    settings, record = settings_of(options), options.record
-    preset = _checked(options, settings)
-    performers, lessons = recognisers(options, preset)
-    # What workers send is read as a source is.
-    from_workers = [source] if (source := getattr(performers, "source", None)) else []
-    in_lines = options.plain or options.log or not console.is_terminal
-    shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
-    admission = Admission(silence=performers.silence, allowed=options.allow)
-    with ExitStack() as begun:
-        _close_in(begun, from_workers)
-        # Before the sockets are open: no packet is to wait until the page runs.
-        served, servers = list[Served](), list[Any]()
-        for each in open_servers(options, keyring, performers, commands=lessons is not None):
-            _close_in(begun, [*each.sinks, *each.frames, *each.requests])
-            served.append(each)
-            servers.append(PageProcess(each.plan, say))
-        sources, sinks, kept = open_ends(
-            options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
-        )
-        _close_in(begun, [*sources, *sinks, *([kept] if kept else ())])
-        controls = open_controls(options, sources, keyring)
-        senders = open_senders(options, sources)
-        begun.pop_all()
-    listeners = [lessons] if lessons else []
-    if options.bodies:
-        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
-    with (
-        closing(kept) if kept else nullcontext(),
-        Service(
-            performers,
-            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
-            [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
-            admission=admission,
-            control=lessons,
-        ) as service,
-        ExitStack() as running,
-    ):
-        _answer_for(from_workers, service)
-        for begun in (*servers, *senders):
-            running.enter_context(begun)
-        if lessons:
-            lessons.sinks = service.sinks
-        # Before the program says that it runs.
-        stop_on_signals(service.stop)
-        open_to_senders = [each for each in sources if each.place]
-        listening = ", ".join(map(str, [*open_to_senders, *controls]))
-        answering = ", ".join(map(str, sinks)) or "nobody"
-        # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
-        listening += ", also for /motion/teach" if lessons and preset else ""
-        say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
-        for server in servers:
-            say(f"{server.name}: {server.address}")
-        # All objects so far live as long as the program: the collector need not look at them again.
-        gc.freeze()
-        _run(service, shown, lessons)
-        status = _ended(service, lessons, from_workers)
-    for line in (
-        *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
-        *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
-        *([f"{record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
-    ):
-        say(line)
-    return 2 if lessons and lessons.has_unsaved else 0
-
-
 def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
     """Close these if a later one cannot be opened."""
     for each in ends:
         opened.callback(each.close)
-
-
-def _ended(service: Service, lessons: Lessons | None, from_workers: Iterable[GatewaySource]) -> Status:
-    """Close what was open while the service ran; give its last status."""
-    if lessons:
-        lessons.close()
-    for each in from_workers:
-        each.gateway.settle()
-    return service.status()
-
-
-def _answer_for(from_workers: Iterable[GatewaySource], service: Service) -> None:
-    """Publish what workers answer."""
-    for each in from_workers:
-        each.gateway.publish = service.publish
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

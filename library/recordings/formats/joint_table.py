@@ -28,7 +28,7 @@ from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
 from kinespace.library import memory
-from kinespace.library.clip import MAX_DISTANCE, Clip, as_numbers
+from kinespace.library.clip import MAX_DISTANCE, Clip, as_numbers, is_near
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
@@ -155,7 +155,7 @@ def _npz_clip(path: Path, frame_rate: float | None) -> Clip:
         raise RecordingError(f"{path}: not a table of joints ({error})") from error
     if positions.shape != expected or times.ndim != 1:
         raise RecordingError(f"{path}: expected positions {expected}, got {positions.shape}")
-    if not (np.abs(positions) < MAX_DISTANCE).all():
+    if not is_near(positions):
         raise RecordingError(f"{path}: positions: expected metres below {MAX_DISTANCE:g}, got NaN or more")
     return replace(laid(times, positions, frame_rate).clip(skeleton), name=path.stem, actor=str(performer))
 

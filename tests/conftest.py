@@ -220,6 +220,16 @@ def played() -> NDArray[np.float32]:
     return crowd.positions()
 
 
+@pytest.fixture(autouse=True)
+def _environment_as_before() -> Iterator[None]:
+    """Give the next test the environment that this one found: programs that tests start inherit it."""
+    before = dict(os.environ)
+    yield
+    for name in os.environ.keys() - before.keys():
+        del os.environ[name]
+    os.environ.update(before)
+
+
 @pytest.fixture
 def stage() -> Iterator[OscReceiver]:
     """Open a UDP port that receives replayed packets."""

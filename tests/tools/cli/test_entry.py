@@ -12,6 +12,7 @@ from kinespace.tools.cli import entry, main
 def test_the_status_is_the_programs(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The program's status is the process's exit status."""
     monkeypatch.setattr(main, "main", lambda: status)
+    monkeypatch.setattr(entry, "interrupt_on_signals", lambda: None)
     assert entry.main() == status
 
 

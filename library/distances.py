@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.compiled import compiled
 from kinespace.library.skeleton import Skeleton
 
 #: Frames whose distances are measured at once: more would not fit into the processor's cache.
@@ -39,7 +38,6 @@ def distance_rows(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArra
     return pair_distances(frames, skeleton.pairs.T).reshape(*positions.shape[:-2], len(skeleton.pairs))
 
 
-@compiled
 def pair_distances(positions: NDArray[np.float64], ends: NDArray[np.intp]) -> NDArray[np.float64]:
     """Measure between the ends (2, pairs) of pairs of joints, in frames (frames, joints, 3): shape (frames, pairs)."""
     rows, (first, second) = np.empty((len(positions), ends.shape[1])), ends

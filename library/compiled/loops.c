@@ -3,7 +3,6 @@
  *   slide       stream/recognizer/window.py
  *   read_distances, read_points   the same
  *   compare     library/windows/comparer.py
- *   pair_distances   library/distances.py
  *
  * The module is optional. Arguments are checked here; a function that gives None leaves the call to numpy.
  */
@@ -121,49 +120,6 @@ typedef int64_t LongBits __attribute__((vector_size(64), aligned(8), may_alias))
     }
 LOGARITHMS(logs_of, Some, Bits, float, 0x3F3504F3, 23, 9)
 LOGARITHMS(long_logs_of, Eight, LongBits, double, 0x3FE6A09E667F3BCD, 52, 21)
-
-/* ---- distances ----------------------------------------------------------------------------------------------------- */
-
-FOR_EACH_PROCESSOR static void measure(const double *restrict positions, const Py_ssize_t *restrict ends,
-                                       Py_ssize_t count, double *restrict row) {
-    for (Py_ssize_t p = 0; p < count; p++) {
-        const double *one = positions + 3 * ends[p], *other = positions + 3 * ends[count + p];
-        const double x = one[0] - other[0], y = one[1] - other[1], z = one[2] - other[2];
-        row[p] = x * x + y * y + z * z;
-    }
-    for (Py_ssize_t p = 0; p < count; p++) {
-        row[p] = sqrt(row[p]);
-    }
-}
-
-/* pair_distances(positions, ends) -> rows */
-static PyObject *pair_distances(PyObject *module, PyObject *arguments) {
-    (void)module;
-    PyObject *object[2], *result;
-    Arrays arrays = {.count = 0};
-    double *rows;
-    if (!PyArg_ParseTuple(arguments, "OO", &object[0], &object[1])) {
-        return NULL;
-    }
-    const Py_buffer *positions = take(&arrays, object[0], "d", 3, 0), *ends = positions ? take(&arrays, object[1], "lqn", 2, 0) : NULL;
-    if (ends == NULL) {
-        return let_go(&arrays, NULL);
-    }
-    const Py_ssize_t frames = positions->shape[0], joints = positions->shape[1], count = ends->shape[1];
-    for (Py_ssize_t i = 0; i < ends->shape[0] * count; i++) {
-        const Py_ssize_t joint = ((const Py_ssize_t *)ends->buf)[i];
-        if (joint < 0 || joint >= joints) {
-            return refused(&arrays, "pair_distances");
-        }
-    }
-    if (positions->shape[2] != 3 || ends->shape[0] != 2 || (result = new_array(1, frames, count, &rows)) == NULL) {
-        return PyErr_Occurred() ? let_go(&arrays, NULL) : refused(&arrays, "pair_distances");
-    }
-    for (Py_ssize_t f = 0; f < frames; f++) {
-        measure((const double *)positions->buf + f * joints * 3, ends->buf, count, rows + f * count);
-    }
-    return let_go(&arrays, result);
-}
 
 /* ---- sums that follow a window ------------------------------------------------------------------------------------ */
 
@@ -754,7 +710,6 @@ static PyObject *compare(PyObject *module, PyObject *arguments) {
 static PyMethodDef methods[] = {
     {"slide", slide, METH_VARARGS, NULL},
     {"read_points", read_points, METH_VARARGS, NULL},
-    {"pair_distances", pair_distances, METH_VARARGS, NULL},
     {"read_distances", read_distances, METH_VARARGS, NULL},
     {"compare", compare, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},

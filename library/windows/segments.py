@@ -50,9 +50,6 @@ class Segments:
         logarithms vary within a motion: the mean over segments of their standard deviation, shape (persons,).
     disorder
         The share from which segments are too long for joints that are in order (`shares_of_size`).
-    mirrored
-        Index of each joint on the other side of the body, a joint's own index in the middle, shape (joints,); None when
-        the names have no sides.
     """
 
     parents: NDArray[np.intp]
@@ -65,7 +62,6 @@ class Segments:
     builds: NDArray[np.float64] = field(repr=False)
     stretches: NDArray[np.float64] = field(repr=False)
     disorder: float
-    mirrored: NDArray[np.intp] | None = field(repr=False)
 
     @classmethod
     def of(cls, library: MotionLibrary) -> Self:
@@ -73,9 +69,9 @@ class Segments:
         skeleton = library.skeleton
         parents = np.array(skeleton.parents, dtype=np.intp)
         children = np.flatnonzero(parents >= 0)
-        mirrored = mirrored_places(skeleton.joints)
+        other_side = mirrored_places(skeleton.joints)
         ends = np.column_stack([children, parents[children]]) if len(children) else np.empty((0, 2), dtype=np.intp)
-        others = ends if mirrored is None else mirrored[ends]
+        others = ends if other_side is None else other_side[ends]
         crossed = (others != ends).all(axis=1) & (parents[others[:, 0]] == others[:, 1])
         crossing = np.flatnonzero(crossed)
         some = [motion.positions[::_EVERY] for motion in library.motions]
@@ -93,7 +89,6 @@ class Segments:
             builds=builds,
             stretches=stretches,
             disorder=max(DISORDER, BEYOND_LIBRARY * largest),
-            mirrored=mirrored,
         )
 
     @property
@@ -174,7 +169,10 @@ def shares_of_size(positions: NDArray[np.floating], segments: NDArray[np.intp]) 
 
 
 def mirrored_places(joints: Sequence[str]) -> NDArray[np.intp] | None:
-    """Find each joint's name on the other side: `lwrist` and `rwrist`, `LeftHand` and `RightHand`, `hand.L`."""
+    """Find each joint's place on the other side: of `lwrist` that of `rwrist`, `LeftHand`, `RightHand`, `hand.L`.
+
+    A joint in the middle has its own; None where no name has a side.
+    """
     places = {name: place for place, name in enumerate(joints)}
     others = [next((places[other] for other in _other_sides(name) if other in places), None) for name in joints]
     if not any(other is not None for other in others):

@@ -388,8 +388,6 @@ class Recognizer:
         begun = self._joints.mend(times)
         rows = distance_rows(self._positions[: len(times)], self.library.skeleton)
         if begun is not None:
-            # Another body may stand elsewhere: the motion was not its own.
-            self._ended_at = self._end_time if self._joints.is_elsewhere else self._ended_at
             self._begin_again()
             times, rows = times[begun:], rows[begun:]
         if self._joints.left_out or self._without:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from kinespace.library import compiled
-from kinespace.library.distances import pair_distances
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
 from kinespace.library.skeleton import Skeleton
@@ -22,12 +21,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.skipif(not compiled.in_use, reason="nothing is compiled here")
 SEEDS = range(12)
-
-
-def _distances(generator: Generator) -> list[Any]:
-    frames, joints, pairs = generator.integers(1, [40, 60, 90])
-    positions = generator.normal(size=(frames, joints, 3)) * 10.0 ** generator.integers(-3, 4)
-    return [positions, generator.integers(0, joints, (2, pairs))]
 
 
 def _sums(generator: Generator, width: int, shape: Sequence[int]) -> list[np.ndarray]:
@@ -86,7 +79,6 @@ def _compare(generator: Generator) -> list[Any]:
 
 
 CASES: dict[Callable[..., Any], Callable[[Generator], list[Any]]] = {
-    pair_distances: _distances,
     slide: _slide,
     read_distances: _read_distances,
     read_points: _read_points,
@@ -139,14 +131,13 @@ def test_it_refuses_what_does_not_fit(function: Callable[..., Any]) -> None:
         function(*arguments[1:])
 
 
-@pytest.mark.parametrize(("function", "place", "wrong"), [(pair_distances, 1, 99), (read_distances, 5, -1)])
-def test_it_refuses_places_that_are_not_there(function: Callable[..., Any], place: int, wrong: int) -> None:
+def test_it_refuses_places_that_are_not_there() -> None:
     """Indices must lie in the array that they point into."""
-    arguments = CASES[function](np.random.default_rng(4))
-    arguments[place] = np.full_like(arguments[place], wrong)
-    assert arguments[place].size
+    arguments = CASES[read_distances](np.random.default_rng(4))
+    arguments[5] = np.full_like(arguments[5], -1)
+    assert arguments[5].size
     with pytest.raises(ValueError, match="fit each other"):
-        function(*arguments)
+        read_distances(*arguments)
 
 
 def test_numpy_takes_what_is_too_large() -> None:

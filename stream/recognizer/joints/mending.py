@@ -1,10 +1,9 @@
 """The joints of a feed: mended where that can be done, and left out where it cannot.
 
-Exchanged sides and a changed unit are corrected from the next frame on. A joint that is lost (NaN, or 0, 0, 0 while its
+A joint that is lost (NaN, or 0, 0, 0 while its
 position was elsewhere) keeps its place relative to its parent for a fifth of a second. A joint that is wrong, or lost
 for longer, is left out. After a jump of a rigid body to another posture the windows begin again; the tracker of a body
-that trembles jumps by nature. After a step of the body's middle that no body makes, the windows of every body begin
-again. While nearly all movement is jumps no class is named.
+that trembles jumps by nature. While nearly all movement is jumps no class is named.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.windows.segments import Segments, in_disorder
-from kinespace.stream.recognizer.joints.plausibility import Change, Jump, Plausibility, Step, steps_of
+from kinespace.stream.recognizer.joints.plausibility import Plausibility, Step, steps_of
 
 #: Seconds for which a lost joint keeps its place relative to its parent.
 HELD = 0.2
@@ -25,8 +24,6 @@ HELD = 0.2
 BELIEVED_AFTER = 3.0
 #: Seconds for which a jump stays in the windows; they do not begin again twice within them.
 _IN_WINDOWS = 2.0
-#: Seconds between two such beginnings when the body's middle is elsewhere: any more often, and no window would fill.
-_APART = 0.5
 #: No class is named while the joints' way by jumps is so many times their other way.
 ONLY_JUMPS = 3.0
 #: Seconds over which both ways are added up.
@@ -57,8 +54,6 @@ class Joints:
     ----------
     left_out
         Indices of the joints that are not believed now, ascending.
-    is_elsewhere
-        Whether the windows begin again, by the last `mend`, because the body's middle is elsewhere.
     """
 
     def __init__(
@@ -69,8 +64,6 @@ class Joints:
         self._parents: list[int] = body.parents.tolist() or [-1] * count
         self._plausibility = Plausibility(body, count)
         self._last, self._step = np.zeros((count, 3)), np.zeros((count, 3))
-        self._mirrored = False
-        self._factor = 1.0
         self.clear()
 
     def clear(self) -> None:
@@ -86,9 +79,7 @@ class Joints:
         self._last_jump = -math.inf
         #: The mean way of the joints lately, metres: by jumps that are in the windows, and without jumps.
         self._jumped = self._moved = 0.0
-        self._jump: Jump | None = None
         self.left_out: tuple[int, ...] = ()
-        self.is_elsewhere = False
 
     @property
     def doubted(self) -> tuple[str, ...]:
@@ -115,9 +106,9 @@ class Joints:
             return in_disorder(len(self.left_out), len(self._names))
         if self.left_out:
             return f"joints: done without {', '.join(self.doubted)}"
-        if self._jump is None or self._last_time - self._last_jump > _SHOWN:
-            return ""
-        return f"joints: {self._jump.change} at {self._last_jump:.2f} s"
+        if self._last_time - self._last_jump <= _SHOWN:
+            return f"joints: the whole body jumped at {self._last_jump:.2f} s"
+        return ""
 
     def only_jumps(self, time: float) -> bool:
         """Say whether nearly all movement in the windows that end now is jumps of the whole body."""
@@ -141,22 +132,18 @@ class Joints:
         if not self._is_watched:
             self._hold(times, positions)
             return None
-        if self._mirrored and self._body.mirrored is not None:
-            positions[...] = positions[:, self._body.mirrored]
-        if self._factor != 1.0:
-            positions *= self._factor
         count = len(times)
         if math.isnan(self._last_time):
             self._last[...], self._last_time = self._found(times[0], positions[0].copy(), None), times[0]
             self._plausibility.begin(self._last)
             self._step[...], self._elapsed = 0.0, math.inf
-        steps, squares, farthest = steps_of(self._last, positions)
+        steps, squares = steps_of(self._last, positions)
         usual = (times[-1] - self._last_time) / count
         fading = math.exp((self._last_time - times[-1]) / _WAY)
         self._jumped *= fading
         self._moved *= fading
-        begun, self.is_elsewhere = None, False
-        if self._any_lost or self._plausibility.may_jump(squares, farthest, usual):
+        begun = None
+        if self._any_lost or self._plausibility.may_jump(squares, usual):
             begun = self._follow(times, positions, steps, usual)
         else:
             self._moved += count * math.sqrt(squares / len(self._last))
@@ -182,48 +169,28 @@ class Joints:
     def _follow(
         self, times: Sequence[float], positions: NDArray[np.float64], steps: NDArray[np.float64], usual: float
     ) -> int | None:
-        """Go from frame to frame, because one of them may be wrong; correct the frames and their steps."""
+        """Go from frame to frame, because one of them may be wrong; find lost joints, and correct their steps."""
         begun, before, last = None, self._last, self._last_time
         step = Step(self._step.copy(), self._elapsed)
         for index, time in enumerate(times):
             frame = self._found(time, positions[index], before)
             step, previous = Step(frame - before, max(time - last, usual)), step
             last = time
-            elsewhere = self._plausibility.is_elsewhere(step)
-            if elsewhere or self._plausibility.jumped(previous, step):
-                self._jump = jump = self._explained(before, frame, step)
-                if jump.change is not Change.POSTURE:
-                    self._correct(jump.change, jump.factor, positions[index:])
-                    step = Step(positions[index] - before, step.elapsed)
-                elif (elsewhere and time - self._last_jump >= _APART) or (
-                    self._plausibility.rigid and time - self._last_jump >= _IN_WINDOWS
-                ):
-                    begun, self.is_elsewhere = index, elsewhere
+            if self._plausibility.jumped(previous, step):
+                if self._plausibility.rigid and time - self._last_jump >= _IN_WINDOWS:
+                    begun = index
                     self._jumped = self._moved = 0.0
                     self._plausibility.begin_again()
+                    # Another body, or the same in another unit.
+                    self._plausibility.begin(frame)
                 else:
-                    self._jumped += _way(step.step, whole=elsewhere)
+                    self._jumped += _way(step.step)
                 self._last_jump = time
             else:
                 self._moved += _way(step.step)
             steps[index] = step.step
             before = positions[index]
         return begun
-
-    def _explained(self, before: NDArray[np.float64], frame: NDArray[np.float64], step: Step) -> Jump:
-        """Explain a jump; a body of another size that is elsewhere even in the unit before is another body."""
-        jump = self._plausibility.explained(before, frame)
-        there = Step(jump.factor * frame - before, step.elapsed)
-        other = jump.change is Change.UNIT and self._plausibility.is_elsewhere(there)
-        return Jump(Change.POSTURE) if other else jump
-
-    def _correct(self, change: Change, factor: float, positions: NDArray[np.float64]) -> None:
-        if change is Change.EXCHANGED and self._body.mirrored is not None:
-            self._mirrored = not self._mirrored
-            positions[...] = positions[:, self._body.mirrored]
-        else:
-            self._factor *= factor
-            positions *= factor
 
     def _found(
         self, time: float, frame: NDArray[np.float64], before: NDArray[np.float64] | None
@@ -256,7 +223,7 @@ class Joints:
         return 1 + self._depth(self._parents[joint]) if self._parents[joint] >= 0 else 0
 
 
-def _way(step: NDArray[np.float64], *, whole: bool = False) -> float:
-    """Give the root mean square of the joints' own steps (joints, 3), metres, or of their whole steps."""
-    own = step if whole else step - step.mean(axis=0)
+def _way(step: NDArray[np.float64]) -> float:
+    """Give the root mean square of the joints' own steps (joints, 3), metres."""
+    own = step - step.mean(axis=0)
     return math.sqrt(float(np.vdot(own, own)) / len(own))

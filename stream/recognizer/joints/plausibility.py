@@ -1,7 +1,7 @@
 """Which joints of a feed can be believed: a body's segments keep their length, and no body moves at any speed.
 
-Four things are noticed. First, the whole body is elsewhere between two frames (`Jump`): its sides were exchanged, its
-unit changed, or another posture or another body is shown. Second, a segment stretches while the one to the same joint
+Four things are noticed. First, the whole body jumps between two frames: another posture or another body is shown, or
+its sides or its unit changed. Second, a segment stretches while the one to the same joint
 of the other side does not: the two joints are exchanged; or it stretches by half a metre. Third, a joint keeps one
 position to the last digit while the joints next to it move: the tracker lost it and repeats it. Fourth, the ends of a
 segment are as far apart as any two joints: the joints are in another order, or these are no positions.
@@ -15,7 +15,6 @@ checked once a hop; lengths and positions are collected once a hop and judged th
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from functools import cache
 from typing import NamedTuple
 
@@ -31,23 +30,10 @@ JUMP_STEP = 0.12
 #: Metres per second; 99.9 % of the steps of CMU's takes are a quarter slower.
 JUMP_SPEED = 7.0
 _JUMPING_JOINTS = 6
-#: A body's middle jumps when it steps farther than these metres, and faster than `ELSEWHERE_SPEED`. Frames that come
-#: late and then together, without times of their own, show a runner steps of 0.2 m.
-ELSEWHERE_STEP = 0.3
-#: Metres per second: a sprinter reaches 12.
-ELSEWHERE_SPEED = 12.0
-#: The middle of the joints, their median, lies so near their mean, as a share of a step, unless single joints jump.
-_NEAR_MEAN = 2 / 3
 #: A jump is so many times as far and as fast as the step before.
 SUDDEN = 3.0
 #: Or it goes back where that step came from: the cosine between them is below this.
 _BACK = -0.5
-#: Share of the step that may be left when a correction explains a jump.
-_EXPLAINED = 0.34
-#: A change of unit scales all segments by at least so much.
-_MIN_UNIT_CHANGE = 1.25
-#: It scales them alike: three quarters of them differ by no more than this share from its factor.
-_ALIKE = 0.05
 #: Seconds over which lengths and positions are judged: one span and the span before it together.
 SPAN = 1 / 3
 #: Metres by which a rigid segment may change.
@@ -78,26 +64,11 @@ _MIN_LOOKS = 6
 _MAX_LOOKS = 16
 
 
-class Change(StrEnum):
-    """Explanations of a jump of the whole body."""
-
-    POSTURE = "the whole body jumped"
-    EXCHANGED = "left and right were exchanged, and are put right,"
-    UNIT = "the unit changed, and is put right,"
-
-
 class Step(NamedTuple):
     """Each joint's step from one frame to the next, shape (joints, 3), metres, and the seconds between them."""
 
     step: NDArray[np.float64]
     elapsed: float
-
-
-class Jump(NamedTuple):
-    """A jump of the whole body between two frames: its explanation, and the factor on its unit (else 1)."""
-
-    change: Change
-    factor: float = 1.0
 
 
 class Plausibility:
@@ -176,45 +147,17 @@ class Plausibility:
             float(np.vdot(before.step, before.step)) * float(np.vdot(now.step, now.step))
         )
 
-    def may_jump(self, squares: float, farthest: float, elapsed: float) -> bool:
-        """Say quickly, by `steps_of`, whether a jump, a lost joint or a step elsewhere may be among some steps."""
+    def may_jump(self, squares: float, elapsed: float) -> bool:
+        """Say quickly, by `steps_of`, whether a jump or a lost joint may be among some steps."""
         least = max(JUMP_STEP, JUMP_SPEED * elapsed) / self._scale
-        elsewhere = max(ELSEWHERE_STEP, ELSEWHERE_SPEED * elapsed) / self._scale
         # NaN means a lost joint.
-        return (
-            not squares < self._least_squares * least * least or farthest > (_NEAR_MEAN * self._joints * elsewhere) ** 2
-        )
-
-    def is_elsewhere(self, step: Step) -> bool:
-        """Say whether the middle of a body steps farther and faster than any body's."""
-        far = max(ELSEWHERE_STEP, ELSEWHERE_SPEED * step.elapsed) / self._scale
-        return float(np.linalg.norm(_middle_of(step.step))) > far
+        return not squares < self._least_squares * least * least
 
     def _step_length(self, step: NDArray[np.float64]) -> float:
         """Give how far a sixth of the joints step, metres, relative to the step of the body as a whole."""
         own = step - _middle_of(step)
         lengths = np.sqrt(np.einsum("jc,jc->j", own, own))
         return float(np.partition(lengths, -self._jumping)[-self._jumping])
-
-    def explained(self, before: NDArray[np.float64], after: NDArray[np.float64]) -> Jump:
-        """Explain a jump between two frames (joints, 3)."""
-        length = self._step_length(after - before)
-        mirrored = self._body.mirrored
-        if mirrored is not None and self._step_length(after[mirrored] - before) < _EXPLAINED * length:
-            return Jump(Change.EXCHANGED)
-        factor = self._unit_change(before, after)
-        return Jump(Change.UNIT, factor) if factor != 1.0 else Jump(Change.POSTURE)
-
-    def _unit_change(self, before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
-        if not len(self._body.children):
-            return 1.0
-        first, second = self._body.lengths(np.stack([before, after]))
-        ratios = np.divide(first, second, out=np.ones_like(first), where=second > 0)
-        factor = _middle(ratios)
-        if factor <= 0 or 1 / _MIN_UNIT_CHANGE < factor < _MIN_UNIT_CHANGE:
-            return 1.0
-        alike = np.count_nonzero(np.abs(ratios / factor - 1) < _ALIKE)
-        return factor if alike > 0.75 * len(ratios) else 1.0
 
     # --- spans ---
 
@@ -336,13 +279,13 @@ def _smaller_side(child: int, body: Segments) -> set[int]:
     return below if len(below) <= len(others) else others
 
 
-def steps_of(last: NDArray[np.float64], positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
+def steps_of(last: NDArray[np.float64], positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Give the steps of joints (joints, 3) to the first of some frames (frames, joints, 3), and on from frame to frame.
 
     Returns
     -------
-    The steps, shape (frames, joints, 3); and of the frames the largest sum of squares of the steps about their mean,
-    and the largest squared length of the sum of the steps. NaN where a joint is lost.
+    The steps, shape (frames, joints, 3), and of the frames the largest sum of squares of the steps about their mean;
+    NaN where a joint is lost.
     """
     steps = np.empty_like(positions)
     np.subtract(positions[0], last, out=steps[0])
@@ -350,10 +293,9 @@ def steps_of(last: NDArray[np.float64], positions: NDArray[np.float64]) -> tuple
     flat = steps.reshape(len(steps), -1)
     # A product with ones takes a tenth of a sum over so few numbers side by side.
     sums = flat @ _summing(len(last))
-    together = np.einsum("fc,fc->f", sums, sums)
-    about_mean = np.einsum("fk,fk->f", flat, flat) - together / len(last)
+    about_mean = np.einsum("fk,fk->f", flat, flat) - np.einsum("fc,fc->f", sums, sums) / len(last)
     # NaN stays NaN.
-    return steps, max(float(about_mean.max()), 0.0), float(together.max())
+    return steps, max(float(about_mean.max()), 0.0)
 
 
 @cache

@@ -33,11 +33,12 @@ def test_lengths_equal_the_slow_twins(small_index: WindowIndex) -> None:
     assert body.mean == pytest.approx(np.concatenate(lengths).mean(axis=0))
     assert body.spread == pytest.approx(np.max([np.ptp(each, axis=0) for each in lengths], axis=0))
     assert body.disorder == DISORDER
-    assert body.mirrored is not None
-    aside = (body.mirrored[body.segments] != body.segments).all(axis=1)
+    other_side = mirrored_places(small_index.library.skeleton.joints)
+    assert other_side is not None
+    aside = (other_side[body.segments] != body.segments).all(axis=1)
     assert body.crossing.tolist() == np.flatnonzero(aside).tolist() != []
     for first, other in zip(body.crossing, body.crossing[body.partner], strict=True):
-        assert np.array_equal(body.mirrored[body.segments[first]], body.segments[other])
+        assert np.array_equal(other_side[body.segments[first]], body.segments[other])
     crossed = body.ends[len(body.children) :]
     assert np.array_equal(crossed[:, 1], body.segments[body.crossing, 1])
     assert np.array_equal(crossed[:, 0], body.segments[body.crossing[body.partner], 0])

@@ -35,7 +35,6 @@ from kinespace.library.signature.parts import (
     Part,
     flattened,
 )
-from kinespace.library.windows.cutting import FIRST_WINDOW
 
 _Number = TypeVar("_Number", np.float32, np.float64)
 _Name = TypeVar("_Name")
@@ -194,6 +193,8 @@ def squared_distances(first: NDArray[np.floating], second: NDArray[np.floating])
 
 Group = tuple[Part, ...]
 
+#: Seconds after which a feed is first answered, and at which a motion's first window ends.
+FIRST_WINDOW = 0.15
 #: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
 #: Added to 1 − |inner product|² before the logarithm.

@@ -1,14 +1,17 @@
-"""Windows cut from whole motions, all windows of a motion at once."""
+"""Windows cut from whole motions, all windows of a motion at once, and mapped to the vectors that are compared."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
+from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import (
@@ -22,9 +25,18 @@ from kinespace.library.signature.parts import (
     eigen,
     lengths_of,
 )
+from kinespace.library.windows.comparison import FIRST_WINDOW, Comparison, Weighing
 
-#: Seconds after which a feed is first answered, and at which a motion's first window ends.
-FIRST_WINDOW = 0.15
+#: Seconds between two windows that are kept of a motion in a library of one person.
+_EVERY_ONE = 0.1
+#: The same in a library of several persons.
+EVERY_SEVERAL = 0.4
+#: Frames per second of the motions when their windows are computed.
+_MEASURED_AT = 30.0
+#: Windows whose numbers are in memory at once, about.
+_PIECE = 4_000
+#: Seconds of another motion before a motion, as long as the longest window (`Measured.behind_others`).
+_BEHIND = 2.0
 #: Windows of a motion whose sums are computed together.
 _TOGETHER = 8
 
@@ -179,3 +191,111 @@ def window_covariances(
 def _starts(ends: NDArray[np.intp], frame_rate: float, seconds: float) -> NDArray[np.intp]:
     """Say where windows of so many seconds start."""
     return np.maximum(ends - round(seconds * frame_rate), 0)
+
+
+# --- a library's motions ----------------------------------------------------------------------------------------------
+
+
+def every_in(library: MotionLibrary) -> float:
+    """Give the seconds between two windows that are kept of a motion."""
+    return EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
+
+
+class Placed(NamedTuple):
+    """Windows in the form an index keeps; the fields are as in `WindowIndex`."""
+
+    vectors: tuple[NDArray[np.float16], ...]
+    eigenvectors: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, comparison: Comparison, cut: CutWindows) -> Placed:
+        """Map windows to vectors."""
+        vectors = tuple(each.astype(np.float16, order="C") for each in comparison.place(cut.numbers))
+        return cls(vectors, cut.leading.astype(np.float32))
+
+
+class Measured(NamedTuple):
+    """The motions of a library, cut into windows.
+
+    Attributes
+    ----------
+    clips
+        The motions at the frame rate of the computation.
+    ends
+        For each motion the frames before which its windows end.
+    motions
+        The index of each window's motion.
+    """
+
+    clips: list[Clip]
+    ends: list[NDArray[np.intp]]
+    motions: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, library: MotionLibrary, every: float, first: float = FIRST_WINDOW) -> Measured:
+        """Cut a library's motions into windows.
+
+        Parameters
+        ----------
+        library
+            The motions.
+        every, first
+            Seconds between two windows, and from a motion's start to the end of its first window.
+
+        Raises
+        ------
+        ValueError
+            No motion is long enough for a window.
+        """
+        clips = [thinned(clip, _MEASURED_AT) for clip in library.motions]
+        ends = [window_ends(clip, every, first) for clip in clips]
+        motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
+        if not len(motions):
+            raise ValueError("library: expected a motion long enough for a window, got none")
+        return cls(clips, ends, motions)
+
+    def thinned(self, most: int) -> Measured:
+        """Keep at most so many windows, evenly spread."""
+        step = -(-len(self.motions) // most)
+        if step == 1:
+            return self
+        kept = np.arange(len(self.motions)) % step == 0
+        of_motions = np.split(kept, np.searchsorted(self.motions, np.arange(1, len(self.clips))))
+        ends = [each[some] for each, some in zip(self.ends, of_motions, strict=True)]
+        return Measured(self.clips, ends, self.motions[kept])
+
+    def behind_others(self) -> Measured:
+        """Give the same windows as if each motion was played right behind another motion of the same person."""
+        clips, ends, before = [*self.clips], [*self.ends], dict[tuple[str, float], "NDArray[np.floating]"]()
+        for place in np.random.default_rng(0).permutation(len(clips)).tolist():
+            clip, own = self.clips[place], self.ends[place]
+            most, key = round(_BEHIND * clip.frame_rate), (clip.actor, clip.frame_rate)
+            # Distances are cut, so the body may stand elsewhere.
+            last = before.get(key, clip.positions)[-most:]
+            clips[place] = replace(clip, positions=np.concatenate([last, clip.positions]))
+            # Later windows hold nothing of the other motion.
+            ends[place] = own[own <= most] + len(last)
+            before[key] = clip.positions
+        return Measured(clips, ends, np.repeat(np.arange(len(clips)), [len(each) for each in ends]))
+
+    def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
+        """Compute the windows' vectors."""
+        pieces = [Placed.of(comparison, cut) for cut in self.cut(comparison.weighing, body, basis)]
+        vectors, eigenvectors = zip(*pieces, strict=True)
+        return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
+
+    def cut(self, weighing: Weighing, body: Body, basis: Basis) -> Iterator[CutWindows]:
+        """Compute the windows' numbers, some motions at a time, because they take much memory."""
+        begin = 0
+        pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
+        # With the last motion a piece may be full.
+        for end in sorted({*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)}):
+            some = self.clips[begin:end], self.ends[begin:end]
+            yield CutWindows(*some, body, basis, weighing.parts, weighing.eigenvectors)
+            begin = end
+
+
+def thinned(clip: Clip, frame_rate: float) -> Clip:
+    """Give a clip with every so many frames alone, that it has about so many a second."""
+    step = max(1, round(clip.frame_rate / frame_rate))
+    return replace(clip, positions=clip.positions[::step], frame_rate=clip.frame_rate / step)

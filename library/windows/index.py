@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import groupby
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -14,7 +12,6 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
 from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.progress.phase_table import PhaseTable
@@ -22,40 +19,19 @@ from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Comparer, Distances, Head, Likelihood
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Comparison, Lessons, Weighing
+from kinespace.library.windows.comparison import Comparison, Weighing
 from kinespace.library.windows.courses import Courses
-from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
-from kinespace.library.windows.kept import WEIGHINGS, Kept, kept_of, with_kept
-from kinespace.library.windows.rejection import Rejection, learned_rejection, most_of_few, typical_evidence
+from kinespace.library.windows.cutting import Measured, Placed, every_in
+from kinespace.library.windows.rejection import Rejection, rejection_of
 from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments
+from kinespace.library.windows.taught import taught_by, teacher_of, usual_weighing
 
-#: Seconds between two windows that are kept of a motion in a library of one person.
-_EVERY_ONE = 0.1
-#: The same in a library of several persons.
-_EVERY_SEVERAL = 0.4
-#: Frames per second of the motions when their windows are computed.
-_MEASURED_AT = 30.0
-#: Frames per second at which the basis is learned.
-_BASIS_AT = 10.0
-#: Windows from which metrics are learned, at most.
-_MAX_LESSONS = 10_000
-#: Windows whose numbers are in memory at once, about.
-_PIECE = 4_000
-#: Seconds of another motion before a motion, as long as the longest window, where a head is taught.
-_BEHIND = 2.0
-#: Windows behind other motions that teach a head, at most: they take some tenths of a second.
-_MAX_BEHIND = 1000
-#: Motions of each class that teach a head, at least: by six, lying down and getting up were told apart 70 % of the time
-#: in place of 80.
-_LEAST_OF_CLASS = 8
 #: Threads of linear algebra: the matrices are small, and threads take the cores from each other. On two busy cores,
 #: opening takes 2 to 7 seconds by numpy's own choice of threads, and .7 by one.
 _THREADS = 1
 #: Views by fewer joints that an index keeps.
 MAX_VIEWS = 8
-#: Persons needed to learn metrics: with fewer, metrics are learned from the built-in library's persons.
-_TEACHERS = 3
 
 
 # Without slots: what an index computes at first use stays with it.
@@ -116,23 +92,16 @@ class WindowIndex:
         """
         weighing = weighing or usual_weighing(library)
         teacher = teacher or teacher_of(library)
-        body, kept, cut, head = Body.of(teacher.skeleton), kept_of(teacher, weighing), None, None
-        measured = Measured.of(library, _every(library), weighing.first)
-        if kept is None:
-            lessons = Measured.of(teacher, _EVERY_SEVERAL, weighing.first).thinned(_MAX_LESSONS)
-            basis = learned_basis(teacher, weighted=not weighing.by_products)
-            cut = CutWindows(lessons.clips, lessons.ends, body, basis, weighing.parts, weighing.eigenvectors)
-            kept = Kept(basis, Comparison.learned(weighing, cut.numbers, _lessons(teacher, lessons.motions)))
-            # Only where all parts have one metric is the library's laboratory that of the feed.
-            if library is teacher and _has_head(library) and None not in kept.comparison.groups:
-                head = _learned_head(library, kept, lessons, cut)
-        comparison = kept.comparison.of_taught_classes() if library is teacher else kept.comparison
+        itself, body = library is teacher, Body.of(teacher.skeleton)
+        measured = Measured.of(library, every_in(library), weighing.first)
+        taught = taught_by(teacher, weighing, names=itself)
+        comparison = taught.comparison.of_taught_classes() if itself else taught.comparison
         # Windows that taught are not cut again where all of the library's own did.
-        if cut and library is teacher and len(lessons.motions) == len(measured.motions):
-            placed = Placed.of(comparison, cut)
+        if itself and taught.windows and len(taught.windows.leading) == len(measured.motions):
+            placed = Placed.of(comparison, taught.windows)
         else:
-            placed = measured.placed(comparison, body, kept.basis)
-        return cls(library, body, kept.basis, comparison, *placed, measured.motions, head)
+            placed = measured.placed(comparison, body, taught.basis)
+        return cls(library, body, taught.basis, comparison, *placed, measured.motions, taught.head)
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -169,16 +138,7 @@ class WindowIndex:
     @cached_property
     def rejection(self) -> Rejection:
         """The rejection of unknown motions; learned from the motions at first use."""
-        if self.judged_by:
-            return self.judged_by
-        learned, weighing = self.library.learned, self.comparison.weighing
-        # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
-        if learned is None or not self.library.judged_by_strangers or weighing != usual_weighing(self.library):
-            return learned_rejection(self)
-        few = _is_few(self.library)
-        rejection = Rejection.of_kept(learned, len(weighing.groups), few=few)
-        fewer = len(self.library.skeleton.joints) < rejection.joints
-        return replace(rejection, typical=typical_evidence(self)) if few or fewer else rejection
+        return self.judged_by or rejection_of(self)
 
     @cached_property
     def phases(self) -> PhaseTable:
@@ -196,7 +156,7 @@ class WindowIndex:
     @cached_property
     def since(self) -> NDArray[np.float64]:
         """Seconds from a motion's beginning to the end of each of its windows; of an index that is not derived."""
-        measured = Measured.of(self.library, _every(self.library), self.comparison.weighing.first)
+        measured = Measured.of(self.library, every_in(self.library), self.comparison.weighing.first)
         return np.concatenate(
             [ends / clip.frame_rate for ends, clip in zip(measured.ends, measured.clips, strict=True)]
         )
@@ -280,7 +240,7 @@ class WindowIndex:
         is_new = np.array([id(motion) not in known for motion in library.motions])
         before, added = np.flatnonzero(~is_new), np.flatnonzero(is_new)
         taught = replace(library, motions=tuple(library.motions[place] for place in added))
-        measured = Measured.of(taught, every or _every(library), self.comparison.weighing.first)
+        measured = Measured.of(taught, every or every_in(library), self.comparison.weighing.first)
         placed = measured.placed(self.comparison, self.body, self.basis)
         # Motions that are added one after another are all added to the first index, so that no chain grows.
         origin = self.origin if self.origin and self.origin.added and self.origin.every == every else None
@@ -387,17 +347,6 @@ class Origin(NamedTuple):
     joints: tuple[str, ...] = ()
 
 
-def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
-    """Give a library that keeps the basis and the metrics that its own motions teach, so that it opens sooner."""
-    # As if another library had taught: all axes are kept.
-    indices = {
-        name: WindowIndex.of(library, teacher=replace(library), weighing=weighing)
-        for name, weighing in WEIGHINGS.items()
-    }
-    bases = [index.basis for index in indices.values()]
-    return with_kept(library, bases[0], {name: index.comparison for name, index in indices.items()})
-
-
 @lru_cache(maxsize=4)
 def opened(library: MotionLibrary, weighing: Weighing | None = None) -> WindowIndex:
     """Give a library's windows; several recognisers of one library share them."""
@@ -434,173 +383,3 @@ def _bare(library: MotionLibrary) -> MotionLibrary:
     return replace(
         library, motions=tuple(replace(clip, positions=clip.positions[:2].copy()) for clip in library.motions)
     )
-
-
-def usual_weighing(library: MotionLibrary) -> Weighing:
-    """Choose the weighing: between laboratories for numbers learned from another laboratory, else within one."""
-    return ACROSS_LABORATORIES if library.judged_by_strangers else WITHIN_LABORATORY
-
-
-def teacher_of(library: MotionLibrary) -> MotionLibrary:
-    """Choose the library from whose persons the metrics are learned.
-
-    A library teaches itself when three or more of its persons share classes. Otherwise the built-in library teaches, if
-    it has all joints; if it lacks some, the library teaches itself as well as it can.
-    """
-    if teaches_itself(library):
-        return library
-    builtin = MotionLibrary.builtin()
-    if set(library.skeleton.joints) <= set(builtin.skeleton.joints):
-        taught, skeleton = builtin.restricted_to(library.skeleton.joints), library.skeleton
-        if taught.skeleton.joints == skeleton.joints:
-            return taught
-        motions = tuple(clip.as_of(skeleton) for clip in taught.motions)
-        return replace(taught, skeleton=skeleton, motions=motions)
-    return library
-
-
-def teaches_itself(library: MotionLibrary) -> bool:
-    """Whether so many persons of a library share classes that its metrics are learned from them."""
-    performed = {(clip.class_name, clip.actor) for clip in library.motions if clip.actor}
-    people = {actor for _, actor in performed}
-    return len(people) >= _TEACHERS and len(performed) > len({class_name for class_name, _ in performed})
-
-
-def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
-    """Learn the basis from a library's motions."""
-    by_class = groupby(library.motions, key=lambda clip: clip.class_name)
-    rows = ((thinned(clip, _BASIS_AT) for clip in clips) for _, clips in by_class)
-    measured = ((distance_rows(clip.positions, clip.skeleton) for clip in clips) for clips in rows)
-    return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
-
-
-def _is_few(library: MotionLibrary) -> bool:
-    """Whether a library has so few joints that numbers of their own tell unknown motion from known."""
-    return len(library.skeleton.joints) <= most_of_few(library.learned)
-
-
-def _every(library: MotionLibrary) -> float:
-    """Give the seconds between two windows that are kept of a motion."""
-    return _EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
-
-
-class Placed(NamedTuple):
-    """Windows in the form an index keeps; the fields are as in `WindowIndex`."""
-
-    vectors: tuple[NDArray[np.float16], ...]
-    eigenvectors: NDArray[np.float32]
-
-    @classmethod
-    def of(cls, comparison: Comparison, cut: CutWindows) -> Placed:
-        """Map windows to vectors."""
-        vectors = tuple(each.astype(np.float16, order="C") for each in comparison.place(cut.numbers))
-        return cls(vectors, cut.leading.astype(np.float32))
-
-
-class Measured(NamedTuple):
-    """The motions of a library, cut into windows.
-
-    Attributes
-    ----------
-    clips
-        The motions at the frame rate of the computation.
-    ends
-        For each motion the frames before which its windows end.
-    motions
-        The index of each window's motion.
-    """
-
-    clips: list[Clip]
-    ends: list[NDArray[np.intp]]
-    motions: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, library: MotionLibrary, every: float, first: float = FIRST_WINDOW) -> Measured:
-        """Cut a library's motions into windows.
-
-        Parameters
-        ----------
-        library
-            The motions.
-        every, first
-            Seconds between two windows, and from a motion's start to the end of its first window.
-
-        Raises
-        ------
-        ValueError
-            No motion is long enough for a window.
-        """
-        clips = [thinned(clip, _MEASURED_AT) for clip in library.motions]
-        ends = [window_ends(clip, every, first) for clip in clips]
-        motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
-        if not len(motions):
-            raise ValueError("library: expected a motion long enough for a window, got none")
-        return cls(clips, ends, motions)
-
-    def thinned(self, most: int) -> Measured:
-        """Keep at most so many windows, evenly spread."""
-        step = -(-len(self.motions) // most)
-        if step == 1:
-            return self
-        kept = np.arange(len(self.motions)) % step == 0
-        of_motions = np.split(kept, np.searchsorted(self.motions, np.arange(1, len(self.clips))))
-        ends = [each[some] for each, some in zip(self.ends, of_motions, strict=True)]
-        return Measured(self.clips, ends, self.motions[kept])
-
-    def behind_others(self) -> Measured:
-        """Give the same windows as if each motion was played right behind another motion of the same person."""
-        clips, ends, before = [*self.clips], [*self.ends], dict[tuple[str, float], "NDArray[np.floating]"]()
-        for place in np.random.default_rng(0).permutation(len(clips)).tolist():
-            clip, own = self.clips[place], self.ends[place]
-            most, key = round(_BEHIND * clip.frame_rate), (clip.actor, clip.frame_rate)
-            # Distances are cut, so the body may stand elsewhere.
-            last = before.get(key, clip.positions)[-most:]
-            clips[place] = replace(clip, positions=np.concatenate([last, clip.positions]))
-            # Later windows hold nothing of the other motion.
-            ends[place] = own[own <= most] + len(last)
-            before[key] = clip.positions
-        return Measured(clips, ends, np.repeat(np.arange(len(clips)), [len(each) for each in ends]))
-
-    def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
-        """Compute the windows' vectors."""
-        pieces = [Placed.of(comparison, cut) for cut in self.cut(comparison.weighing, body, basis)]
-        vectors, eigenvectors = zip(*pieces, strict=True)
-        return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
-
-    def cut(self, weighing: Weighing, body: Body, basis: Basis) -> Iterator[CutWindows]:
-        """Compute the windows' numbers, some motions at a time, because they take much memory."""
-        begin = 0
-        pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
-        # With the last motion a piece may be full.
-        for end in sorted({*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)}):
-            some = self.clips[begin:end], self.ends[begin:end]
-            yield CutWindows(*some, body, basis, weighing.parts, weighing.eigenvectors)
-            begin = end
-
-
-def thinned(clip: Clip, frame_rate: float) -> Clip:
-    """Give a clip with every so many frames alone, that it has about so many a second."""
-    step = max(1, round(clip.frame_rate / frame_rate))
-    return replace(clip, positions=clip.positions[::step], frame_rate=clip.frame_rate / step)
-
-
-def _lessons(library: MotionLibrary, motions: NDArray[np.intp]) -> Lessons:
-    """Give each window's class and person; each motion without a named person counts as a person of its own."""
-    _, classes = np.unique([clip.class_name for clip in library.motions], return_inverse=True)
-    _, people = np.unique([clip.actor for clip in library.motions], return_inverse=True)
-    return Lessons(classes[motions], people[motions])
-
-
-def _has_head(library: MotionLibrary) -> bool:
-    """Say whether a library of several persons has motions enough for a head: it knows a few by heart, and errs."""
-    classes = Counter(motion.class_name for motion in library.motions)
-    return teaches_itself(library) and min(classes.values()) >= _LEAST_OF_CLASS
-
-
-def _learned_head(library: MotionLibrary, kept: Kept, lessons: Measured, cut: CutWindows) -> Head:
-    """Learn a head from the windows that taught the metrics, and from the same behind other motions."""
-    behind, weighing = lessons.behind_others().thinned(_MAX_BEHIND), kept.comparison.weighing
-    windows = (cut, *behind.cut(weighing, Body.of(library.skeleton), kept.basis))
-    vectors = [np.concatenate([*kept.comparison.placed(each.numbers).values()], axis=1) for each in windows]
-    motions = np.concatenate([lessons.motions, behind.motions]).tolist()
-    return Head.learned(np.concatenate(vectors), [library.motions[place].class_name for place in motions])

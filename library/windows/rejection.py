@@ -9,13 +9,14 @@ and far from the others, which says more than the distance of all parts together
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import mul
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from kinespace.library.motion_library.learned import Learned
+from kinespace.library.windows.taught import usual_weighing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -232,6 +233,18 @@ def by_likelihood(classes: int) -> Rejection:
     offset = -math.log(classes) if classes > 1 else MAX_LEAD
     weights, thresholds = np.array([-1.0, 1.0, 0.0]), np.array(_EVERYDAY)
     return Rejection(weights, offset, {}, {}, thresholds, np.zeros(2), held=HELD_ONE, by_likelihood=True)
+
+
+def rejection_of(index: WindowIndex) -> Rejection:
+    """Give a library's rejection: as strangers' motions taught it, else as its own do."""
+    library, weighing = index.library, index.comparison.weighing
+    # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
+    if library.learned is None or not library.judged_by_strangers or weighing != usual_weighing(library):
+        return learned_rejection(index)
+    joints = len(library.skeleton.joints)
+    few = joints <= most_of_few(library.learned)
+    rejection = Rejection.of_kept(library.learned, len(weighing.groups), few=few)
+    return replace(rejection, typical=typical_evidence(index)) if few or joints < rejection.joints else rejection
 
 
 def learned_rejection(index: WindowIndex) -> Rejection:

@@ -19,7 +19,8 @@ from kinespace.library.signature.parts import Signature
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparer import agreed
 from kinespace.library.windows.cutting import window_ends
-from kinespace.library.windows.index import WindowIndex, opened, teacher_of
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.taught import teacher_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer.live_windows import window_of

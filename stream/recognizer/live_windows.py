@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.signature.parts import Signature, lengths_of
 from kinespace.library.windows.comparer import Distances
-from kinespace.library.windows.cutting import FIRST_WINDOW
+from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.recognizer.window import TIE, Window, signature
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.library.signature.parts import Kind
-from kinespace.library.windows.index import WindowIndex, usual_weighing
+from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
 from kinespace.tools.evaluation import harness

@@ -28,8 +28,9 @@ from kinespace.library.motion_library.learned import Learned
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
-from kinespace.library.windows.index import WindowIndex, keeping_lessons
+from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
+from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments

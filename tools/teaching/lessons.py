@@ -19,7 +19,8 @@ from kinespace.library.motion_library import MIN_JOINTS, NOTHING, MotionLibrary
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.library.windows.index import WindowIndex, opened, teaches_itself
+from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.taught import teaches_itself
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Event, EventKind

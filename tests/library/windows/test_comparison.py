@@ -15,8 +15,7 @@ from kinespace.library.windows.comparison import (
     Weighing,
     by_paper,
 )
-from kinespace.library.windows.cutting import CutWindows
-from kinespace.library.windows.index import Measured
+from kinespace.library.windows.cutting import CutWindows, Measured
 
 if TYPE_CHECKING:
     from kinespace.library.windows.index import WindowIndex

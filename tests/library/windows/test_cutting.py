@@ -9,7 +9,8 @@ import pytest
 from naive_windows import body_of, window
 
 from kinespace.library.signature.parts import PARTS, Kind
-from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
+from kinespace.library.windows.comparison import FIRST_WINDOW
+from kinespace.library.windows.cutting import CutWindows, window_ends
 
 if TYPE_CHECKING:
     from kinespace.library import MotionLibrary

@@ -13,8 +13,8 @@ from kinespace.library import MotionLibrary
 from kinespace.library.signature.parts import Kind, Signature
 from kinespace.library.windows.comparer import Head
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
-from kinespace.library.windows.cutting import window_ends
-from kinespace.library.windows.index import Measured, WindowIndex
+from kinespace.library.windows.cutting import Measured, window_ends
+from kinespace.library.windows.index import WindowIndex
 
 
 @pytest.fixture(scope="module")

@@ -16,9 +16,10 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.signature.parts import EIGENVECTORS, Kind, Signature
 from kinespace.library.windows.comparer import LANE, Comparer
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
-from kinespace.library.windows.cutting import CutWindows, window_ends
-from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
+from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
+from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.rejection import RATES, Rejection, learned_rejection
+from kinespace.library.windows.taught import teacher_of
 from kinespace.tools.cli.presets import joints_of
 
 if TYPE_CHECKING:
@@ -216,12 +217,12 @@ def test_large_libraries_are_opened_in_pieces_and_taught_by_some_windows(
     people = people_index.library
     alone = people.without(actors=("bb",))
     whole = WindowIndex.of(alone, people)
-    monkeypatch.setattr("kinespace.library.windows.index._PIECE", 7)
+    monkeypatch.setattr("kinespace.library.windows.cutting._PIECE", 7)
     pieces = WindowIndex.of(alone, people)
     assert pieces.motions.tolist() == whole.motions.tolist()
     for one, other in zip((*pieces.vectors, pieces.eigenvectors), (*whole.vectors, whole.eigenvectors), strict=True):
         np.testing.assert_allclose(np.abs(one), np.abs(other), atol=2e-3)
-    monkeypatch.setattr("kinespace.library.windows.index._MAX_LESSONS", len(people_index) // 3)
+    monkeypatch.setattr("kinespace.library.windows.taught._MAX_LESSONS", len(people_index) // 3)
     fewer, some = WindowIndex.of(people), people.motions[::3]
     assert fewer.motions.tolist() == people_index.motions.tolist()
     assert not np.array_equal(fewer.vectors[0], people_index.vectors[0])

@@ -28,7 +28,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.windows import remembered
-from kinespace.library.windows.index import usual_weighing
+from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream.feeds.preset import builtin_preset
 from kinespace.stream.inputs import kinerec
 from kinespace.stream.recognition import Outcome, Recognition

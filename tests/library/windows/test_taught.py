@@ -11,8 +11,8 @@ from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library.learned import TAUGHT, Learned
-from kinespace.library.windows.index import WindowIndex, keeping_lessons
-from kinespace.library.windows.kept import WEIGHINGS, kept_of
+from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.taught import WEIGHINGS, keeping_lessons, kept_of
 
 if TYPE_CHECKING:
     from pathlib import Path

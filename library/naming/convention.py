@@ -78,9 +78,7 @@ class Convention:
 
     def spelled(self, labels: Sequence[str]) -> list[str]:
         """Spell labels by `spelling`, without the text in front of each name."""
-        bare = [_NAMESPACE.sub("", label) or label for label in labels]
-        front = _without_front(bare)
-        both = [label[::-1] for label in _without_front([label[::-1] for label in front])]
+        bare, front, both = _without_ends(tuple(labels))
         ways = [[self._bare(label) for label in each] for each in (bare, front, both)]
         ways += [[self.sided.get(_sided(label), spelling(label)) for label in each] for each in (front, both)]
         return max(ways, key=self.known)
@@ -106,10 +104,19 @@ def spelling(name: str) -> str:
     return _BETWEEN_WORDS.sub("", name).casefold()
 
 
+@lru_cache(maxsize=_MAX_REMEMBERED)
 def _sided(label: str) -> str:
     """Spell a name by its side and what is left of it, wherever the side stands: `shoulder_L`, `leftShoulder`."""
     side = _SIDED.fullmatch(label)
     return f"{(side[1] or side[2] or side[5] or side[6])[0].lower()} {spelling(side[3] or side[4])}" if side else ""
+
+
+@lru_cache(maxsize=8)
+def _without_ends(labels: tuple[str, ...]) -> tuple[list[str], list[str], list[str]]:
+    """Give labels without a namespace; further without the beginning, and without the end, that all of them share."""
+    bare = [_NAMESPACE.sub("", label) or label for label in labels]
+    front = _without_front(bare)
+    return bare, front, [label[::-1] for label in _without_front([label[::-1] for label in front])]
 
 
 def _without_front(labels: Sequence[str]) -> list[str]:

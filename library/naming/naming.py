@@ -136,6 +136,8 @@ def _found(labels: tuple[str, ...]) -> NamedJoints:
     """Rename joints by the convention that knows most of them; unchanged where no convention fits."""
     best, most = None, (0, 0.0)
     ours = sum(label in hdm05.SKELETON.joints for label in labels)
+    if ours == len(labels) >= _MIN_KNOWN:
+        return NamedJoints(labels, own_convention())
     for convention in conventions():
         spelled = convention.spelled(labels)
         known = convention.known(spelled)

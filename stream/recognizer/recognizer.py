@@ -528,7 +528,7 @@ class Recognizer:
 
 def _begun_by_course(index: WindowIndex) -> frozenset[str]:
     """Give the classes that start when the course of their motions was seen."""
-    persons = {(motion.class_name, motion.actor) for motion in index.framed.motions}
+    persons = {(motion.class_name, motion.actor) for motion in index.library.motions}
     shown = Counter(name for name, _ in persons)
     return frozenset(name for name in index.courses.classes if shown[name] < _LEADING_PERSONS)
 

@@ -208,8 +208,7 @@ MAX_AXES = 128
 _TAUGHT_AXES = 32
 #: The share of the learned scatter that is replaced by equal scatter. The eigen part is compared by plain inner
 #: products.
-_PART_SHRINKAGE = {Kind.EIGEN: 1.0, Kind.SPREAD: 0.3, Kind.POSTURE: 0.3, Kind.TREND: 0.3}
-_GROUP_SHRINKAGE = 0.2
+_EIGEN_SHRINKAGE, _PART_SHRINKAGE, _GROUP_SHRINKAGE = 1.0, 0.3, 0.2
 #: Mean squared distance of HDM05's windows from their middle, where two people in the same motion are at 1.
 _APART = 3.0
 
@@ -366,7 +365,10 @@ class Comparison:
         """
         parts = {
             part: learned_metric(
-                _as_vectors(part, numbers), lessons, shrinkage=_PART_SHRINKAGE[part.kind], kept=_PART_AXES
+                _as_vectors(part, numbers),
+                lessons,
+                shrinkage=_EIGEN_SHRINKAGE if part.kind is Kind.EIGEN else _PART_SHRINKAGE,
+                kept=_PART_AXES,
             )
             for part in weighing.measured
         }

@@ -338,15 +338,21 @@ def signature(window: Window, parts: Iterable[Part], body: Body, eigenvectors: i
     """Read the parts of the signature, with so many eigenvectors, off the spans that end now."""
     points = {each: window.read_points(each, eigenvectors) for each in window.in_basis}
     distances = {each: window.read_distances(each, body) for each in window.of_distances}
-    numbers = {
-        part: points[part.seconds][2] if part.kind is Kind.EIGEN else distances[part.seconds][:3][_PLACES[part.kind]]
-        for part in parts
-    }
+
+    def numbers_of(part: Part) -> Numbers:
+        if part.kind is Kind.EIGEN:
+            return points[part.seconds][2]
+        if part.kind in _PLACES:
+            return distances[part.seconds][:3][_PLACES[part.kind]]
+        # A kind that is not read together with the others.
+        numbers: Numbers = FORMULAS[part.kind](window.moments(part.seconds), body)[0]
+        return numbers
+
     values, vectors, _, trace = points[window.in_basis[-1]]
     first, second = [*values[:2].tolist(), 0.0][:2]
     moves = trace > 0 and first > 0
     return Signature(
-        parts=numbers,
+        parts={part: numbers_of(part) for part in parts},
         leading=vectors[0],
         movement=distances[window.of_distances[-1]][3],
         share=min(first / trace, 1.0) if moves else 0.0,

@@ -15,8 +15,9 @@ import stat
 import tempfile
 import warnings
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, NamedTuple
 
@@ -26,10 +27,30 @@ from numpy.typing import DTypeLike, NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.motion_library.learned import Learned
 from kinespace.library.skeleton import Skeleton
 
 FORMAT = "kinespace motion library"
+#: The beginning of the names of arrays that only hold for the motions that taught them.
+TAUGHT = "taught "
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Learned:
+    """Numbers learned from people, kept with a library's motions: named arrays, each float32."""
+
+    named: Mapping[str, NDArray[np.float32]] = field(repr=False)
+
+    @property
+    def judges(self) -> bool:
+        """Whether there are numbers that hold for other motions too."""
+        return any(not name.startswith(TAUGHT) for name in self.named)
+
+    def for_other_motions(self) -> Learned:
+        """Give the numbers that hold for other motions too."""
+        kept = {name: array for name, array in self.named.items() if not name.startswith(TAUGHT)}
+        return self if len(kept) == len(self.named) else Learned(kept)
+
+
 #: Version 3 keeps the motions themselves; older versions kept numbers computed from them.
 VERSION = 3
 

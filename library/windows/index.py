@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from kinespace.library.clip import Clip
 from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import NOTHING, MotionLibrary
-from kinespace.library.progress.phase_table import PhaseTable
+from kinespace.library.phases import PhaseTable
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Signature

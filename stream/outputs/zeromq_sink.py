@@ -10,7 +10,7 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, Recognition
-from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice
 from kinespace.stream.teaching.wire import as_json

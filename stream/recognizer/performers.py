@@ -17,8 +17,8 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import FLAT
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.recognition import Event, Recognition
-from kinespace.stream.recognizer.joints.carried import Carried, carried_by
-from kinespace.stream.recognizer.joints.fitting import NOTES
+from kinespace.stream.recognizer.carried import Carried, carried_by
+from kinespace.stream.recognizer.fitting import NOTES
 from kinespace.stream.recognizer.recognizer import (
     MAX_PAUSE,
     Recognizer,

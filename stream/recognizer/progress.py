@@ -13,12 +13,20 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.progress import phase_table
-from kinespace.library.progress.phase_table import Moments, PhaseTable
+from kinespace.library.phases import (
+    BINS,
+    MOMENTS_PER_SECOND,
+    SWING_SECONDS,
+    VELOCITY,
+    VELOCITY_SECONDS,
+    Keyframes,
+    PhaseTable,
+    log_swing,
+)
 from kinespace.stream.recognition import Progress
 
 #: Seconds between two steps of the filter: two steps a moment at the library's speed.
-STEP = 0.5 / phase_table.MOMENTS_PER_SECOND
+STEP = 0.5 / MOMENTS_PER_SECOND
 #: Probabilities that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
 _GOES_ON = (0.55, 0.36, 0.09)
 #: Probabilities that a step changes to another recording at the same phase, and that it begins again.
@@ -40,11 +48,11 @@ _SPEED_SMOOTHED, _SIZE_SMOOTHED = 0.15, 0.4
 _PRIOR_SPEED = 0.1
 #: Points of the past that are replayed when a class is named, half a second, and points that are kept.
 _REPLAYED = round(0.5 / STEP)
-_PAST = round(2 * phase_table.SWING_SECONDS / STEP) + 1
+_PAST = round(2 * SWING_SECONDS / STEP) + 1
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
 #: Points before the newest at which a velocity begins.
-_BACK_POINTS = round(phase_table.VELOCITY_SECONDS / STEP)
+_BACK_POINTS = round(VELOCITY_SECONDS / STEP)
 
 
 class ProgressFollower:
@@ -58,7 +66,7 @@ class ProgressFollower:
 
     def __init__(self, table: PhaseTable) -> None:
         self._table = table
-        self._courses: dict[str, _Course] = {}
+        self._states: dict[str, _States] = {}
         self._points = np.empty((8 * _PAST, table.basis.directions.shape[1]))
         self.clear()
 
@@ -76,7 +84,7 @@ class ProgressFollower:
             self._points = np.empty((len(self._points), table.basis.directions.shape[1]))
             self.clear()
         self._table, name, self._class_name = table, self._class_name, None
-        self._courses = {}
+        self._states = {}
         self._begin(name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
@@ -134,13 +142,13 @@ class ProgressFollower:
         if moments is None:
             return
         name = str(class_name)
-        course = self._courses.get(name) or self._courses.setdefault(name, _Course.of(moments))
-        self._filter = _Filter(name, course, self._table.whitening)
+        states = self._states.get(name) or self._states.setdefault(name, _States.of(moments))
+        self._filter = _Filter(name, states, self._table.whitening)
         for end in range(max(1, self._count - _REPLAYED), self._count + 1):
             self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
 
 
-class _Course(NamedTuple):
+class _States(NamedTuple):
     """The moments of a class as the filter reads them.
 
     Attributes
@@ -159,7 +167,7 @@ class _Course(NamedTuple):
         Each moment's speed, usual speed and usual swing, shape (3, moments).
     """
 
-    moments: Moments
+    moments: Keyframes
     beginning: NDArray[np.float64]
     rounds: NDArray[np.float64]
     alike: NDArray[np.float64]
@@ -170,19 +178,19 @@ class _Course(NamedTuple):
     expected: NDArray[np.float64]
 
     @classmethod
-    def of(cls, moments: Moments) -> Self:
+    def of(cls, moments: Keyframes) -> Self:
         phases = moments.phases
         first = phases < _FIRST_PHASES
         later = np.where(first, 0.0, (1 - phases) ** _FALLING)
         beginning = _AT_START * first / first.sum() + (1 - _AT_START) * later / max(later.sum(), 1e-9)
-        rounds = np.where(phases < 1 / phase_table.BINS, 1.0, 0.0)
-        bins = np.minimum((phases * phase_table.BINS).astype(np.intp), phase_table.BINS - 1)
+        rounds = np.where(phases < 1 / BINS, 1.0, 0.0)
+        bins = np.minimum((phases * BINS).astype(np.intp), BINS - 1)
         last = np.append(moments.starts[1:], len(phases)) - 1
         return cls(
             moments,
             beginning / beginning.sum(),
             rounds / max(rounds.sum(), 1.0),
-            1 / np.bincount(bins, minlength=phase_table.BINS).clip(1)[bins],
+            1 / np.bincount(bins, minlength=BINS).clip(1)[bins],
             bins,
             phases.argsort(kind="stable"),
             np.array([last, np.maximum(last - 1, moments.starts)]),
@@ -224,26 +232,26 @@ class _Course(NamedTuple):
 class _Filter:
     """The forward filter of one class."""
 
-    def __init__(self, class_name: str, course: _Course, whitening: NDArray[np.float64]) -> None:
-        self._class_name, self._course, self._whitening = class_name, course, whitening
-        self._belief = course.beginning
+    def __init__(self, class_name: str, states: _States, whitening: NDArray[np.float64]) -> None:
+        self._class_name, self._own, self._whitening = class_name, states, whitening
+        self._belief = states.beginning
         self._squares = self._expected = self._usual = self._weight = 0.0
         self._swing = self._swings = 0.0
-        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(course.moments.speeds.mean())
+        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(states.moments.speeds.mean())
         self._scrub = 0.0
         self._cycles, self._last = 0, 0.0
 
     def step(self, points: NDArray[np.float64]) -> Progress:
         """Go on by a step, and weigh by the newest of the points, shape (points, directions)."""
-        some = points[-max(2, round(phase_table.SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5))) :]
-        velocity = phase_table.VELOCITY * (some[-1] - some[max(len(some) - 1 - _BACK_POINTS, 0)])
+        some = points[-max(2, round(SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5))) :]
+        velocity = VELOCITY * (some[-1] - some[max(len(some) - 1 - _BACK_POINTS, 0)])
         live = (np.concatenate([some[-1], velocity]) @ self._whitening).astype(np.float32)
-        self._belief = belief = self._course.weighed(self._course.goes_on(self._belief), live)
-        expected, usual, usual_swing = (self._course.expected @ belief).tolist()
+        self._belief = belief = self._own.weighed(self._own.goes_on(self._belief), live)
+        expected, usual, usual_swing = (self._own.expected @ belief).tolist()
         self._measure(float(velocity @ velocity), expected, usual)
-        self._swing = _SIZE_KEPT * self._swing + phase_table.log_swing(float(some.var(axis=0).sum())) - usual_swing
+        self._swing = _SIZE_KEPT * self._swing + log_swing(float(some.var(axis=0).sum())) - usual_swing
         self._swings = _SIZE_KEPT * self._swings + 1
-        return self._answer(*self._course.phase_of(belief))
+        return self._answer(*self._own.phase_of(belief))
 
     def _measure(self, square: float, expected: float, usual: float) -> None:
         """Follow the body's speed relative to its likely moments, and relative to its class at that phase."""
@@ -256,7 +264,7 @@ class _Filter:
         self._speed = math.sqrt((self._squares + floor) / likely) if likely > 0 else 1.0
 
     def _answer(self, phase: float, sure: float) -> Progress:
-        if self._course.moments.cyclic and phase < self._last - 0.5:
+        if self._own.moments.cyclic and phase < self._last - 0.5:
             self._cycles += 1
             self._scrub = phase
         self._last = phase

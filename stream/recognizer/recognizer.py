@@ -1,7 +1,7 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
 There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts again after
-gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`joints.mending`), what the
+gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`mending`), what the
 windows show and how near the library's are (`live_windows`), what that means (`decision`), how far the motion is
 (`progress`), and whether a motion was really done (`done`).
 """
@@ -26,9 +26,9 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
 from kinespace.stream.recognizer.done import DoneFollower, Found, Look
-from kinespace.stream.recognizer.joints.fitting import Fitting, Kind
-from kinespace.stream.recognizer.joints.mending import Joints
+from kinespace.stream.recognizer.fitting import Fitting, Kind
 from kinespace.stream.recognizer.live_windows import Covariance, LiveWindows, RowSmoother, Seen
+from kinespace.stream.recognizer.mending import Joints
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, needed_lead, threshold_for
 

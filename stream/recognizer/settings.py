@@ -11,7 +11,7 @@ from typing import Literal
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.comparison import by_paper
 from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.recognizer.joints.fitting import kinds_of
+from kinespace.stream.recognizer.fitting import kinds_of
 
 #: Share of unknown time that may be named where strangers' motions taught the library unknown motion.
 SENSITIVITY_LEARNED = 0.05
@@ -80,7 +80,7 @@ class Settings:
         from strangers' movement. 0 looks for none. WINDOWS only; with the paper's signature none is looked for.
     plausibility
         Whether joints that cannot be believed are left out, and windows begin again after a jump of the body
-        (`stream.recognizer.joints.mending`). Without it every joint of every frame is believed.
+        (`stream.recognizer.mending`). Without it every joint of every frame is believed.
 
     Raises
     ------

@@ -14,7 +14,7 @@ import msgspec
 from kinespace.library.skeleton import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import GONE, Answer, Done, Event, Progress, Recognition
-from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
 from kinespace.stream.zeromq.frames import VERSION
 

@@ -29,7 +29,7 @@ from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encod
 from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
 from kinespace.stream.recognition import Answer, Done, Event, EventKind, Outcome, Progress, Recognition
-from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.answers import decode_body, encode_body
 from kinespace.stream.zeromq.frames import decode_packed

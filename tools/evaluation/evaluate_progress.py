@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.distances import distance_rows
-from kinespace.library.progress.phase_table import MOMENTS_PER_SECOND
+from kinespace.library.phases import MOMENTS_PER_SECOND
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.recognition import Progress
 from kinespace.stream.recognizer import Recognizer, Settings
@@ -111,7 +111,7 @@ def _true_phases(library: MotionLibrary) -> dict[int, NDArray[np.float64]]:
     return {
         id(clip): phases
         for name, moments in table.classes.items()
-        for clip, phases in zip(table.courses[name][0], np.split(moments.phases, moments.starts[1:]), strict=True)
+        for clip, phases in zip(table.recorded[name][0], np.split(moments.phases, moments.starts[1:]), strict=True)
     }
 
 

@@ -24,7 +24,7 @@ from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
-from kinespace.stream.recognizer.joints.fitting import TITLES, kinds_of
+from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
 from kinespace.tools.cli.presets import preset_named
 from kinespace.tools.terminal.console import print_scores, progress, say

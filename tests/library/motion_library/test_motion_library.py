@@ -10,7 +10,7 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.motion_library.learned import Learned
+from kinespace.library.motion_library.library_file import Learned
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from naive_windows import evidence, logit
 
-from kinespace.library.motion_library.learned import Learned
+from kinespace.library.motion_library.library_file import Learned
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import (
     HELD_ONE,

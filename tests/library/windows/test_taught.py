@@ -10,7 +10,7 @@ import pytest
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary
-from kinespace.library.motion_library.learned import TAUGHT, Learned
+from kinespace.library.motion_library.library_file import TAUGHT, Learned
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import WEIGHINGS, keeping_lessons, kept_of
 

@@ -12,7 +12,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
-from kinespace.stream.recognizer.joints.carried import Carried
+from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step

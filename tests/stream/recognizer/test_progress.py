@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinespace.library import MotionLibrary
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.progress.phase_table import VELOCITY, PhaseTable
+from kinespace.library.phases import VELOCITY, PhaseTable
 from kinespace.library.windows.index import WindowIndex
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.stream.recognition import Progress

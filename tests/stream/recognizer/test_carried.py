@@ -7,7 +7,7 @@ from synthetic import STICK, stick_clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
-from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by
+from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
 
 
 @pytest.mark.parametrize("seed", range(5))

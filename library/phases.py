@@ -1,4 +1,9 @@
-"""The moments of a library's motions with their phases: a live body is compared with them to find its progress."""
+"""The moments of a library's motions with their phases: a live body is compared with them to find its progress.
+
+A recording's own relative time is a poor phase: some recordings stand still before the motion, some after it. Every
+recording is warped onto others of its class (dynamic time warping, Sakoe and Chiba 1978), each of them gives it a
+phase, and the median of these is the phase on which they agree.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +17,10 @@ from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.progress.warping import agreed_phases
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 
-#: Moments of a recording that are kept, a second.
+#: Keyframes of a recording that are kept, a second.
 MOMENTS_PER_SECOND = 15.0
 #: Seconds over which a moment's velocity is taken.
 VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
@@ -38,7 +42,7 @@ _SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moments:
+class Keyframes:
     """The moments of the recordings of one class, recording after recording.
 
     Attributes
@@ -83,14 +87,14 @@ class PhaseTable:
         Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
     basis
         The basis of postures.
-    courses
+    recorded
         For each class its clips, and their numbers that do not depend on other classes.
     """
 
-    classes: Mapping[str, Moments]
+    classes: Mapping[str, Keyframes]
     whitening: NDArray[np.float64] = field(repr=False)
     basis: Basis = field(repr=False)
-    courses: Mapping[str, tuple[tuple[Clip, ...], _Courses]] = field(repr=False)
+    recorded: Mapping[str, tuple[tuple[Clip, ...], _Recorded]] = field(repr=False)
 
     @classmethod
     def of(cls, motions: Iterable[Clip], body: Body, basis: Basis, known: PhaseTable | None = None) -> PhaseTable:
@@ -109,19 +113,19 @@ class PhaseTable:
         for clip in motions:
             if clip.duration >= 2 * VELOCITY_SECONDS:
                 performed.setdefault(clip.class_name, []).append(clip)
-        before = known.courses if known and known.basis is basis else {}
-        courses: dict[str, tuple[tuple[Clip, ...], _Courses]] = {}
+        before = known.recorded if known and known.basis is basis else {}
+        recorded: dict[str, tuple[tuple[Clip, ...], _Recorded]] = {}
         for name, clips in performed.items():
             now, found = tuple(clips), before.get(name)
             # A clip equals itself alone.
-            courses[name] = found if found and found[0] == now else (now, _courses(now, body, basis))
-        numbers = [each for _, each in courses.values()]
+            recorded[name] = found if found and found[0] == now else (now, _recorded(now, body, basis))
+        numbers = [each for _, each in recorded.values()]
         whitening = _telling(numbers, _whitening(numbers, 2 * basis.directions.shape[1]))
-        moments = {name: _moments(each, whitening) for name, (_, each) in courses.items()}
-        return cls(moments, whitening, basis, courses)
+        moments = {name: _moments(each, whitening) for name, (_, each) in recorded.items()}
+        return cls(moments, whitening, basis, recorded)
 
 
-class _Courses(NamedTuple):
+class _Recorded(NamedTuple):
     """The numbers of the recordings of one class, which do not depend on other classes."""
 
     #: For each recording arrays (moments, 2 × directions), (moments,) and (moments,).
@@ -132,7 +136,7 @@ class _Courses(NamedTuple):
     cyclic: bool
 
 
-def _courses(clips: Sequence[Clip], body: Body, basis: Basis) -> _Courses:
+def _recorded(clips: Sequence[Clip], body: Body, basis: Basis) -> _Recorded:
     """Compute the numbers of a class."""
     points = [points_of(clip, body, basis) for clip in clips]
     moving = [with_velocity(each) for each in points]
@@ -141,7 +145,7 @@ def _courses(clips: Sequence[Clip], body: Body, basis: Basis) -> _Courses:
     phases = agreed_phases([each / scale for each in moving], actors)
     half = basis.directions.shape[1]
     cyclic = _is_cyclic(points, [each[:, half:] for each in moving])
-    return _Courses(moving, phases, [_swings(each) for each in points], actors, cyclic)
+    return _Recorded(moving, phases, [_swings(each) for each in points], actors, cyclic)
 
 
 def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
@@ -164,10 +168,10 @@ def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.hstack([points, VELOCITY * velocity])
 
 
-def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
+def _whitening(recorded: Iterable[_Recorded], width: int) -> NDArray[np.float64]:
     """Learn how recordings of a class differ at the same phase; a class of one recording is ignored."""
     scatters = []
-    for each in courses:
+    for each in recorded:
         places = [np.searchsorted(phases, _COMPARED_AT).clip(0, len(phases) - 1) for phases in each.phases]
         compared = np.array([moving[place] for moving, place in zip(each.moving, places, strict=True)])
         deviations = (compared - compared.mean(axis=0)).reshape(-1, width)
@@ -180,31 +184,31 @@ def _whitening(courses: Iterable[_Courses], width: int) -> NDArray[np.float64]:
     return whitening
 
 
-def _telling(courses: Collection[_Courses], whitening: NDArray[np.float64]) -> NDArray[np.float64]:
+def _telling(recorded: Collection[_Recorded], whitening: NDArray[np.float64]) -> NDArray[np.float64]:
     """Keep the axes along which the moments of a class differ most, in the mean of the classes."""
-    if not courses:
+    if not recorded:
         return whitening
-    spreads = np.mean([(np.concatenate(each.moving) @ whitening).var(axis=0) for each in courses], axis=0)
+    spreads = np.mean([(np.concatenate(each.moving) @ whitening).var(axis=0) for each in recorded], axis=0)
     kept = np.sort(spreads.argsort()[-_AXES:])
     return np.ascontiguousarray(whitening[:, kept])
 
 
-def _moments(courses: _Courses, whitening: NDArray[np.float64]) -> Moments:
+def _moments(recorded: _Recorded, whitening: NDArray[np.float64]) -> Keyframes:
     """Put the recordings of one class together."""
-    lengths = np.array([len(each) for each in courses.moving])
+    lengths = np.array([len(each) for each in recorded.moving])
     mean = float(lengths.mean())
     half = len(whitening) // 2
-    squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in courses.moving]
-    phases, speeds = np.concatenate(courses.phases), np.concatenate(squares)
-    return Moments(
-        vectors=np.ascontiguousarray((np.concatenate(courses.moving) @ whitening).T, dtype=np.float32),
+    squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in recorded.moving]
+    phases, speeds = np.concatenate(recorded.phases), np.concatenate(squares)
+    return Keyframes(
+        vectors=np.ascontiguousarray((np.concatenate(recorded.moving) @ whitening).T, dtype=np.float32),
         phases=phases,
         starts=np.cumsum([0, *lengths[:-1]]),
         speeds=speeds,
         usual_speeds=_usual(phases, speeds),
-        usual_swings=_usual(phases, np.concatenate(courses.swings)),
+        usual_swings=_usual(phases, np.concatenate(recorded.swings)),
         seconds=(mean - 1) / MOMENTS_PER_SECOND,
-        cyclic=courses.cyclic,
+        cyclic=recorded.cyclic,
     )
 
 
@@ -236,3 +240,116 @@ def _swings(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def log_swing(variance: float) -> float:
     """Log of the swing of points whose variances in all directions add up to this."""
     return 0.5 * math.log(variance + 1e-6)
+
+
+# --- warping ----------------------------------------------------------------------------------------------------------
+
+#: Cost of a step along both recordings, relative to a step along one: a diagonal path is as long as the detour.
+_DIAGONAL = 1.4
+#: Recordings of each other actor onto which a recording is warped, at most; of its own actor if there is no other.
+_PER_ACTOR, _OF_ONE = 2, 6
+#: Pairs of recordings that are warped together.
+_TOGETHER = 256
+
+
+def agreed_phases(features: Sequence[NDArray[np.float64]], actors: Sequence[str]) -> list[NDArray[np.float64]]:
+    """Find the phase of every frame of the recordings of one class.
+
+    Parameters
+    ----------
+    features
+        The numbers of each recording's frames that are compared, each (frames, numbers), two frames at least.
+    actors
+        The actor of each recording.
+
+    Returns
+    -------
+    For each recording the phase of its frames, (frames,), 0 to 1, never falling; relative time if the class has no
+    other recording.
+    """
+    pairs = [(index, other) for index in range(len(features)) for other in _partners(index, actors)]
+    found: list[list[NDArray[np.float64]]] = [[] for _ in features]
+    # Recordings of similar length are warped together, because all are filled up to the longest.
+    pairs.sort(key=lambda pair: (len(features[pair[0]]) + len(features[pair[1]]), pair))
+    for start in range(0, len(pairs), _TOGETHER):
+        some = pairs[start : start + _TOGETHER]
+        warped = warped_phases([(features[one], features[other]) for one, other in some])
+        for (one, _), phases in zip(some, warped, strict=True):
+            found[one].append(phases)
+    return [
+        np.maximum.accumulate(np.median(phases, axis=0)) if phases else np.linspace(0.0, 1.0, len(own))
+        for phases, own in zip(found, features, strict=True)
+    ]
+
+
+def _partners(index: int, actors: Sequence[str]) -> list[int]:
+    """Choose the recordings onto which one is warped, spread over each other actor's recordings."""
+    others: dict[str, list[int]] = {}
+    for other, actor in enumerate(actors):
+        if actor != actors[index]:
+            others.setdefault(actor, []).append(other)
+    if not others:
+        own = [other for other in range(len(actors)) if other != index]
+        return _spread(own, index, _OF_ONE)
+    return [other for group in others.values() for other in _spread(group, index, _PER_ACTOR)]
+
+
+def _spread(group: list[int], index: int, count: int) -> list[int]:
+    """Take some of a group, evenly spread, beginning at a place that depends on the asking recording."""
+    step = max(len(group) // count, 1)
+    return [group[(index + each * step) % len(group)] for each in range(min(count, len(group)))]
+
+
+def warped_phases(pairs: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> list[NDArray[np.float64]]:
+    """Warp the first of each pair onto the second, with both ends pinned.
+
+    Parameters
+    ----------
+    pairs
+        The numbers of two recordings, (frames, numbers) and (other frames, numbers).
+
+    Returns
+    -------
+    For each pair the mean relative time of the frames of the second recording with which each frame of the first is
+    matched, shape (frames,).
+    """
+    rows, columns = max(len(a) for a, _ in pairs), max(len(b) for _, b in pairs)
+    costs = np.zeros((len(pairs), rows, columns))
+    for cost, (a, b) in zip(costs, pairs, strict=True):
+        squares = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
+        cost[: len(a), : len(b)] = np.sqrt(np.maximum(squares, 0.0))
+    steps = _best_steps(costs)
+    return _followed_back(steps, [(len(a), len(b)) for a, b in pairs])
+
+
+def _best_steps(costs: NDArray[np.float64]) -> NDArray[np.int8]:
+    """Say from where the cheapest path reaches each cell: 0 from both before, 1 from above, 2 from the left."""
+    count, rows, columns = costs.shape
+    total = np.full((count, rows + 1, columns + 1), np.inf)
+    total[:, 0, 0] = 0.0
+    steps = np.zeros(costs.shape, dtype=np.int8)
+    for diagonal in range(rows + columns - 1):
+        i = np.arange(max(0, diagonal - columns + 1), min(rows, diagonal + 1))
+        j = diagonal - i
+        here = costs[:, i, j]
+        ways = np.stack([total[:, i, j] + (_DIAGONAL - 1) * here, total[:, i, j + 1], total[:, i + 1, j]])
+        best = ways.argmin(axis=0)
+        steps[:, i, j] = best
+        total[:, i + 1, j + 1] = np.take_along_axis(ways, best[None], axis=0)[0] + here
+    return steps
+
+
+def _followed_back(steps: NDArray[np.int8], sizes: Sequence[tuple[int, int]]) -> list[NDArray[np.float64]]:
+    """Follow every pair's path from its end, and average the columns that each row is matched with."""
+    place = np.array(sizes) - 1
+    last = np.maximum(place[:, 1], 1)
+    sums, counts = np.zeros(steps.shape[:2]), np.zeros(steps.shape[:2])
+    while (there := (place >= 0).all(axis=1)).any():
+        which, (i, j) = np.flatnonzero(there), place[there].T
+        sums[which, i] += j / last[which]
+        counts[which, i] += 1
+        step = steps[which, i, j]
+        done = (i == 0) & (j == 0)
+        place[which, 0] = np.where(done, -1, i - (step != 2))
+        place[which, 1] = np.where(done, -1, j - (step != 1))
+    return [sums[each, :rows] / counts[each, :rows] for each, (rows, _) in enumerate(sizes)]

@@ -12,7 +12,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
-from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints
+from kinespace.stream.recognizer.mending import BELIEVED_AFTER, HELD, Joints
 from kinespace.stream.recognizer.settings import threshold_for
 from kinespace.tools.feeding.feed import resampled
 

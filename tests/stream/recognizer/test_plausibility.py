@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognizer.joints.plausibility import SAME_PLACE, SPAN, Plausibility, Step, steps_of
+from kinespace.stream.recognizer.plausibility import SAME_PLACE, SPAN, Plausibility, Step, steps_of
 from kinespace.tools.feeding.feed import resampled
 
 RATE = 60.0

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.windows.segments import Segments, in_disorder
-from kinespace.stream.recognizer.joints.plausibility import Plausibility, Step, steps_of
+from kinespace.stream.recognizer.plausibility import Plausibility, Step, steps_of
 
 #: Seconds for which a lost joint keeps its place relative to its parent.
 HELD = 0.2

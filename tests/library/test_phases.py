@@ -11,8 +11,7 @@ from synthetic import STICK, stick_clip
 
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.progress.phase_table import PhaseTable
-from kinespace.library.progress.warping import warped_phases
+from kinespace.library.phases import PhaseTable, warped_phases
 from kinespace.library.windows.index import WindowIndex
 
 # --- warping ----------------------------------------------------------------------------------------------------------

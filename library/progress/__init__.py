@@ -1,1 +1,0 @@
-"""Progress: the phases on which the recordings of a class agree, and the table in which they are found live."""

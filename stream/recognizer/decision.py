@@ -24,7 +24,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import Evidence, Rejection
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
-from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 
 #: The lead after which a class becomes the guess.
 LEAD = 0.6
@@ -252,7 +252,7 @@ class Decision:
             self._active = replace(self._active, index=list(classes).index(self._active.label))
         return None
 
-    def push(self, windows: LiveWindows, seen: Seen, noise: float, time: float) -> Decided:
+    def push(self, windows: LiveWindows, seen: Compared, noise: float, time: float) -> Decided:
         """Decide for the windows that end now.
 
         Parameters

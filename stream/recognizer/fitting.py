@@ -15,10 +15,10 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import is_flat, logs_of
 
 #: Joints guessed from one camera's pictures, or measured by a suit, markers or a depth sensor.
-Kind = Literal["guessed", "measured"]
-TITLES: dict[Kind, str] = {"guessed": "one camera", "measured": "measured bodies"}
+FeedKind = Literal["guessed", "measured"]
+TITLES: dict[FeedKind, str] = {"guessed": "one camera", "measured": "measured bodies"}
 #: What is said of a performer when its kind did not teach the library.
-NOTES: dict[Kind, str] = {
+NOTES: dict[FeedKind, str] = {
     "guessed": "one camera's body, and measured ones taught the library: expect few right names, teach your own "
     "(--teach)",
     "measured": "a measured body, and one camera's taught the library: its names are less sure",
@@ -27,12 +27,12 @@ NOTES: dict[Kind, str] = {
 _IN_MOTIONS = (0.25, 0.5, 0.75)
 
 
-def kind_of(joints: Sequence[str], positions: NDArray[np.floating]) -> Kind:
+def kind_of(joints: Sequence[str], positions: NDArray[np.floating]) -> FeedKind:
     """Give the kind of a feed by some of its bodies, shape (bodies, joints, 3), metres."""
     return "guessed" if 2 * np.count_nonzero(are_of_landmarks(joints, positions)) > len(positions) else "measured"
 
 
-def kinds_of(library: MotionLibrary) -> frozenset[Kind]:
+def kinds_of(library: MotionLibrary) -> frozenset[FeedKind]:
     """Give the kinds of feed that taught a library's motions."""
     bodies = [each.positions[int(each.frames * look)] for each in library.motions for look in _IN_MOTIONS]
     found = are_of_landmarks(library.skeleton.joints, np.array(bodies)).reshape(-1, len(_IN_MOTIONS))
@@ -73,7 +73,7 @@ class Fitting:
         self._body, self._library = index.segments, index.library
         self._bodies: list[NDArray[np.float64]] = []
         self.unlike: bool | None = None
-        self.other_kind: Kind | None = None
+        self.other_kind: FeedKind | None = None
         self.flat = False
         self.due = -math.inf
 

@@ -132,7 +132,7 @@ _RESTS = 0.5
 _NO_STEP = 1e-6
 
 
-class Seen(NamedTuple):
+class Compared(NamedTuple):
     """What the windows that end now show, and how far that is from each class."""
 
     signature: Signature
@@ -195,7 +195,7 @@ class LiveWindows:
         """Compare at the next hop, whether the body moves or not, with the index."""
         weighing = self.index.comparison.weighing
         self._parts, self._eigenvectors = weighing.parts, weighing.eigenvectors
-        self.seen: Seen | None = None
+        self.seen: Compared | None = None
         #: The time since which the body is at rest, NaN while it moves; and of a body at rest the row that was read
         #: last, how far its distances may move, metres, and how many frames have been looked at.
         self._still_since, self._rest, self._room, self._looked_at = math.nan, np.empty(0), 0.0, 0
@@ -235,7 +235,7 @@ class LiveWindows:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""
         return self._window.times, self._window.recent()[0]
 
-    def read(self, stillness: float = 0.0, noise: float = 0.0) -> Seen | None:
+    def read(self, stillness: float = 0.0, noise: float = 0.0) -> Compared | None:
         """Compare the windows that end with the newest row; None while there is too little to compare.
 
         Parameters
@@ -265,9 +265,9 @@ class LiveWindows:
         rows, self._looked_at = self.recent()[1][self._looked_at - self._frames :], self._frames
         return float(np.abs(rows - self._rest).max()) <= self._room
 
-    def _read(self) -> Seen:
+    def _read(self) -> Compared:
         found = signature(self._window, self._parts, self.index.body, self._eigenvectors)
-        return Seen(found, self.index.distances(found))
+        return Compared(found, self.index.distances(found))
 
     def covariance(self) -> Covariance:
         """Give the covariance over the longest span, and what was read off it last; ValueError before."""

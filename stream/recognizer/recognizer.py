@@ -26,8 +26,8 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
 from kinespace.stream.recognizer.done import DoneFollower, Found, Look
-from kinespace.stream.recognizer.fitting import Fitting, Kind
-from kinespace.stream.recognizer.live_windows import Covariance, LiveWindows, RowSmoother, Seen
+from kinespace.stream.recognizer.fitting import FeedKind, Fitting
+from kinespace.stream.recognizer.live_windows import Compared, Covariance, LiveWindows, RowSmoother
 from kinespace.stream.recognizer.mending import Joints
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, needed_lead, threshold_for
@@ -263,7 +263,7 @@ class Recognizer:
         return self._fitting.unlike
 
     @property
-    def other_kind(self) -> Kind | None:
+    def other_kind(self) -> FeedKind | None:
         """The kind of the feed if another kind taught the library; None if not, and until the body has moved."""
         return self._fitting.other_kind
 
@@ -451,7 +451,7 @@ class Recognizer:
         hop = self.settings.hop
         self._due = self._due + hop if self._due + hop > time else time + hop
 
-    def _recognized(self, frame: Frame, windows: LiveWindows, seen: Seen) -> Recognition:
+    def _recognized(self, frame: Frame, windows: LiveWindows, seen: Compared) -> Recognition:
         """Make the answer to a frame from what its windows show."""
         self.counts.hops += 1
         (signature, found), classes = seen, windows.index.classes

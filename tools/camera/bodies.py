@@ -37,7 +37,7 @@ class Finder(Protocol):
         """Give the landmarks of the body in a region, if there is one."""
 
 
-class Seen(NamedTuple):
+class SeenBody(NamedTuple):
     """A body in one picture, and its name."""
 
     name: str
@@ -79,7 +79,7 @@ class Bodies:
         self._bodies: dict[str, _Body] = {}
         self._next_look = -math.inf
 
-    def seen(self, picture: NDArray[np.uint8], time: float) -> list[Seen]:
+    def seen(self, picture: NDArray[np.uint8], time: float) -> list[SeenBody]:
         """Find the bodies in the next picture (height, width, 3), taken at `time` seconds; in the order of names."""
         found: dict[str, Landmarks] = {}
         for name, body in self._bodies.items():
@@ -89,7 +89,7 @@ class Bodies:
         if len(found) < len(self._names) and (not found or time >= self._next_look):
             self._next_look = time + _LOOK_EVERY
             self._look(picture, time, found)
-        return [Seen(name, found[name]) for name in self._names if name in found]
+        return [SeenBody(name, found[name]) for name in self._names if name in found]
 
     def _look(self, picture: NDArray[np.uint8], time: float, found: dict[str, Landmarks]) -> None:
         """Look at the whole picture for further bodies: those first that were lost a moment ago, then the largest."""

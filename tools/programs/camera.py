@@ -19,7 +19,7 @@ from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.camera.bodies import Bodies, Seen
+from kinespace.tools.camera.bodies import Bodies, SeenBody
 from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared
@@ -159,7 +159,7 @@ class _Out:
         self._announced: dict[str, float] = {}
         self._count = 0
 
-    def send(self, seen: Seen, picture: Picture) -> bool:
+    def send(self, seen: SeenBody, picture: Picture) -> bool:
         """Send one body; False where too little of it is seen."""
         positions = self._joints.of(upright(seen.landmarks, picture.pixels))
         if np.isfinite(positions).all(axis=1).sum() < MIN_JOINTS:

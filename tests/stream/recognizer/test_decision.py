@@ -18,7 +18,7 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
-from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for
 
 CLASSES = ("bow", "jump", "wave")
@@ -123,10 +123,10 @@ def index(sticks: MotionLibrary) -> WindowIndex:
     return opened(sticks)
 
 
-def _seen(*distances: float, signature: Signature = MOVING) -> Seen:
+def _seen(*distances: float, signature: Signature = MOVING) -> Compared:
     """Give windows at these log distances from the classes, alike by each group."""
     logs = np.array([distances] * 3)
-    return Seen(signature, Distances(logs, logs[0], logs[1:], np.exp(-logs[0])))
+    return Compared(signature, Distances(logs, logs[0], logs[1:], np.exp(-logs[0])))
 
 
 def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -> None:

@@ -22,7 +22,7 @@ from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoo
 
 if TYPE_CHECKING:
     from kinespace.library.clip import Clip
-    from kinespace.stream.recognizer.live_windows import Seen
+    from kinespace.stream.recognizer.live_windows import Compared
 
 
 # --- smoothing --------------------------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ def index(request: pytest.FixtureRequest, small_index: WindowIndex, sticks: Moti
 
 
 def _assert_by_definition(
-    live: LiveWindows, read: Seen | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
+    live: LiveWindows, read: Compared | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
 ) -> None:
     """Compare all that was read with numbers computed from the rows up to now."""
     assert read is not None

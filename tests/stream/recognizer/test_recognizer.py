@@ -23,7 +23,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.frame import MAX_DISTANCE, Frame
 from kinespace.stream.recognition import EventKind, Outcome
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
-from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
+from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import index_for
 from kinespace.tools.feeding.feed import resampled
 
@@ -308,7 +308,7 @@ def test_a_body_at_rest_is_answered_as_if_all_were_compared(
     frames = list(_with_pauses(list(first.values())[:4], noise, sway))
     reads, read = [0], LiveWindows._read  # noqa: SLF001 - counted
 
-    def counted(windows: LiveWindows) -> Seen:
+    def counted(windows: LiveWindows) -> Compared:
         reads[-1] += 1
         return read(windows)
 

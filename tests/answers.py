@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary, Reading, compiled, opened, read_recordings
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex, compiled, opened, read_recordings
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 

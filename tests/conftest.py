@@ -20,11 +20,7 @@ from programs import LOOPBACK, builtin_library
 from refused import refuse
 from synthetic import stick_clips
 
-from kinespace.library import compiled
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.recordings import find_recordings, read_recordings
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled, find_recordings, opened, read_recordings
 from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.bench import crowd
 from kinespace.tools.camera import models

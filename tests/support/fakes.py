@@ -5,10 +5,8 @@ import socket
 from collections import deque
 from collections.abc import Sequence
 
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Done, Event, Frame, Performers, Recognition
 from kinespace.stream.outputs import Sink
-from kinespace.stream.recognition import Done, Event, Recognition
-from kinespace.stream.recognizer import Performers
 from kinespace.stream.service.loop import Service
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Notice

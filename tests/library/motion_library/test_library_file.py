@@ -17,9 +17,9 @@ import pytest
 from numpy.typing import NDArray
 from synthetic import STICK, stick_clips
 
-from kinespace.library.motion_library import MotionLibrary, library_file
+from kinespace.library import LibraryFileError, MotionLibrary
+from kinespace.library.motion_library import library_file
 from kinespace.library.motion_library.learned import Learned
-from kinespace.library.motion_library.library_file import LibraryFileError
 
 SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
 #: Bytes that refusing any file here may take at most.

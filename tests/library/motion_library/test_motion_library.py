@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.naming import Naming, hdm05
-from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import skeletons
 
-from kinespace.library.clip import Clip
+from kinespace.library import Clip
 from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
 from kinespace.library.naming.checked_toml import Text, read_toml
 from kinespace.library.naming.convention import parse_convention
@@ -225,12 +225,7 @@ KNOWN = {
     "smpl fbx": (skeletons.SMPL_FBX, "smpl", 22, {"m_avg_L_Hip": "lhipjoint", "m_avg_Pelvis": "root"}),
     "kinect 1": (skeletons.KINECT_1, "kinect1", 19, {"HipCenter": "root", "Spine": "Spine"}),
     "kinect 2": (skeletons.KINECT_2, "kinect2", 25, {"SpineShoulder": "thorax", "HandTipRight": "rfingers"}),
-    "azure kinect": (
-        skeletons.AZURE_KINECT,
-        "kinect2",
-        25,
-        {"SPINE_CHEST": "upperback", "PELVIS": "root"},
-    ),
+    "azure kinect": (skeletons.AZURE_KINECT, "kinect2", 25, {"SPINE_CHEST": "upperback", "PELVIS": "root"}),
     "openni": (skeletons.OPENNI, "openni", 15, {"left_hand": "lradius", "left_foot": "ltibia"}),
     "optitrack": (skeletons.OPTITRACK, "optitrack", 19, {"Skeleton 001_LFArm": "lhumerus"}),
     "arkit": (skeletons.ARKIT, "arkit", 28, {"left_forearm_joint": "lhumerus", "root": "ARKit root"}),

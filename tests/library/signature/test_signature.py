@@ -9,21 +9,11 @@ from hypothesis import strategies as st
 from naive_windows import body_of, rank_k_product
 from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary, distance_rows
-from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis, signature_of, similarity
+from kinespace.library import MotionLibrary, WindowIndex, distance_rows, signature_of, similarity
+from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.parts import (
-    Eigenpairs,
-    Moments,
-    eigen,
-    flattened,
-    movement,
-    posture,
-    spread,
-    trend,
-)
+from kinespace.library.signature.parts import Eigenpairs, Moments, eigen, flattened, movement, posture, spread, trend
 from kinespace.library.windows.cutting import eigenpairs_of
-from kinespace.library.windows.index import WindowIndex
 
 # --- basis ------------------------------------------------------------------------------------------------------------
 

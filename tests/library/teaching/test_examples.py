@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 from synthetic import stick_clip, stick_clips
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWindows, checked
 from kinespace.library.windows.courses import Courses
-from kinespace.library.windows.index import WindowIndex, opened
 
 #: What is said of two classes that cannot be told apart.
 CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"

@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from kinespace.library import WindowIndex
 from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, flattened
 from kinespace.library.windows.comparison import (
     ACROSS_LABORATORIES,
@@ -17,9 +15,6 @@ from kinespace.library.windows.comparison import (
 )
 from kinespace.library.windows.cutting import CutWindows
 from kinespace.library.windows.index import Measured
-
-if TYPE_CHECKING:
-    from kinespace.library.windows.index import WindowIndex
 
 #: One view of two groups, and one that sees postures alone.
 SMALL = Weighing(

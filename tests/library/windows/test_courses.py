@@ -1,7 +1,5 @@
 """Courses: whole motions at equal way, in the body's own frame, and the limits of what is said."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

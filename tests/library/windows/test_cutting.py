@@ -1,20 +1,13 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import naive_windows
 import numpy as np
 import pytest
 from naive_windows import body_of, window
 
+from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import PARTS, Kind
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
-
-if TYPE_CHECKING:
-    from kinespace.library import MotionLibrary
-    from kinespace.library.clip import Clip
-    from kinespace.library.windows.index import WindowIndex
 
 
 @pytest.fixture(scope="module")

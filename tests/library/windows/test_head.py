@@ -1,7 +1,5 @@
 """Tests of the linear head: its probabilities, what teaches it, and where it helps to name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +7,12 @@ import pytest
 from naive_windows import unlikely
 from synthetic import stick_clips
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind, Signature
 from kinespace.library.windows.comparer import Head
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.cutting import window_ends
-from kinespace.library.windows.index import Measured, WindowIndex
+from kinespace.library.windows.index import Measured
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,21 +9,23 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, distance_rows
-from kinespace.library.motion_library import NOTHING
-from kinespace.library.signature.parts import EIGENVECTORS, Kind, Signature
+from kinespace.library import (
+    NOTHING,
+    Clip,
+    MotionLibrary,
+    Skeleton,
+    SkeletonMismatchError,
+    WindowIndex,
+    distance_rows,
+    opened,
+)
+from kinespace.library.signature.parts import EIGENVECTORS, Kind, Part, Signature
 from kinespace.library.windows.comparer import LANE, Comparer
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Metric, by_paper
 from kinespace.library.windows.cutting import CutWindows, window_ends
-from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
+from kinespace.library.windows.index import Measured, teacher_of
 from kinespace.library.windows.rejection import RATES, Rejection, learned_rejection
 from kinespace.tools.cli.presets import joints_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from kinespace.library.signature.parts import Part
-    from kinespace.library.windows.comparison import Metric
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SECONDS = 1.0

@@ -1,19 +1,13 @@
 """Oddities of a body: honest recordings have none, and each fault gets its remark."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.windows.segments import FLAT, is_flat, remarks
 from kinespace.tools.feeding.feed import resampled
-
-if TYPE_CHECKING:
-    from kinespace.library import Clip
 
 MOTIONS = MotionLibrary.builtin().motions
 

@@ -1,25 +1,18 @@
 """Opened windows in the user's cache: the same numbers as computed ones, and only of the built-in library."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os
 from collections import defaultdict
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.windows import index, remembered
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    from kinespace.library.windows.index import WindowIndex
 
 pytestmark = pytest.mark.slow
 SIXTEEN = MotionLibrary.builtin().skeleton.joints[:16]

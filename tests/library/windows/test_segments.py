@@ -1,13 +1,8 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from naive_bodies import build_and_stretch, segment_lengths, stretched, unlike
 
-from kinespace.library.clip import Clip
-from kinespace.library.skeleton import Skeleton
+from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.windows.segments import (
     BEYOND_LIBRARY,
     DISORDER,
@@ -16,10 +11,6 @@ from kinespace.library.windows.segments import (
     mirrored_places,
     shares_of_size,
 )
-
-if TYPE_CHECKING:
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.library.windows.index import WindowIndex
 
 
 def test_lengths_equal_the_slow_twins(small_index: WindowIndex) -> None:

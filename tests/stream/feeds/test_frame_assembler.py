@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinespace.library.naming import hdm05
-from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS, FrameAssembler
+from kinespace.stream import Announcement, Frame
+from kinespace.stream.feeds import FrameAssembler, builtin_preset
+from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.osc.packet import decode_packet
+from kinespace.stream.osc import decode_packet
 
 JOINTS = ("a", "b", "c", "d")
 

@@ -6,7 +6,8 @@ from golden import message
 from kinespace.stream.feeds import Mapper, builtin_preset
 from kinespace.stream.feeds.message_reader import MessageError, Reading
 from kinespace.stream.feeds.preset import Means, parse_preset
-from kinespace.stream.osc.packet import Message, decode_packet
+from kinespace.stream.osc import decode_packet
+from kinespace.stream.osc.packet import Message
 
 JOINTS = '[joints]\nhand = "lhand"\nhead = "head"\nneck = ""\n'
 

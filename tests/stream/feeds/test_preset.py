@@ -81,9 +81,7 @@ MISTAKES = {
         '"x", "y", "z", "x"': "message 1, arguments: expected each role but skip once",
         '"x", "y", "z", "qx"': "message 1, arguments: expected all of qx, qy, qz, qw or none",
     },
-    'arguments = ["x", "y", "z"]': {
-        'each = ["x", "y", "z"]': "order: expected the joints' order",
-    },
+    'arguments = ["x", "y", "z"]': {'each = ["x", "y", "z"]': "order: expected the joints' order"},
     'head = "head"': {
         "": "joints: expected at least two joints",
         'Hand = "head"': "joints: expected names that differ in more than capitals",

@@ -3,11 +3,11 @@
 import numpy as np
 from golden import message
 
-from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
+from kinespace.stream import Announcement, Frame
+from kinespace.stream.feeds import FrameAssembler, builtin_preset
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
 from kinespace.stream.feeds.unpackers import UNPACKERS
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.osc.packet import decode_packet
+from kinespace.stream.osc import decode_packet
 
 NAMES = {"Hips": "root", "Spine": "lowerback", "Neck": "lowerneck", "LeftHand": "lradius", "right_hand": "rradius"}
 

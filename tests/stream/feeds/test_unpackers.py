@@ -7,12 +7,7 @@ import pytest
 from golden import bundle, message
 
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.feeds.unpackers import (
-    ChannelUnpacker,
-    unpack_rokoko,
-    unpack_xsens,
-    unpack_zigsim,
-)
+from kinespace.stream.feeds.unpackers import ChannelUnpacker, unpack_rokoko, unpack_xsens, unpack_zigsim
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError
 

@@ -11,7 +11,7 @@ import zmq
 from programs import LOOPBACK, PATIENCE
 from synthetic import stick_clip
 
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
 from kinespace.stream.frame import NewSender
 from kinespace.stream.inputs import Admission

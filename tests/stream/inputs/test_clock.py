@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from synthetic import stick_clip
 
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import MotionLibrary
 from kinespace.stream import Frame, Performers
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.clock import SenderClock

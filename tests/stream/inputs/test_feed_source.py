@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 from golden import message
 
+from kinespace.stream import Frame
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.source import SILENCE, FeedSource, is_due
-from kinespace.stream.osc import OscReceiver
-from kinespace.stream.osc.packet import Message, decode_packet
+from kinespace.stream.osc import OscReceiver, decode_packet
+from kinespace.stream.osc.packet import Message
 
 LOOPBACK, NEVER = "127.0.0.1", -math.inf
 

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kinespace.stream import osc
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.source import MAX_ASIDE, MAX_AT_ONCE, PER_EVENT, SHARE, Turns, Waiting
 from kinespace.stream.status import InputCounts, Refusals

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.stream import Frame, osc
+from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
 from kinespace.stream.inputs import Admission, OscDecoder, Source
 from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step, wire

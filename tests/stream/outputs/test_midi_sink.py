@@ -7,8 +7,8 @@ import mido
 import numpy as np
 import pytest
 
+from kinespace.stream import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 
 START = Event("ann", EventKind.START, "jump", 1, 0.75, 4.0)
 END = Event("ann", EventKind.END, "jump", 1, 0.75, 5.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pythonosc.osc_packet import OscPacket
 
+from kinespace.stream import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.outputs import LayoutSink
 from kinespace.stream.outputs.layouts import LayoutFileError, WrittenLayout
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 
 FILMS = """
 title = "a mixer of films"

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
-from kinespace.library.skeleton import Skeleton
-from kinespace.stream import zeromq
-from kinespace.stream.frame import Frame
+from kinespace.library import Skeleton
+from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status

@@ -11,15 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import by_likelihood
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream import Event, EventKind, LiveSignature, Outcome, Recognition, Settings
 from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
 from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
-from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for
+from kinespace.stream.recognizer.settings import index_for
 
 CLASSES = ("bow", "jump", "wave")
 START, END = EventKind.START, EventKind.END
@@ -118,7 +117,7 @@ def test_a_guess_is_known_by_averaged_evidence(
 @pytest.fixture(scope="module")
 def index(sticks: MotionLibrary) -> WindowIndex:
     """Give an index of three classes."""
-    from kinespace.library.windows.index import opened  # noqa: PLC0415 - for this fixture alone
+    from kinespace.library import opened  # noqa: PLC0415 - for this fixture alone
 
     return opened(sticks)
 

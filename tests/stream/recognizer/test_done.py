@@ -10,13 +10,10 @@ import naive_courses as naive
 import numpy as np
 import pytest
 
-from kinespace.library import NOTHING, MotionLibrary
-from kinespace.library.clip import Clip
+from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.own_frame import STEP, size_of
 from kinespace.library.windows.courses import Courses, path_of
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream import Frame, Recognizer, Settings
-from kinespace.stream.recognition import Done, EventKind
+from kinespace.stream import Done, EventKind, Frame, Recognizer, Settings
 from kinespace.stream.recognizer import done
 from kinespace.stream.recognizer.done import DoneFollower
 from kinespace.tools.teaching.lessons import open_taught

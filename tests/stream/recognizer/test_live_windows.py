@@ -1,10 +1,7 @@
 """The last seconds: rows in a sliding window, averaged where a feed trembles, and the parts read off them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING
 
 import naive_windows
 import numpy as np
@@ -12,18 +9,11 @@ import pytest
 from naive_stream import NaiveSmoother
 from twins import Twin
 
-from kinespace.library import MotionLibrary
-from kinespace.library.distances import distance_rows
+from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.comparison import by_paper
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoother
-
-if TYPE_CHECKING:
-    from kinespace.library.clip import Clip
-    from kinespace.stream.recognizer.live_windows import Seen
-
+from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoother, Seen
 
 # --- smoothing --------------------------------------------------------------------------------------------------------
 

@@ -10,13 +10,9 @@ import pytest
 from naive_progress import Pace, beginning_of, below, gone_on, weighed
 from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary
-from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
+from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.progress.phase_table import VELOCITY, PhaseTable
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream import Frame, Recognizer, Settings
-from kinespace.stream.recognition import Progress
+from kinespace.stream import Frame, Progress, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"

@@ -15,14 +15,10 @@ from naive_stream import NaiveFeed
 from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library import SkeletonMismatchError
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.frame import MAX_DISTANCE, Frame
-from kinespace.stream.recognition import EventKind, Outcome
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
+from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, opened
+from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performers, Recognizer, Settings
+from kinespace.stream.frame import MAX_DISTANCE
+from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
 from kinespace.stream.recognizer.settings import index_for
 from kinespace.tools.feeding.feed import resampled
@@ -50,12 +46,7 @@ STEPS = st.sampled_from(
 )
 @settings(max_examples=60)
 def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917 - a feed has many sides
-    sticks: MotionLibrary,
-    steps: list[float],
-    hop: float,
-    longest_gap: float,
-    start: float,
-    window: float | None,
+    sticks: MotionLibrary, steps: list[float], hop: float, longest_gap: float, start: float, window: float | None
 ) -> None:
     """Frames late, repeated, after gaps, of a clock that began again: the slow twin answers at the same frames."""
     others = {} if window is None else {"signature": LiveSignature.PAPER, "window": window}

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from synthetic import stick_clip
 
-from kinespace.library import MotionLibrary
-from kinespace.library.windows.index import opened
-from kinespace.stream.recognizer import LiveSignature, Settings
+from kinespace.library import MotionLibrary, opened
+from kinespace.stream import LiveSignature, Settings
 from kinespace.stream.recognizer.settings import index_for, needed_lead, threshold_for, usual_sensitivity
 
 PAPER = LiveSignature.PAPER

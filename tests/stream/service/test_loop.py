@@ -9,12 +9,9 @@ from fakes import Bench, FakeSink, FakeSource
 from performed import pushed, shown
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream import osc, zeromq
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.library import MotionLibrary
+from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc, zeromq
 from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
-from kinespace.stream.recognition import Done, Event, Outcome, Recognition
-from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.loop import LATE, MAX_AGE, Service
 from kinespace.stream.status import InputCounts, Status

@@ -9,10 +9,8 @@ from fakes import Bench, FakeClock, FakeSink, FakeSource
 from performed import shown
 from synthetic import STICK, stick_clip
 
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import Performers
+from kinespace.library import MotionLibrary
+from kinespace.stream import Announcement, Frame, Performers, Recognition
 from kinespace.stream.service.loop import MAX_PERFORMERS, MAX_WAITING, Overload, Taken
 
 #: Seconds that a packet and an answer take.

@@ -1,33 +1,25 @@
 """Workers on this machine: they start, answer as one process does, and are replaced."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal
 import sys
 import time
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.library.windows.index import opened
-from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import Performers, Settings
+from kinespace.library import MotionLibrary, opened
+from kinespace.stream import Announcement, Frame, Performers, Recognition, Settings
+from kinespace.stream.frame import Admitted, NewSender
 from kinespace.stream.service import gateway as gateways
 from kinespace.stream.service import worker
 from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.worker import Terms, Worker
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
 
 RATE, PATIENCE = 60, 60.0
 #: Seconds between two answers, and a frame: another worker's hops are others.

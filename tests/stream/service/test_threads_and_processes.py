@@ -1,23 +1,17 @@
 """Threads and processes of our own: windows that a thread opens, and children that survive their parent's signals."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from multiprocessing.connection import Connection
 
 import pytest
 
-from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
-from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from multiprocessing.connection import Connection
-
-    from kinespace.library.motion_library import MotionLibrary
-
+from kinespace.library import MotionLibrary, WindowIndex
+from kinespace.library.windows.index import MAX_VIEWS
+from kinespace.stream import BackgroundViews
+from kinespace.stream.service.background import leave_signals_to_parent, signals_held
 
 # --- background opener ------------------------------------------------------------------------------------------------
 

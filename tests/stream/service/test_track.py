@@ -1,18 +1,11 @@
 """One performer as the gateway knows it: which answers are news, and which events listeners get."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream import Frame, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
-
-if TYPE_CHECKING:
-    from kinespace.stream.service.wire import SentFrame
+from kinespace.stream.service.wire import SentFrame
 
 CLASSES = ("squat", "jog")
 JOINTS = ("a", "b", "c")

@@ -1,22 +1,15 @@
 """The messages of workers: what goes out comes back."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.stream.frame import Announcement, Frame, NewSender
-from kinespace.stream.recognition import Event, EventKind, Progress
-from kinespace.stream.recognizer import Recognizer
+from kinespace.library import MotionLibrary
+from kinespace.stream import Announcement, Event, EventKind, Frame, Progress, Recognition, Recognizer
+from kinespace.stream.frame import NewSender
 from kinespace.stream.service import wire
-
-if TYPE_CHECKING:
-    from kinespace.library.motion_library import MotionLibrary
-    from kinespace.stream.recognition import Recognition
 
 POSITIONS = np.arange(18.0).reshape(6, 3) / 7
 

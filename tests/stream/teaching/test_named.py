@@ -1,7 +1,7 @@
 import pytest
 from test_teacher import Stage
 
-from kinespace.stream.recognition import Event, EventKind
+from kinespace.stream import Event, EventKind
 from kinespace.stream.teaching import State, Step, commands
 from kinespace.stream.teaching.memory import NamedMotions
 

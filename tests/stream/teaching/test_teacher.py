@@ -7,7 +7,7 @@ from synthetic import gesture, stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Roster
-from kinespace.stream.frame import Frame
+from kinespace.stream import Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
@@ -119,11 +119,7 @@ def test_an_example_that_is_undone_before_its_check_is_told() -> None:
 def test_undo_without_end() -> None:
     """Every change can be undone."""
     stage = _taught()
-    for command in (
-        commands.Rename("wave", "bow"),
-        commands.Enable("squat1Reps", on=False),
-        commands.Forget("bow"),
-    ):
+    for command in (commands.Rename("wave", "bow"), commands.Enable("squat1Reps", on=False), commands.Forget("bow")):
         stage.ask(command)
     changes = [each for each in stage.told if isinstance(each, State) and each.step is Step.DONE]
     assert [(each.performer, each.seconds) for each in changes] == [("", 0.0)] * 3
@@ -133,13 +129,7 @@ def test_undo_without_end() -> None:
     for _ in range(4):
         stage.ask(commands.Undo())
         rosters.append(stage.teacher.roster)
-    assert [[each.class_name for each in roster.examples] for roster in rosters] == [
-        [],
-        ["bow"],
-        ["bow"],
-        ["wave"],
-        [],
-    ]
+    assert [[each.class_name for each in roster.examples] for roster in rosters] == [[], ["bow"], ["bow"], ["wave"], []]
     assert rosters[1].disabled == {"squat1Reps"}
     assert stage.ask(commands.Undo())[0] == State("", Step.REFUSED, 0.0, "nothing to undo")
 

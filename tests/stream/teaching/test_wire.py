@@ -2,7 +2,8 @@ import json
 
 import pytest
 
-from kinespace.stream.osc.packet import decode_packet, encode_bundle, encode_message
+from kinespace.stream.osc import decode_packet, encode_message
+from kinespace.stream.osc.packet import encode_bundle
 from kinespace.stream.teaching import State, Step, Taught, commands, wire
 from kinespace.stream.teaching.commands import CommandError, Tried
 
@@ -145,10 +146,7 @@ def test_notices() -> None:
         (Tried(), ""),
         (Tried(4, 0, 300.0), "done not once in your last 5 minutes"),
         (Tried(0, 0, 42.0), "done not once in your last 42 s"),
-        (
-            Tried(0, 1, 42.0),
-            f"done once in your last 42 s; {TOO_OFTEN}",
-        ),
+        (Tried(0, 1, 42.0), f"done once in your last 42 s; {TOO_OFTEN}"),
     ],
 )
 def test_how_often_a_class_would_have_been_said(tried: Tried, words: str) -> None:

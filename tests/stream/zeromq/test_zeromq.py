@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from performed import NAMED
 
-from kinespace.stream import zeromq
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Done, Event, EventKind
+from kinespace.stream import Done, Event, EventKind, Frame, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender

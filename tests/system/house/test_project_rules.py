@@ -18,21 +18,8 @@ BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "str
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
 CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
 CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py")
-CORE += (
-    "stream/inputs/decoder.py",
-    "stream/inputs/detection.py",
-    "stream/packet.py",
-    "stream/inputs/takes.py",
-)
-CORE += tuple(
-    f"stream/feeds/{name}.py"
-    for name in (
-        "frame_assembler",
-        "kinematics",
-        "message_reader",
-        "preset",
-    )
-)
+CORE += ("stream/inputs/decoder.py", "stream/inputs/detection.py", "stream/packet.py", "stream/inputs/takes.py")
+CORE += tuple(f"stream/feeds/{name}.py" for name in ("frame_assembler", "kinematics", "message_reader", "preset"))
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "selectors", "multiprocessing", "logging"}
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))

@@ -10,13 +10,11 @@ import skeletons
 from performed import pushed, shown
 from programs import ghost_cues, live
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
+from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
+from kinespace.stream.recognizer import SentJoints
 from kinespace.tools.cli.main import main
 from kinespace.tools.cli.presets import joints_in_order, joints_of
 from kinespace.tools.feeding.feed import Cue

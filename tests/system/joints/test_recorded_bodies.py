@@ -7,14 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinespace.library import Reading
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.naming import Naming
-from kinespace.library.naming.convention import convention_named
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library import MotionLibrary, Reading, WindowIndex
+from kinespace.library.naming import Naming, convention_named
 from kinespace.library.windows.segments import Segments
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from performed import pushed, shown
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.library import Clip, MotionLibrary, WindowIndex
+from kinespace.stream import Frame, LiveSignature, Recognizer, Settings
 
 #: Everything holds of the compiled loops and of numpy.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]

@@ -12,8 +12,8 @@ from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.osc import OscReceiver
-from kinespace.stream.osc.packet import Message, decode_packet
+from kinespace.stream.osc import OscReceiver, decode_packet
+from kinespace.stream.osc.packet import Message
 from kinespace.tools.programs.live.program import fitted
 
 pytestmark = pytest.mark.slow

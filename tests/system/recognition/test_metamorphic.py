@@ -8,11 +8,8 @@ import pytest
 from performed import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.library import Clip, MotionLibrary
+from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 
 Feed = list[Frame]

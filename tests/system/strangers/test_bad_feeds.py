@@ -12,12 +12,10 @@ from fuzzfeeds import run, run_messages
 from performed import assert_same, pushed, shown
 from programs import LOOPBACK, PATIENCE
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream import Frame, osc, zeromq
+from kinespace.library import Clip, MotionLibrary
+from kinespace.stream import Frame, Performers, Recognizer, Settings, osc, zeromq
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 
 # --- bad feed ---------------------------------------------------------------------------------------------------------

@@ -11,8 +11,7 @@ from takes import write_take
 
 from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.stream_score import Course

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
-from kinespace.stream import Frame, Recognizer
-from kinespace.stream.recognition import EventKind
+from kinespace.stream import EventKind, Frame, Recognizer
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 

@@ -11,10 +11,8 @@ import pytest
 from programs import LOOPBACK, PATIENCE, ROOT, free_udp_port
 
 from kinespace.library.naming import Naming, hdm05
-from kinespace.stream import osc
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
 from kinespace.stream.outputs import NativeLayout
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 
 PACKAGE = ROOT / "tools" / "examples" / "unity"
 #: A name with a character that addresses cannot hold, and one that is two in C#.

@@ -8,8 +8,8 @@ import numpy as np
 from golden import message
 from programs import ROOT, builtin_library
 
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.feeds import builtin_preset, load_preset
-from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.outputs.layouts import WrittenLayout
 

@@ -9,13 +9,7 @@ from synthetic import STICK, stick_clip
 
 from kinespace.stream import Announcement, Frame, zeromq
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.feeding.feed import (
-    Cue,
-    Pace,
-    ZmqFrameSender,
-    clip_cues,
-    without_pause,
-)
+from kinespace.tools.feeding.feed import Cue, Pace, ZmqFrameSender, clip_cues, without_pause
 
 POSITIONS = np.zeros((6, 3))
 

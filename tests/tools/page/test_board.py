@@ -9,13 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.library.skeleton import Skeleton
-from kinespace.stream import zeromq
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
+from kinespace.library import Skeleton
+from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching.commands import State, Step, Taught
+from kinespace.stream.teaching import State, Step, Taught
 from kinespace.stream.teaching.wire import as_json
 from kinespace.stream.zeromq import answers as zeromq_answers
 from kinespace.stream.zeromq.answers import encode_body

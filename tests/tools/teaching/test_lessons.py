@@ -11,17 +11,15 @@ import numpy as np
 import pytest
 import zmq
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.motion_library import library_file
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Admitted, Announcement, Frame
+from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, Recognition, Settings
+from kinespace.stream.frame import Admitted
 from kinespace.stream.inputs import commands as requests
 from kinespace.stream.inputs.commands import RequestSource
-from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Event, EventKind, Recognition
-from kinespace.stream.recognizer import Performers, SentJoints, Settings
+from kinespace.stream.outputs import Sink
+from kinespace.stream.recognizer import SentJoints
 from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from kinespace.stream import Outcome, Recognition
-from kinespace.stream.recognition import Done, Event, EventKind
+from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -40,9 +39,7 @@ def status(*performers: str) -> Status:
     return Status(
         inputs=InputCounts(received=101, malformed=2, foreign=3, overrun=4, missing=5),
         outcomes=PerformerCounts(
-            no_room=6,
-            other_joints=7,
-            recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20),
+            no_room=6, other_joints=7, recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20)
         ),
         unsent=10,
         performers=dict.fromkeys(performers, 119.6),

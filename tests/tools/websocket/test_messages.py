@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.inputs import ZmqDecoder
 from kinespace.stream.zeromq import answers
 from kinespace.tools.page.websocket import as_text, packed

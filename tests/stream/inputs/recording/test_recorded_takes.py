@@ -16,13 +16,12 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame, Performers, osc, zeromq
+from kinespace.stream import Announcement, Frame, Performers, Recognition, osc, zeromq
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.frame import Input
 from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter, Recorder, source_name
 from kinespace.stream.inputs.takes import decoded
-from kinespace.stream.recognition import Recognition
 from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.library import MotionLibrary
+from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings
 from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by
 
 

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.windows.segments import FLAT
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import Performers, Recognizer
+from kinespace.stream import Frame, Performers, Recognizer
 from kinespace.stream.recognizer.performers import UNLIKE
 from kinespace.tools.feeding.feed import resampled
 

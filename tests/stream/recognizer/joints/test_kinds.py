@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, Skeleton
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
-from kinespace.library.skeleton import Skeleton
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognizer import Performers
+from kinespace.stream import Announcement, Frame, Performers
 from kinespace.stream.recognizer.joints.fitting import NOTES, TITLES, kind_of, kinds_of
 from kinespace.stream.recognizer.settings import usual_sensitivity
 from kinespace.tools.cli.main import main

@@ -6,11 +6,8 @@ from numpy.typing import NDArray
 from performed import pushed, shown
 from synthetic import STICK
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.recognition import EventKind, Outcome, Recognition
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
+from kinespace.stream import EventKind, Outcome, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints
 from kinespace.stream.recognizer.settings import threshold_for
 from kinespace.tools.feeding.feed import resampled

@@ -8,8 +8,7 @@ import pytest
 from naive_bodies import keeps_its_place, squares_about_mean, step_length, steps_between
 from numpy.typing import NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library import Clip, WindowIndex
 from kinespace.stream.recognizer.joints.plausibility import (
     ELSEWHERE_STEP,
     SAME_PLACE,

@@ -6,7 +6,7 @@ from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream import Outcome, Recognition
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed
 from kinespace.tools.evaluation.stream_score import counted_in

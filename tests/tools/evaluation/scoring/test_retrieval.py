@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.library import Clip, MotionLibrary
-from kinespace.library.distances import distance_rows
+from kinespace.library import Clip, MotionLibrary, distance_rows
 from kinespace.tools.evaluation.evaluate_retrieval import (
     Labels,
     Protocol,

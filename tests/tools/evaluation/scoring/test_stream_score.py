@@ -13,7 +13,7 @@ from naive_score import Moment
 from synthetic import stick_clip
 
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.stream import Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
 from kinespace.tools.evaluation.takes import Take
 
@@ -153,17 +153,7 @@ def _random_course(generator: np.random.Generator, frames: int, most_apart: int 
 
     score = np.round(generator.random(frames) + 0.1 * (truth >= 0), 2)
     score[:10] = np.nan
-    return Course(
-        "random",
-        times,
-        segments,
-        truth,
-        segment,
-        flickering(0.7),
-        flickering(0.6),
-        flickering(0.8),
-        score,
-    )
+    return Course("random", times, segments, truth, segment, flickering(0.7), flickering(0.6), flickering(0.8), score)
 
 
 def _moments(course: Course) -> list[Moment]:

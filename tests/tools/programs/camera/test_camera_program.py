@@ -12,8 +12,7 @@ from programs import LOOPBACK, finished, free_udp_port, live
 
 from kinespace.library import MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS
-from kinespace.stream import osc
-from kinespace.stream.frame import Announcement
+from kinespace.stream import Announcement, osc
 from kinespace.stream.inputs import OscDecoder
 from kinespace.tools.camera import joints
 from kinespace.tools.camera.region import Landmarks, Region

@@ -5,14 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from programs import (
-    LOOPBACK,
-    builtin_library,
-    free_udp_port,
-    ghost_cues,
-    live,
-    started,
-)
+from programs import LOOPBACK, builtin_library, free_udp_port, ghost_cues, live, started
 
 from kinespace.stream import Announcement, Settings, osc
 from kinespace.tools.cli.main import main

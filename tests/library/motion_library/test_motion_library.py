@@ -1,14 +1,24 @@
 """The motion library: made of clips, changed, merged, and the one that comes with the package."""
 
 import dataclasses
+import io
+import json
+import os
+import pickle
+import re
+import tracemalloc
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError
+from kinespace.library import Clip, LibraryFileError, MotionLibrary, Skeleton, SkeletonMismatchError
+from kinespace.library.motion_library import library_file
 from kinespace.library.motion_library.learned import Learned
 from kinespace.library.naming import Naming, hdm05
 
@@ -278,3 +288,413 @@ def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, hdm05
     """Built anew from the 288 clips the library is the one in the package, to the millimetre."""
     terms = {"source": hdm05.SOURCE, "licence": hdm05.LICENCE, "attribution": hdm05.ATTRIBUTION}
     _assert_equal(MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in hdm05_clips]), builtin)
+
+
+#: Bytes that refusing any file here may take at most.
+LITTLE = 40_000_000
+
+
+@pytest.fixture(scope="module")
+def small_library() -> MotionLibrary:
+    """Give a library with a licence and learned arrays."""
+    clips = [dataclasses.replace(clip, licence="CC0", attribution="nobody, somewhere") for clip in stick_clips()]
+    return MotionLibrary.of_clips(clips, learned=Learned({"weights": np.arange(12, dtype=np.float32).reshape(3, 4)}))
+
+
+@pytest.fixture(scope="module")
+def content(small_library: MotionLibrary, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Give the bytes of a good library file."""
+    path = tmp_path_factory.mktemp("good") / "small.npz"
+    small_library.save(path)
+    return path.read_bytes()
+
+
+def _are_equal(first: MotionLibrary, second: MotionLibrary) -> bool:
+    if first.skeleton != second.skeleton or len(first) != len(second):
+        return False
+    return all(
+        np.array_equal(one.positions, another.positions)
+        and all(getattr(one, name) == getattr(another, name) for name in SAID)
+        for one, another in zip(first.motions, second.motions, strict=True)
+    )
+
+
+def _assert_refused(path: Path, content: bytes, message: str = "") -> None:
+    """Expect that a file is refused by name, in one line, and without taking the memory that it claims to need."""
+    path.write_bytes(content)
+    tracemalloc.start()
+    try:
+        with pytest.raises(LibraryFileError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)) as raised:
+            MotionLibrary.load(path)
+        assert tracemalloc.get_traced_memory()[1] < LITTLE
+    finally:
+        tracemalloc.stop()
+    assert "\n" not in str(raised.value)
+
+
+def _unpacked(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Take a good file apart: its header and its arrays."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        arrays = dict(stored)
+    return json.loads(bytes(arrays.pop("header"))), arrays
+
+
+def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
+    """Make a file of any content with checksums that fit."""
+    file = io.BytesIO()
+    np.savez_compressed(file, header=_header(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+# --- content of the file -----------------------------------------------------------------------------------------
+
+
+def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: MotionLibrary) -> None:
+    """Numpy alone opens the file with pickle forbidden, and two sums along time give the motions' millimetres."""
+    header, arrays = _unpacked(content)
+    assert {name: array.dtype.str for name, array in arrays.items()} == {
+        "positions": "<i2",
+        "starts": "<i4",
+        "learned_weights": "<f4",
+    }
+    assert (header["format"], header["version"]) == ("kinespace motion library", 3)
+    assert header["joints"] == list(STICK.joints)
+    frames = header["motions"]["frames"]
+    summed = arrays["positions"].astype(np.int64).cumsum(axis=2).cumsum(axis=2).astype(np.int16)
+    end = 0
+    for motion, start, count in zip(small_library.motions, arrays["starts"], frames, strict=True):
+        millimetres = summed[:, :, end : end + count].transpose(2, 0, 1) + start
+        np.testing.assert_array_equal(millimetres, np.round(motion.positions * 1000))
+        end += count
+    assert end == summed.shape[2]
+
+
+# --- saving is atomic --------------------------------------------------------------------------------------------
+
+
+def _failing(error: BaseException) -> Callable[..., None]:
+    """Make a function that fails, half of a file written if it has one."""
+
+    def fail(file: Any, *_: object, **_arrays: object) -> None:  # noqa: ANN401 - as numpy, the system and pathlib
+        if hasattr(file, "write"):
+            file.write(b"PK\x03\x04 half of a file")
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "error"),
+    [
+        (np, "savez_compressed", OSError(28, "No space left on device")),
+        (np, "savez_compressed", KeyboardInterrupt()),
+        (os, "fsync", OSError(5, "Input/output error")),
+        (Path, "replace", OSError(5, "Input/output error")),
+    ],
+    ids=["disk full", "Ctrl-C", "disk gone", "not replaced"],
+)
+def test_a_failure_while_saving_changes_nothing(
+    tmp_path: Path, owner: object, name: str, error: BaseException, content: bytes
+) -> None:
+    """When saving fails, the old file is untouched, or still absent, and nothing else is left in the folder."""
+    for there in ([], ["library.npz"]):
+        path = tmp_path / "library.npz"
+        if there:
+            path.write_bytes(content)
+        library = MotionLibrary.of_clips(stick_clips(takes=1))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(owner, name, _failing(error))
+            with pytest.raises(type(error)):
+                library.save(path)
+        assert [entry.name for entry in tmp_path.iterdir()] == there
+        assert not there or path.read_bytes() == content
+
+
+# --- damaged files -----------------------------------------------------------------------------------------------
+
+
+def _flipped(content: bytes, place: int, mask: int) -> bytes:
+    return content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :]
+
+
+def test_flipped_bytes_are_refused_or_do_not_matter(
+    content: bytes, small_library: MotionLibrary, tmp_path: Path
+) -> None:
+    """A byte flipped anywhere gives the one error, or sits where zip files keep dates and the library is whole."""
+    generator, refused, path = np.random.default_rng(5), 0, tmp_path / "flipped.npz"
+    # The end record of a zip file, its last 22 bytes, says where its directory is.
+    places = [*generator.integers(0, len(content) - 22, 120).tolist(), *range(len(content) - 22, len(content))]
+    for place in places:
+        path.write_bytes(_flipped(content, place, int(generator.choice([0x01, 0x10, 0x80, 0xFF]))))
+        try:
+            assert _are_equal(MotionLibrary.load(path), small_library)
+        except LibraryFileError as error:
+            assert str(path) in str(error)  # noqa: PT017 - a flipped date in the zip's directory is no error
+            refused += 1
+    assert refused > 0.8 * len(places)
+
+
+# --- foreign files -----------------------------------------------------------------------------------------------
+
+
+class _Trap:
+    """Leaves a mark when unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        return (Path.touch, (self.mark,))
+
+
+def _npy(array: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def _npz(**arrays: object) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=True, **arrays)
+    return file.getvalue()
+
+
+def _zip(**members: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, member in members.items():
+            archive.writestr(name, member)
+    return file.getvalue()
+
+
+def _header(text: str) -> np.ndarray:
+    return np.frombuffer(text.encode(), dtype=np.uint8)
+
+
+FOREIGN = (
+    *(b"", b"motions: none\n", b'{"format": "kinespace motion library", "version": 3}'),
+    np.random.default_rng(2).bytes(2048),
+    *(_npy(np.zeros((3, 4))), _npy(np.array([{}, None], dtype=object))),
+    *(_npz(weights=np.zeros(3)), _npz(), _npz(header=np.zeros(3)), _npz(header=np.array(7))),
+    *(_npz(header=_header(text)) for text in ("{}", "[1, 2]", "{broken", "[" * 100_000)),
+    _npz(header=_header('{"format": "kinespace motion library"}')),
+    _npz(header=_header('{"format": "kinespace motion library", "version": 3}')),
+    *(_zip(**{"readme.txt": b"hello"}), _zip(**{"header.npy": b"hello", "positions.npy": b"hello"})),
+    _zip(**{"header.npy": b"\x93NUMPY\x01\x00"}),
+)
+
+
+@pytest.mark.parametrize("foreign", FOREIGN, ids=range(len(FOREIGN)))
+def test_a_foreign_file_is_refused(tmp_path: Path, foreign: bytes) -> None:
+    """A file of another kind, even a similar one, is refused by name."""
+    _assert_refused(tmp_path / "foreign.npz", foreign)
+
+
+def test_guests_of_an_older_file_are_left_out(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
+    """The last motions of such a file are its guests: a warning counts them, and the others come back."""
+    (header, arrays), path = _unpacked(content), tmp_path / "library.npz"
+    path.write_bytes(_packed({**header, "guests": 2}, arrays))
+    with pytest.warns(FutureWarning, match="2 guests of an older file are left out"):
+        loaded = MotionLibrary.load(path)
+    assert [each.name for each in loaded.motions] == [each.name for each in small_library.motions[:-2]]
+
+
+@pytest.mark.parametrize("place", ["alone", "header", "positions", "learned_weights"])
+def test_nothing_is_unpickled(content: bytes, tmp_path: Path, place: str) -> None:
+    """A pickle, alone or in place of a part, is refused and its code does not run."""
+    mark = tmp_path / "mark"
+    trap = _Trap(mark)
+    pickle.loads(pickle.dumps(trap))  # noqa: S301 - shows that the trap is set
+    assert mark.exists()
+    mark.unlink()
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        parts: dict[str, object] = dict(stored)
+    parts[place] = np.array([trap], dtype=object)
+    _assert_refused(tmp_path / "trap.npz", pickle.dumps(trap) if place == "alone" else _npz(**parts))
+    assert not mark.exists()
+
+
+# --- other versions ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("version", "said"), [(1, "1"), (99, "99"), (0, "0"), ("3", "3"), (None, "None"), (10**400, "1" + "0" * 19)]
+)
+def test_another_version_is_refused(content: bytes, tmp_path: Path, version: object, said: str) -> None:
+    """A file of another format version, with any arrays, is refused in one line: both versions, and how to build it."""
+    header, _ = _unpacked(content)
+    other, path = _packed({**header, "version": version}, {"means": np.zeros((18, 15))}), tmp_path / "library.npz"
+    expected = f"format version {said}, this kinespace reads 3; build the library again from its recordings: "
+    _assert_refused(path, other, f"{expected}kinespace build FOLDER -o {path}")
+
+
+# --- crafted files -----------------------------------------------------------------------------------------------
+
+
+#: Stands for no entry.
+GONE = object()
+
+
+def _said(*keys: str | int, to: object) -> Callable[..., None]:
+    """Make a change of one of the header's entries."""
+
+    def change(header: Any, _arrays: dict[str, Any]) -> None:  # noqa: ANN401 - an object, then a list
+        for key in keys[:-1]:
+            header = header[key]
+        header[keys[-1]] = to
+        if to is GONE:
+            del header[keys[-1]]
+
+    return change
+
+
+def _array(name: str, made: Callable[[NDArray[Any]], NDArray[Any]] | None) -> Callable[..., None]:
+    """Make a change of an array, or leave it out; one that is not there is made of `starts`."""
+
+    def change(_header: dict[str, Any], arrays: dict[str, Any]) -> None:
+        array = arrays.pop(name, arrays["starts"])
+        if made:
+            arrays[name] = made(array)
+
+    return change
+
+
+def _far(starts: NDArray[Any]) -> NDArray[Any]:
+    return np.where(np.arange(len(starts))[:, None] == 3, np.int32(-(2**31)), starts)
+
+
+def _wandering(steps: NDArray[Any]) -> NDArray[Any]:
+    steps = steps.astype(np.int32)
+    steps[2, 1, 40] = 2**30
+    return steps
+
+
+def _many(header: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """Repeat the fields of one motion for 100,001 motions."""
+    count = library_file.MAX_MOTIONS + 1
+    header["motions"] = {name: [column[0]] * count for name, column in header["motions"].items()}
+    header["motions"]["frames"] = [2] * count
+    arrays["starts"] = np.zeros((count, 3), np.int32)
+    arrays["positions"] = np.zeros((6, 3, 2 * count), np.int16)
+
+
+def _long(header: dict[str, Any], _arrays: dict[str, Any]) -> None:
+    """Say of each motion that it lasts as long as all may together."""
+    header["motions"]["frames"] = [library_file.MAX_COORDINATES] * len(header["motions"]["frames"])
+
+
+def _not_finite(array: NDArray[Any]) -> NDArray[Any]:
+    return np.where(array == 5, np.float32("nan"), array)
+
+
+NO_LIBRARY = "not a motion library"
+KINDS: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
+    "float": lambda array: array.astype(np.float64),
+    "unsigned": lambda array: array.astype(np.uint16),
+    "backwards": lambda array: array.astype(">i4"),
+    "Fortran's": np.asfortranarray,
+    "flat": np.ravel,
+    "shorter": lambda array: array[..., :-1],
+    "none": lambda array: array[:0],
+    "complex": lambda array: array.astype(np.complex64),
+    "records": lambda array: array.astype([("x", "<i4")]),
+}
+CRAFTED: list[tuple[Callable[..., None], str]] = [
+    (_said("joints", to=[f"j{n}" for n in range(20_000)]), "of length <= 512 - at `$.joints`"),
+    (_said("joints", to=list(STICK.joints[:5])), "parents: expected one per joint (5)"),
+    (_said("joints", to=["a"] * 6), "joints: expected distinct"),
+    *((_said("joints", to=to), "at `$.joints") for to in ([1, 2, 3, 4, 5, 6], "abcdef")),
+    (_said("parents", to=[0] * 6), "parents: expected joint indices"),
+    (_said("parents", to=[1, 2, 0, -1, 3, 3]), "parents: expected no joint above itself"),
+    *((_said("parents", to=to), "parents: expected") for to in ([-1, 0, 10**400, 0, 0, 0], [-1, 0])),
+    (_said("motions", "frames", 0, to=10**400), "Expected `int` <= 100000000 - at `$.motions.frames[0]`"),
+    *((_said("motions", "frames", 0, to=to), "") for to in (0, 1, -24, 2.5, True, None, "24", float("nan"), 10**9)),
+    (_long, "frames: expected at most 100000000 coordinates"),
+    (_said("motions", "frames", 0, to=23), "positions: expected int16"),
+    (_said("motions", "frames", to=[]), "motions: expected 1 to 100000, got 0"),
+    (_many, "motions: expected 1 to 100000, got 100001"),
+    *(
+        (_said("motions", "frame_rate", 0, to=to), "")
+        for to in (0, -60.0, 0.5, 75.1, float("nan"), float("inf"), 10**400, "60", None)
+    ),
+    (_said("motions", "class_name", 0, to=""), "expected a class name"),
+    (_said("motions", "class_name", 0, to=3), "Expected `str`, got `int` - at `$.motions.class_name[0]`"),
+    (_said("motions", "actor", 0, to=None), "at `$.motions.actor[0]`"),
+    *((_said("motions", name, 0, to="x" * 401), "length <= 400") for name in ("class_name", "actor", "take", "name")),
+    (_said("joints", 0, to="x" * 401), "length <= 400"),
+    (_said("origins", 0, to=["a", "b", "x" * 4001]), "length <= 4000"),
+    (_said("motions", "take", to=["1"]), "take: expected 18, one for each motion, got 1"),
+    (_said("motions", "origin", 0, to=1), "origin: expected 0 to 0"),
+    (_said("motions", "origin", 0, to=-1), "at `$.motions.origin[0]`"),
+    (_said("origins", to=[["a", "b"]]), "at `$.origins[0]`"),
+    *((_said(name, to=to), f"`$.{name}`") for name, to in (("origins", 7), ("motions", []), ("learned", ["weights"]))),
+    *((_said(name, to=GONE), f"required field `{name}`") for name in ("joints", "parents", "origins", "learned")),
+    *((_said("motions", name, to=GONE), f"required field `{name}`") for name in ("frames", "name")),
+    *((_array(name, np.copy), "arrays: expected exactly the arrays") for name in ("further", "learned_more")),
+    *((_array(name, None), "arrays: expected exactly the arrays") for name in ("positions", "learned_weights")),
+    (_array("starts", _far), "positions: expected at most 1000 m"),
+    (_array("positions", _wandering), "positions: expected at most 1000 m"),
+    *((_array(name, made), f"{name}: expected") for name in ("positions", "starts") for made in KINDS.values()),
+    (_array("learned_weights", _not_finite), "expected finite numbers"),
+    (_array("learned_weights", np.transpose), "learned_weights: expected float32"),
+    *(
+        (_said("learned", to={"weights": to}), f"{told}: expected at most" if told else "at `$.learned[...]")
+        for to, told in (([10**400], ""), ([-3, -4], ""), ([0, 2**62], ""), ([9**7, 9], "learned"))
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), CRAFTED, ids=range(len(CRAFTED)))
+def test_a_crafted_file_is_refused(content: bytes, tmp_path: Path, change: Callable[..., None], message: str) -> None:
+    """A file put together anew with anything missing, added, of another kind or absurd is refused by name."""
+    header, arrays = _unpacked(content)
+    change(header, arrays)
+    _assert_refused(tmp_path / "crafted.npz", _packed(header, arrays), message)
+
+
+def _with_member(content: bytes, name: str, member: bytes, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """Give a file with one array's bytes replaced, or added."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as good, zipfile.ZipFile(file, "w", method) as archive:
+        for each in good.namelist():
+            if each != name:
+                archive.writestr(each, good.read(each))
+        archive.writestr(name, member)
+    return file.getvalue()
+
+
+#: A file of 0.1 MB that unpacks to this many bytes.
+HUGE = 120_000_000
+
+
+@pytest.fixture(scope="module")
+def huge() -> bytes:
+    """Give the bytes of an array larger than its file says."""
+    return bytes(HUGE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["header.npy", "positions.npy", "further.npy"])
+def test_an_array_that_claims_gigabytes_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path, name: str) -> None:
+    """An array larger in the zip than the header allows is refused before memory is taken."""
+    bomb = _with_member(content, name, huge)
+    assert len(bomb) < 1_000_000
+    _assert_refused(tmp_path / "bomb.npz", bomb)
+
+
+def test_an_arrays_header_that_asks_for_gigabytes_is_refused(content: bytes, tmp_path: Path) -> None:
+    """An array's file whose header promises more than follows is refused before memory is taken."""
+    for shape in ((10**10,), (10**400,), (6, 3, 10**9), (-1, 5), (2**62, 4)):
+        file = io.BytesIO()
+        np.lib.format.write_array_header_1_0(file, {"descr": "<i2", "fortran_order": False, "shape": shape})
+        for name in ("header", "positions", "starts"):
+            _assert_refused(tmp_path / "bomb.npz", _with_member(content, f"{name}.npy", file.getvalue() + bytes(64)))
+
+
+def test_a_zip_of_very_many_files_is_refused(content: bytes, tmp_path: Path) -> None:
+    """A zip whose directory is long is refused before it is read: each entry would take memory."""
+    file = io.BytesIO(content)
+    with zipfile.ZipFile(file, "a") as archive:
+        for number in range(2000):
+            archive.writestr(f"{number}.npy", b"")
+    _assert_refused(tmp_path / "many.npz", file.getvalue(), NO_LIBRARY)

@@ -1,19 +1,23 @@
 """The loop: packets of every source are counted and answered to every sink, and none stops the loop."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 
 import numpy as np
 import pytest
-from fakes import Bench, FakeSink, FakeSource
+from fakes import Bench, FakeClock, FakeSink, FakeSource
 from performed import pushed, shown
-from synthetic import STICK_CLASSES, stick_clip
+from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc, zeromq
 from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
+from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
-from kinespace.stream.service.loop import LATE, MAX_AGE, Service
+from kinespace.stream.service.gateway import DUE, HISTORY, Track
+from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
+from kinespace.stream.service.wire import SentFrame
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Asked, State, Step, commands, wire
 from kinespace.stream.zeromq import Endpoint
@@ -399,3 +403,192 @@ def test_an_end_is_said_if_the_start_was(
         service.run()
     assert [str(event.kind) for event in sink.events] == kinds
     assert any(isinstance(each, Done) for each in sink.told) is bool(kinds)
+
+
+#: Seconds that a packet and an answer take.
+_PACKET, _ANSWER = 2e-4, 5e-3
+#: Seconds of the load; performers, and their frames a second, in it.
+_LOAD, _CROWD, _RATE = 6.0, 20, 60
+
+
+class Feed(FakeSource):
+    """Packets that come at moments on a clock, and each takes its time."""
+
+    def __init__(self, clock: FakeClock, frames: Sequence[Frame]) -> None:
+        super().__init__([[frame] for frame in frames])
+        self._clock = clock
+
+    def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
+        """Give the next packet if it has come."""
+        if not self.waiting or self.waiting[0][0].time > arrival:  # type: ignore[union-attr]  # a frame
+            return None
+        self.lag = self.waited = arrival - self.waiting[0][0].time  # type: ignore[union-attr]
+        self._clock.now += _PACKET
+        return super().take(arrival)
+
+
+class SlowSink(FakeSink):
+    """Each answer takes its time; notes when it came."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        super().__init__()
+        self.clock, self.ages, self.came = clock, list[float](), list[float]()
+
+    def publish(self, recognition: Recognition) -> None:
+        """Keep a recognition, its age and its moment."""
+        super().publish(recognition)
+        self.clock.now += _ANSWER
+        self.came.append(self.clock.now)
+        self.ages.append(self.clock.now - recognition.time)
+
+
+@pytest.mark.slow
+def test_answers_get_rarer_for_all_alike_and_stay_fresh(sticks: MotionLibrary) -> None:
+    """All get a fair share of what the machine can do, none is old, and afterwards all is as it was."""
+    frames = list[Frame]()
+    for number in range(_CROWD):
+        seconds = _LOAD + 3.0 if number == 0 else _LOAD
+        positions = stick_clip("bow", seed=number, frames=round(seconds * _RATE)).positions.astype(np.float32)
+        each = shown(positions, begin=1000.0, performer=f"p{number}")
+        frames += [Frame(frame.performer, 1000.0 + place / _RATE, frame.positions) for place, frame in enumerate(each)]
+    frames.sort(key=lambda frame: frame.time)
+    source = Feed(clock := FakeClock(), frames)
+    bench, sink = Bench(Performers(sticks), source), SlowSink(clock)
+    bench.service._clock = clock  # noqa: SLF001 - the clock of a slow machine
+    bench.service.sinks = [sink]
+    while source.waiting:
+        bench.service.step(0.0)
+        clock.now += 1e-3
+        if clock.now < 1000.0 + _LOAD:
+            worst = bench.service.status().answered
+    source.close()
+    # The load asks for 600 answers a second, of which the machine gives 150 or so.
+    during = Counter(each.performer for each, at in zip(sink.recognitions, sink.came, strict=True) if at < 1000 + _LOAD)
+    assert len(during) == _CROWD
+    assert min(during.values()) > 4 * _LOAD
+    assert max(during.values()) < 1.5 * min(during.values())
+    assert max(sink.ages) < 0.3
+    assert worst < 0.5
+    after = [at - 1000 - _LOAD for at in sink.came if at >= 1000 + _LOAD]
+    assert after[0] < 0.1
+    assert sum(2.0 <= at < 3.0 for at in after) >= 29
+    status = bench.service.status()
+    assert status.inputs.stale + status.outcomes.recognizers.frames == len(frames)
+    assert (status.answered, status.lost) == (1.0, status.inputs.stale)
+
+
+def _taken(performer: str, time: float) -> Taken:
+    return Taken(Frame(performer, time, np.zeros((len(STICK.joints), 3))), 0.0, 0.0)
+
+
+def test_of_a_performers_frames_some_wait() -> None:
+    """The newest frame, those before at a distance, as many as an answer needs; and all announcements."""
+    overload = Overload()
+    named = Taken(Announcement("a", STICK.joints), 0.0, 0.0)
+    overload.keep([named, *(_taken("a", place / 120) for place in range(240))], 0.0)
+    kept = overload.turns(1)
+    assert kept[0] == named
+    times = [each.event.time for each in kept[1:]]  # type: ignore[union-attr]  # frames
+    assert len(kept) == MAX_WAITING
+    assert times[-1] == 239 / 120
+    assert np.diff(times[:-1]) == pytest.approx(3 / 120)
+    assert overload.stale == 240 - len(times)
+
+
+def test_who_has_waited_for_longest_is_first() -> None:
+    """Each gets a turn before anybody gets another one, however many frames it sends."""
+    overload = Overload()
+    overload.keep([_taken(name, time) for time in range(50) for name in ("a", "a", "b")], 0.0)
+    first = overload.turns(1)
+    overload.keep([_taken("a", 51), _taken("c", 51)], 0.0)
+    rest = [overload.turns(1) for _ in range(3)]
+    assert [[*{each.event.performer for each in turn}] for turn in (first, *rest)] == [["a"], ["b"], ["a"], ["c"]]
+    assert overload.turns(1) == []
+
+
+def test_names_are_bounded() -> None:
+    """Frames of further performers are dropped and counted."""
+    overload = Overload()
+    overload.keep([_taken(f"n{number}", 0.0) for number in range(MAX_PERFORMERS + 7)], 0.0)
+    assert (len(overload.turns(2 * MAX_PERFORMERS)), overload.stale) == (MAX_PERFORMERS, 7)
+
+
+CLASSES = ("squat", "jog")
+JOINTS = ("a", "b", "c")
+
+
+class Ann:
+    """A performer's track."""
+
+    def __init__(self) -> None:
+        self.track = Track(0.0, 0.0, Decision(0.01))
+
+    def frame(self, now: float, joints: tuple[str, ...] | None = None) -> SentFrame:
+        """Send a frame."""
+        self.track.newest = now
+        return self.track.send(Frame("ann", now, np.ones((3, 3))), joints)
+
+    def answer(
+        self, time: float, named: str = "squat", classes: tuple[str, ...] = CLASSES
+    ) -> list[tuple[str, str]] | None:
+        """Take in an answer; give what started and ended, None where it is no news."""
+        scores, guess = np.full(len(classes), 0.5), classes.index(named)
+        made = Recognition("ann", time, Outcome.NAMED, classes, scores, 0.1, lead=1.0, guess=guess)
+        accepted = self.track.accept(made, CLASSES)
+        if accepted is None:
+            return None
+        assert accepted[1] == time
+        return [(event.kind.value, event.label) for event in accepted[0].events]
+
+    def play(self, begin: float, end: float, named: str, classes: tuple[str, ...] = CLASSES) -> list[tuple[str, str]]:
+        """Send frames and answer them; give what started and ended."""
+        found = list[tuple[str, str]]()
+        for time in np.arange(begin, end, 0.05).tolist():
+            self.frame(time)
+            found += self.answer(time, named, classes) or []
+        return found
+
+
+def test_only_the_first_answer_to_an_own_frame_is_news() -> None:
+    """No second answer, none to a frame before it, and none to a frame that was never sent."""
+    ann = Ann()
+    assert ann.answer(1.0) is None
+    for time in (1.0, 1.1, 1.2):
+        ann.frame(time)
+    assert ann.answer(1.15) is ann.answer(np.nan) is None
+    assert ann.answer(1.1) == []
+    assert ann.answer(1.1) is ann.answer(1.0) is None
+    assert ann.answer(1.2) is not None
+
+
+def test_motions_start_and_end_once() -> None:
+    """A motion starts and ends with the next, and ends with an exchange; other classes start none."""
+    ann = Ann()
+    assert ann.play(1.0, 2.0, "squat") == [("start", "squat")]
+    assert ann.play(2.0, 3.0, "jog") == [("end", "squat"), ("start", "jog")]
+    assert ann.play(3.0, 4.0, "gone", ("gone", "jog")) == []
+    assert ann.track.exchange(("jog", "squat"), 0.01) is None
+    assert ann.track.decision.going_on
+    assert ann.track.decision.going_on.index == 0
+    ended = ann.track.exchange(("squat",), 0.01)
+    assert ended
+    assert (ended.kind, ended.label) == ("end", "jog")
+    assert ann.track.end() is None
+
+
+def test_another_worker_is_shown_what_was_answered_and_answers_the_rest() -> None:
+    """It gets the last seconds before the last answer, with the joints; of the rest what is young enough is due."""
+    ann, now = Ann(), 10.0
+    sent = [ann.frame(k / 8, JOINTS) for k in range(81)]
+    assert [each.begins for each in sent] == [True] + [False] * 80
+    assert 9 <= sum(each.joints is not None for each in sent) <= 11
+    assert ann.frame(now + 0.125, JOINTS[::-1]).joints == JOINTS[::-1]
+    seen, due = ann.track.past(JOINTS, now)
+    assert (seen[-1].time, due[0].time, due[-1].time) == (now - DUE - 0.125, now - DUE, now + 0.125)
+    ann.answer(9.75)
+    seen, due = ann.track.past(JOINTS, now)
+    assert (seen[0].time, seen[-1].time, due[0].time) == (9.75 - HISTORY, 9.75, 9.875)
+    assert (seen[0].begins, seen[0].joints, seen[1].begins) == (True, JOINTS, False)
+    assert ann.track.is_owed(0.1)
+    ann.answer(now + 0.125)
+    assert not ann.track.is_owed(0.1)

@@ -1,22 +1,138 @@
-"""`kinespace live --feed`: another product's packets into a real process, answers out in several layouts."""
+"""Every program ends soon on any signal and with any feed, in one line and with end events."""
 
+import itertools
 import re
+import signal
 import socket
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
+from performed import pushed, shown
+from programs import (
+    LOOPBACK,
+    PATIENCE,
+    builtin_library,
+    free_udp_port,
+    ghost_cues,
+    live,
+    motion_cues,
+    started,
+    summary_counts,
+)
 
+from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream import Frame, LiveSignature, Recognizer, Settings, osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
 from kinespace.tools.programs.live.program import fitted
 
 pytestmark = pytest.mark.slow
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+_UNCLOSED = re.compile(r"Exception ignored in: <_io.*\nTraceback .*\n( .*\n)*ResourceWarning: unclosed file .*\n")
+PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
+    "replay": (("replay", "squat1Reps", "--loop", "--osc", f"{LOOPBACK}:{free_udp_port()}"), ""),
+    "listen": (("listen", f"{LOOPBACK}:0", "--seconds", 100), "listening"),
+    "demo": (("demo",), ""),
+    "latency": (("latency", "--transport", "osc", "--seconds", 100), ""),
+}
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
+@pytest.mark.parametrize(("name", "number"), list(zip(PROGRAMS, itertools.cycle(SIGNALS), strict=False)))
+def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.Signals) -> None:
+    """At any moment, and with any child processes, a program prints only its report.
+
+    All signals go the same way; each program gets one of them.
+    """
+    arguments, said = PROGRAMS[name]
+    with started(*arguments) as program:
+        program.expect(said)
+        # Somewhere in its work; where does not matter.
+        time.sleep(1.0)
+        program.process.send_signal(number)
+        # On a busy machine it has not even begun, and the system ends it; or the interrupt comes inside an `exec`, with
+        # which dataclasses are made: then Python ends by SIGINT, although the interrupt was caught.
+        assert program.wait() in (0, 1, -number, -signal.SIGINT)
+        # An interrupt within an import leaves the module's file to the collector, and `-W error` reports the file.
+        assert _UNCLOSED.sub("", program.errors) == ""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
+@pytest.mark.parametrize("number", SIGNALS)
+def test_every_signal_ends_live_with_end_events(number: signal.Signals) -> None:
+    """The motion that is going on is ended for the listeners, and the counts are printed."""
+    with live("--plain") as stage:
+        stage.play(motion_cues("kickLFront1Reps", 2.0))
+        stage.program.expect("start: ")
+        stage.program.process.send_signal(number)
+        assert (stage.program.wait(), stage.program.errors) == (0, "")
+        assert summary_counts(stage.program.output)["frames"] == 240
+        heard = [packet.packet for packet in stage._listener.listen_until(time.perf_counter() + 0.2)]  # noqa: SLF001 - events too
+    events = [
+        message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
+    ]
+    assert [event.arguments[0] for event in events][-1] == "end"
+
+
+#: The largest difference of a score from that of a recogniser made with the library.
+SAME_SCORE = 1e-5
+#: Seconds after which guess and judgement have forgotten everything.
+FORGOTTEN = 1.5
+
+
+@pytest.fixture(scope="module")
+def taught(small_index: WindowIndex, some_clips: tuple[Clip, ...]) -> WindowIndex:
+    """Give the small library with two motions more: one of a new class, and one of a class that it has."""
+    added = [clip for clip in some_clips if clip.class_name in ("hopBothLegs1hops", "squat1Reps")]
+    return small_index.with_motions(replace(clip, actor="new") for clip in added)
+
+
+@pytest.fixture(scope="module")
+def other(small_library: MotionLibrary, builtin: MotionLibrary) -> WindowIndex:
+    """Give a library that shares one class with the small one: another basis, other metrics, other classes."""
+    kept = ("kickLFront1Reps", "throwBasketball", "sneak2StepsLStart")
+    motions = tuple(clip for clip in builtin.motions if clip.class_name in kept and clip.actor in ("bd", "dg", "mm"))
+    return WindowIndex.of(replace(small_library, motions=motions))
+
+
+@pytest.fixture(scope="module")
+def frames(some_clips: tuple[Clip, ...]) -> list[Frame]:
+    """Give a feed of a kick, a throw and a squat."""
+    named = {clip.class_name: clip for clip in some_clips}
+    names = ("kickLFront1Reps", "throwBasketball", "squat1Reps")
+    return shown(np.concatenate([named[name].positions for name in names]), begin=5.0)
+
+
+@pytest.mark.usefixtures("arithmetic")
+@pytest.mark.parametrize("signature", LiveSignature)
+@pytest.mark.parametrize("name", ["taught", "other"])
+def test_answers_are_as_if_the_library_had_been_there_all_along(
+    request: pytest.FixtureRequest, small_index: WindowIndex, frames: list[Frame], name: str, signature: LiveSignature
+) -> None:
+    """Scores are the same at once, guess and outcome once they have forgotten the former library."""
+    index: WindowIndex = request.getfixturevalue(name)
+    settings = Settings(signature=signature, plausibility=False)
+    recognizer = Recognizer(small_index, settings)
+    before = pushed(recognizer, frames[:300])
+    recognizer.exchange(index)
+    assert recognizer.library is index.library
+    after = pushed(recognizer, frames[300:])
+    along = pushed(Recognizer(index, settings), frames)
+    assert [each.time for each in before + after] == [each.time for each in along]
+    for one, expected in zip(after, along[len(before) :], strict=True):
+        assert np.abs(one.scores - expected.scores).max() <= SAME_SCORE
+        assert one.share == pytest.approx(expected.share, rel=1e-9)
+        assert (one.eigenvector_class, one.classes) == (expected.eigenvector_class, expected.classes)
+        if one.time > after[0].time + FORGOTTEN:
+            assert (one.guess, one.outcome) == (expected.guess, expected.outcome)
 
 
 def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:

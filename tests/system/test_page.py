@@ -36,8 +36,6 @@ SENT = 45.0
 COMES = 0.4
 #: Seconds after which a motion that was not named is shown again.
 AGAIN = 12.0
-#: Metres by which the joints of one picture's body may differ, on average; bodies that must be so alike.
-ALIKE, FEW = 0.05, 5
 MOTIONS = "kinespace.performers.get('ann').motions.values()"
 #: The body as drawn, the motion that goes on, the state of a lesson.
 DRAWN, DOING, LESSON = (

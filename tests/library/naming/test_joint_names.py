@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import skeletons
 
-from kinespace.library import Clip
 from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
 from kinespace.library.naming.checked_toml import Text, read_toml
 from kinespace.library.naming.convention import parse_convention
@@ -140,9 +139,6 @@ def test_no_text(tmp_path: Path) -> None:
 # --- hdm05 ------------------------------------------------------------------------------------------------------------
 
 
-ACTORS = ("bd", "bk", "dg", "mm", "tr")
-
-
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
@@ -173,18 +169,6 @@ def test_a_file_name_holds_actor_class_and_take(name: str, expected: tuple[str, 
 def test_other_names_say_nothing(name: str) -> None:
     """A name of another form, and one of no frames per second, is not taken for HDM05's."""
     assert hdm05.read_clip_name(Path(name)) is None
-
-
-def test_all_288_clips_are_read(hdm05_clips: tuple[Clip, ...]) -> None:
-    """There are 288 clips of 11 classes by 5 actors, each of 31 joints at 120 frames per second, and none twice."""
-    assert len(hdm05_clips) == 288
-    assert len({clip.class_name for clip in hdm05_clips}) == 11
-    assert {clip.actor for clip in hdm05_clips} == set(ACTORS)
-    assert len({(clip.class_name, clip.actor, clip.take) for clip in hdm05_clips}) == 288
-    for clip in hdm05_clips:
-        assert clip.skeleton == hdm05.SKELETON
-        assert clip.frame_rate == 120.0
-        assert clip.rotations.shape == (clip.frames, 59)
 
 
 @pytest.mark.slow

@@ -174,13 +174,6 @@ def test_classes_that_two_people_perform() -> None:
     assert [each.tolist() for each in lessons.shared] == [[0, 1]]
 
 
-def test_squared_distances() -> None:
-    """Squared distances equal those by subtraction, and are never below 0."""
-    first, second = np.random.default_rng(2).normal(size=(2, 5, 3))
-    assert np.allclose(squared_distances(first, second), np.square(first[:, None] - second).sum(axis=2))
-    assert (squared_distances(first * 1e6, first * 1e6) >= 0).all()
-
-
 @pytest.fixture(scope="module")
 def people() -> MotionLibrary:
     """Give three classes by three people."""
@@ -195,14 +188,6 @@ def test_it_adds_how_unlikely_a_class_is() -> None:
     added = head.added([asked[:3], asked[3:]])
     expected = unlikely(asked, windows, names)
     assert np.allclose(added, [0.06 * expected[name] for name in "abc"], atol=1e-5)
-
-
-def test_windows_that_are_the_same_teach() -> None:
-    """Where no class spreads at all, its own windows are still the likeliest."""
-    head = Head.learned(np.repeat(np.eye(3, dtype=np.float32), 4, axis=0), [*"aaaabbbbcccc"])
-    added = head.added([np.eye(3)[1]])
-    assert np.isfinite(added).all()
-    assert added.argmin() == 1
 
 
 def test_of_some_classes() -> None:

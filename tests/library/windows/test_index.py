@@ -21,11 +21,11 @@ from kinespace.library import (
     opened,
 )
 from kinespace.library.signature.parts import EIGENVECTORS, PARTS, Kind, Part, Signature
-from kinespace.library.windows.comparer import LANE, Comparer
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, Metric, by_paper
+from kinespace.library.windows.comparer import LANE
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import FIRST_WINDOW, CutWindows, window_ends
 from kinespace.library.windows.index import Measured, teacher_of
-from kinespace.library.windows.rejection import RATES, Rejection, learned_rejection
+from kinespace.library.windows.rejection import learned_rejection
 from kinespace.tools.cli.presets import joints_of
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
@@ -104,28 +104,19 @@ def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
 
 
 def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
-    twin = Twin(index)
-    for clip in asking[:2]:
-        rows = distance_rows(clip.positions, clip.skeleton)
-        for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
-            expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-            assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
+    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows.
 
-
-def test_a_whole_number_of_lanes_is_compared(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """The last window of a library may be the last of a lane."""
-    some = replace(
-        index,
-        vectors=tuple(each[:LANE] for each in index.vectors),
-        eigenvectors=index.eigenvectors[:LANE],
-        motions=index.motions[:LANE],
-    )
-    assert len(some) == LANE
-    twin, clip = Twin(some), asking[0]
-    rows, end = distance_rows(clip.positions, clip.skeleton), window_ends(clip, 0.4)[2]
-    expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-    assert np.allclose(_logs(some, _numbers(index, clip)[2]), expected, atol=2e-3), arithmetic
+    The last window of a library may be the last of a lane.
+    """
+    vectors, eigenvectors = tuple(each[:LANE] for each in index.vectors), index.eigenvectors[:LANE]
+    lane = replace(index, vectors=vectors, eigenvectors=eigenvectors, motions=index.motions[:LANE])
+    for compared, step in ((index, 2), (lane, 8)):
+        twin = Twin(compared)
+        for clip in asking[:2]:
+            rows = distance_rows(clip.positions, clip.skeleton)
+            for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(compared, clip), strict=True))[::step]:
+                expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
+                assert np.allclose(_logs(compared, numbers), expected, atol=2e-3), arithmetic
 
 
 def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex, arithmetic: str) -> None:
@@ -304,17 +295,6 @@ def test_views_by_fewer_joints(people: MotionLibrary) -> None:
         index.by_joints(joints[:4])
 
 
-def _few_numbers() -> dict[str, np.ndarray]:
-    groups = len(ACROSS_LABORATORIES.groups)
-    weights = np.repeat([-2.0 / groups, 2.0 / groups, 0.0], [groups, groups, 1])
-    numbers = Rejection(weights, 0.0, {}, {}, np.full(len(RATES), 4.0), np.zeros(2 * groups))
-    return {**numbers.kept().named, **replace(numbers, joints=5).kept(few=True).named}
-
-
-def _metrics(index: WindowIndex) -> list[Metric]:
-    return list(index.comparison.parts.values())
-
-
 def test_only_so_many_views_are_kept(people: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """The view that was opened longest ago makes room."""
     monkeypatch.setattr("kinespace.library.windows.index.MAX_VIEWS", 2)
@@ -340,18 +320,6 @@ def test_windows_lie_closer_in_a_library_of_one_person(people: MotionLibrary) ->
         windows = Measured.of(library, every)
         assert WindowIndex.of(library, people).motions.tolist() == windows.motions.tolist()
         assert len(windows.motions) == sum(map(len, windows.ends))
-
-
-def test_windows_that_fill_their_lanes_to_the_last(people_index: WindowIndex) -> None:
-    """The last window ends where the last lane does."""
-    whose = np.repeat([[0, 0], [1, 0]], LANE // 2, axis=0)
-    assert len(people_index.motions) > LANE
-    vectors = [each[:LANE] for each in people_index.vectors]
-    comparer = Comparer.of(people_index.comparison, vectors, people_index.eigenvectors[:LANE], whose)
-    [numbers, *_] = _numbers(people_index, people_index.library.motions[0])
-    found = comparer.distances(_shown(people_index, numbers))
-    assert np.isfinite(found.logs).all()
-    assert found.scores.shape == (2,)
 
 
 @pytest.fixture(scope="module")

@@ -161,13 +161,6 @@ arguments = ["=pos", "joint", "performer", "x", "y", "z"]
 )
 
 
-def test_addresses_name_joint_and_performer() -> None:
-    """The placeholders' texts are read; capitals elsewhere in the address are ignored."""
-    reading = read(LOOSE, message("/Ada/AT/Hand", "fff", 1.0, 2.0, 3.0))
-    assert (reading.performer, reading.sightings[0].joint) == ("Ada", "hand")
-    assert reading.sightings[0].position == (1.0, 2.0, 3.0)
-
-
 def test_a_text_that_must_stand_there_decides() -> None:
     """With another text the message is foreign, with fewer arguments after the text it is malformed."""
     assert read(LOOSE, message("/at", "sssfff", "pos", "head", "p", 1.0, 2.0, 3.0)).performer == "p"
@@ -191,13 +184,6 @@ def test_an_unnamed_joint_is_remembered() -> None:
     assert not read(target, message("/tail", "fff", 1.0, 2.0, 3.0)).sightings
     assert read(target, message("/neck", "fff", 1.0, 2.0, 3.0)).sightings
     assert target.unknown == {"tail"}
-
-
-def test_missing_coordinates_are_nan() -> None:
-    """None, NaN and infinity in a coordinate mean that the joint is not seen."""
-    for coordinate in (None, float("nan"), float("inf")):
-        reading = LOOSE.read(Message("/p/at/hand", [1.0, coordinate, 3.0]))
-        assert reading.sightings[0].position is None
 
 
 def test_the_first_rule_that_fits_is_used() -> None:
@@ -253,7 +239,7 @@ def test_a_time_of_64_bits_comes_in_two_halves() -> None:
 def test_memory_is_bounded() -> None:
     """A sender that makes up addresses, joints and names fills a bounded memory."""
     target = Mapper(builtin_preset("natnetthree2osc"))
-    for number in range(9000):
+    for number in range(4200):
         target.read(Message(f"/skeleton/p{number}/bone/x{number}/position", [1.0, 2.0, 3.0]))
         target.read(Message("/motive/skeleton/id/bone", [f"p{number}", number, "Hip"]))
     sizes = [len(target._taught), len(target.unknown)]  # noqa: SLF001 - sizes cannot be seen from outside

@@ -22,7 +22,7 @@ from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performer
 from kinespace.stream.frame import MAX_DISTANCE
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.live_windows import LiveWindows, Seen
-from kinespace.stream.recognizer.settings import index_for, needed_lead, threshold_for, usual_sensitivity
+from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 
 
@@ -98,6 +98,7 @@ def test_it_follows_one_performer(sticks: MotionLibrary) -> None:
     assert_same(answers, pushed(Recognizer(sticks), frames), "events")
     assert recognizer.counts.frames == len(frames)
     recognizer.reset()
+    assert recognizer.pair_contributions() is None
     others = pushed(recognizer, [replace(frame, performer="q") for frame in frames])
     assert {answer.performer for answer in others} == {"q"}
 
@@ -414,15 +415,3 @@ def test_a_library_is_opened_as_the_settings_compare_it(sticks: MotionLibrary) -
     assert paper.comparison.weighing.parts[0].seconds == 0.3
     assert index_for(paper, Settings(PAPER, window=0.3)) is index_for(sticks, Settings(PAPER, window=0.3)) is paper
     assert index_for(paper, Settings(PAPER)).comparison.weighing.parts[0].seconds == 0.5
-
-
-def test_what_a_movement_needs_to_be_named(sticks: MotionLibrary) -> None:
-    """The threshold of the sensitivity, of three fifths of it by fewer joints, none by the paper."""
-    index = opened(sticks)
-    for chosen in (None, 0.1):
-        share = chosen or usual_sensitivity(sticks)
-        settings = Settings(sensitivity=chosen)
-        assert threshold_for(index, settings) == index.rejection.threshold_at(share)
-        assert threshold_for(index, settings, of_fewer=True) == index.rejection.threshold_at(0.6 * share)
-    paper = Settings(PAPER)
-    assert threshold_for(index_for(index, paper), paper) == -math.inf

@@ -16,17 +16,7 @@ from synthetic import STICK, stick_clip
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, opened
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.library.windows.segments import FLAT
-from kinespace.stream import (
-    Announcement,
-    EventKind,
-    Frame,
-    LiveSignature,
-    Outcome,
-    Performers,
-    Recognition,
-    Recognizer,
-    Settings,
-)
+from kinespace.stream import Announcement, EventKind, Frame, Outcome, Performers, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.joints.carried import MAX_PAIRS, carried_by
 from kinespace.stream.recognizer.joints.fitting import NOTES, TITLES, kind_of, kinds_of
 from kinespace.stream.recognizer.joints.mending import BELIEVED_AFTER, HELD, Joints
@@ -138,26 +128,12 @@ def test_a_sensor_that_loses_the_body_now_and_then_is_answered(
     assert not any(answer.is_doubted for answer in answers)
 
 
-def test_after_a_jump_of_a_rigid_body_the_windows_begin_anew(small_library: MotionLibrary, squat: Clip) -> None:
-    """A second motion that is shown from one frame to the next is recognised as if it were the first."""
-    kick = resampled(next(m for m in small_library.motions if m.class_name.startswith("kick")), RATE)
-    both = np.concatenate([squat.positions, kick.positions + np.array([3.0, 0.0, 1.0])])
-    alone = _played(Recognizer(small_library), kick.positions)
-    after = _played(Recognizer(small_library), both)[-len(alone) :]
-    assert [answer.scores.tolist() for answer in after] == [pytest.approx(answer.scores.tolist()) for answer in alone]
-
-
-def _two_exchanged(squat: Clip, library: MotionLibrary) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Give a squat, as it stands and a metre and a half aside, going on where a kick was shown before: as exchanged."""
-    kick = resampled(next(m for m in library.motions if m.class_name.startswith("kick")), RATE)
-    aside = squat.positions + np.array([1.5, 0.0, 0.0]) + kick.positions[-1, 0] - squat.positions[0, 0]
-    return np.concatenate([kick.positions, aside]), aside
-
-
 @pytest.mark.parametrize("tremble", [0.0, 0.02])
 def test_a_body_in_another_bodys_place_begins_anew(small_library: MotionLibrary, squat: Clip, tremble: float) -> None:
     """Said; the motion that goes on ends; the answers are the new body's alone, whether or not the feed trembles."""
-    both, aside = _two_exchanged(squat, small_library)
+    kick = resampled(next(m for m in small_library.motions if m.class_name.startswith("kick")), RATE)
+    aside = squat.positions + np.array([1.5, 0.0, 0.0]) + kick.positions[-1, 0] - squat.positions[0, 0]
+    both = np.concatenate([kick.positions, aside])
     both += tremble * np.random.default_rng(4).standard_normal(both.shape)
     recognizer = Recognizer(small_library)
     answers, alone = _played(recognizer, both), _played(Recognizer(small_library), both[-len(aside) :])
@@ -173,11 +149,10 @@ def test_a_body_in_another_bodys_place_begins_anew(small_library: MotionLibrary,
 
 def test_a_body_of_another_size_in_its_place_is_no_change_of_unit(small_library: MotionLibrary, squat: Clip) -> None:
     """A child half as large begins again; the feed's unit is not put right for it."""
-    both = np.concatenate([squat.positions, 0.5 * squat.positions + np.array([2.0, 0.0, 0.0])])
     recognizer = Recognizer(small_library)
-    _played(recognizer, both)
-    assert recognizer._joints._factor == 1.0  # noqa: SLF001 - what it corrects now
+    _played(recognizer, np.concatenate([squat.positions, 0.5 * squat.positions + (2.0, 0.0, 0.0)]))
     assert "the whole body jumped" in recognizer.doubt
+    assert "unit" not in recognizer.doubt
 
 
 def test_a_body_that_is_elsewhere_all_the_time_is_implausible(small_library: MotionLibrary, squat: Clip) -> None:
@@ -311,10 +286,6 @@ def _watch(index: WindowIndex) -> Plausibility:
     return Plausibility(index.segments, len(index.library.skeleton.joints))
 
 
-def _places_of(index: WindowIndex, *names: str) -> list[int]:
-    return [index.library.skeleton.joints.index(name) for name in names]
-
-
 def _doubted(index: WindowIndex, positions: NDArray[np.float64]) -> set[str]:
     """Give the names of the joints that are doubted at some time."""
     watched, names, doubted = _watch(index), index.library.skeleton.joints, set[str]()
@@ -392,40 +363,38 @@ def test_no_step_elsewhere_is_overlooked_by_the_mean(small_index: WindowIndex, k
 
 def test_a_frozen_arm_is_doubted_and_nothing_else(small_index: WindowIndex, kick: Clip) -> None:
     """Joints that keep their place while the body moves are doubted; the twin says which keep it."""
-    names, arm = small_index.library.skeleton.joints, ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
-    positions, places = kick.positions.copy(), _places_of(small_index, *arm)
+    names, positions, places = (
+        small_index.library.skeleton.joints,
+        kick.positions.copy(),
+        _places(small_index.library, *ARM),
+    )
     positions[:, places] = positions[0, places]
     kept = {name for joint, name in enumerate(names) if keeps_its_place(positions[:, joint].tolist(), SAME_PLACE)}
-    assert _doubted(small_index, positions) == kept == {*arm}
+    assert _doubted(small_index, positions) == kept == {*ARM}
     # A body that stands still as a whole is not frozen; one whose unit is millimetres is judged alike, to 0.02 mm.
     assert not _doubted(small_index, np.repeat(kick.positions[:1], 60, axis=0))
     positions[:, places] += np.random.default_rng(2).uniform(0.0, 1.5e-5, (len(positions), len(places), 3))
-    assert _doubted(small_index, 1000 * positions) == {*arm}
+    assert _doubted(small_index, 1000 * positions) == {*ARM}
 
 
 @pytest.mark.parametrize("tremble", [0.0, 0.01])
 def test_exchanged_wrists_are_doubted(small_index: WindowIndex, kick: Clip, tremble: float) -> None:
     """Two joints in each other's place are at the ends of the broken segments; a hand may go with them, no more."""
-    names = small_index.library.skeleton.joints
-    pair, positions = (
-        _places_of(small_index, "lwrist", "rwrist"),
-        np.concatenate([kick.positions, kick.positions[::-1]]),
-    )
+    pair = _places(small_index.library, "lwrist", "rwrist")
+    positions = np.concatenate([kick.positions, kick.positions[::-1]])
     positions += tremble * np.random.default_rng(1).normal(size=positions.shape)
     positions[:, pair] = positions[:, pair[::-1]]
     hands = {f"{side}{name}" for side in "lr" for name in ("wrist", "hand", "thumb", "fingers")}
     doubted = _doubted(small_index, positions)
     assert {"lwrist", "rwrist"} <= doubted <= hands or (tremble and doubted <= hands)
-    assert len(names) == 31
 
 
 def test_a_hand_that_is_thrown_away_is_doubted(small_index: WindowIndex, kick: Clip) -> None:
     """A segment that breaks alone parts the body, and the smaller part is wrong."""
     positions = kick.positions.copy()
-    positions[::2, _places_of(small_index, "lradius", "lwrist", "lhand", "lfingers", "lthumb")] += [2.0, 0.0, 0.0]
-    arm = {f"l{name}" for name in ("radius", "wrist", "hand", "fingers", "thumb")}
+    positions[::2, _places(small_index.library, *ARM[1:])] += [2.0, 0.0, 0.0]
     # The first span of a rigid body says so.
-    assert _doubted(small_index, positions[: round(1.2 * SPAN * FAST)]) == arm
+    assert _doubted(small_index, positions[: round(1.2 * SPAN * FAST)]) == {*ARM[1:]}
 
 
 @pytest.mark.parametrize("sides", ["l", "lr"])
@@ -433,7 +402,7 @@ def test_a_marker_that_slips_is_believed(small_index: WindowIndex, kick: Clip, s
     """A knee that moves on the skin by 15 cm, in one leg or in both by turns, is no reason to leave the leg out."""
     positions, times = kick.positions.copy(), np.arange(kick.frames) / FAST
     for side, phase in zip(sides, (0.0, 2.0), strict=False):
-        hip, knee = _places_of(small_index, f"{side}hipjoint", f"{side}femur")
+        hip, knee = _places(small_index.library, f"{side}hipjoint", f"{side}femur")
         along = positions[:, knee] - positions[:, hip]
         slip = 0.075 * np.sin(2 * np.pi * times + phase)
         positions[:, knee] += along * (slip / np.linalg.norm(along, axis=1))[:, None]
@@ -476,7 +445,7 @@ def _short_thighs(clip: Clip) -> NDArray[np.float64]:
 
 @pytest.mark.slow
 def test_a_body_is_decided_on_after_seconds_of_movement(small_library: MotionLibrary, squat: Clip) -> None:
-    """The library's own body is like it, another is not, a still one is not decided on; a reset begins anew."""
+    """The library's own body is like it, another or a trembling one is not, a still one is not decided on."""
     recognizer = Recognizer(small_library)
     _played_for(recognizer, squat.positions, 2.0)
     assert recognizer.unlike is None
@@ -487,14 +456,10 @@ def test_a_body_is_decided_on_after_seconds_of_movement(small_library: MotionLib
     assert recognizer.unlike is None
     _played_for(recognizer, _short_thighs(squat), 10.0, 10.0)
     assert recognizer.unlike is True
-
-
-@pytest.mark.slow
-def test_segments_that_stretch_are_unlike_rigid_ones(small_library: MotionLibrary, squat: Clip) -> None:
-    """A body of the library's own lengths is unlike it when its joints tremble by some centimetres."""
-    noise = np.random.default_rng(3).standard_normal((2 * squat.frames, *squat.positions.shape[1:]))
-    recognizer = Recognizer(small_library)
-    _played_for(recognizer, np.concatenate([squat.positions, squat.positions[::-1]]) + 0.04 * noise, 7.0)
+    recognizer.reset()
+    there_and_back = np.concatenate([squat.positions, squat.positions[::-1]])
+    noise = np.random.default_rng(3).standard_normal(there_and_back.shape)
+    _played_for(recognizer, there_and_back + 0.04 * noise, 7.0)
     assert recognizer.unlike is True
 
 
@@ -518,13 +483,9 @@ def test_a_library_taught_by_the_body_itself_is_like_it(small_index: WindowIndex
 @pytest.mark.slow
 def test_a_flat_body_is_said_to_be_flat(small_library: MotionLibrary, squat: Clip) -> None:
     """2-D landmarks with zeros for depth are said to be flat, once they have moved; a body in space is not."""
-    for depth, said in ((0.0, FLAT), (1.0, None)):
-        performers = Performers(small_library)
-        there_and_back = np.concatenate([squat.positions, squat.positions[::-1]]) * (1.0, 1.0, depth)
-        for index in range(round(5 * RATE)):
-            frame = Frame("p", index / RATE, there_and_back[index % len(there_and_back)])
-            performers.push(frame, index / RATE)
-        assert performers.compared.get("p") == said
+    joints = small_library.skeleton.joints
+    assert _asks(small_library, squat.positions * (1.0, 1.0, 0.0), joints) == FLAT
+    assert not _asks(small_library, squat.positions, joints)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -541,24 +502,6 @@ def test_shares_equal_plain_loops(seed: int) -> None:
     foremost = sorted(range(len(given)), key=lambda place: -max(given[place], 0.0))[:MAX_PAIRS]
     assert carried.pairs == tuple(tuple(order[STICK.pairs[place]].tolist()) for place in foremost)
     assert carried_by(-np.abs(given), STICK.pairs, None, 6) is None
-
-
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_a_recogniser_gives_the_joints_of_its_eigenvector(sticks: MotionLibrary, signature: LiveSignature) -> None:
-    """Of a stick that moves one arm, the pairs of this arm's end give most; nothing is told before the first answer."""
-    recognizer = Recognizer(sticks, Settings(signature=signature))
-    assert recognizer.pair_contributions() is None
-    still = stick_clip("wave", seed=70, frames=2).positions[0]
-    mover = len(still) - 1
-    for index in range(120):
-        positions = still.copy()
-        positions[mover] += 0.2 * np.sin(index / 10)
-        recognizer.push(Frame("ann", index / 60, positions))
-    given = recognizer.pair_contributions()
-    assert mover in STICK.pairs[int(given.argmax())]
-    assert np.abs(given[~(STICK.pairs == mover).any(axis=1)]).max() < 1e-6 * given.max()
-    recognizer.reset()
-    assert recognizer.pair_contributions() is None
 
 
 def test_performers_tell_joints_in_the_senders_order(sticks: MotionLibrary) -> None:
@@ -598,20 +541,16 @@ def test_a_cameras_bodies_are_told_from_measured_ones(builtin: MotionLibrary, fi
     own = builtin.restricted_to(JOINTS).motions
     assert kinds_of(MotionLibrary.of_clips([*films.motions, *own[:3]])) == {"guessed", "measured"}
     assert {kind_of(each.skeleton.joints, each.positions) for each in own} == {"measured"}
+    for motion in films.motions:
+        # Whole millimetres, and every second body on a line between its neighbours.
+        evened = motion.positions.round(3)
+        evened[1:-1:2] = (evened[:-2:2] + evened[2::2])[: len(evened[1:-1:2])] / 2
+        assert kind_of(JOINTS, evened) == "guessed"
     hidden = films.motions[0].positions.copy()
     hidden[:, [JOINTS.index(name) for name in ("ltoes", "rtoes", "lthumb")]] = np.nan
     assert kind_of(JOINTS, hidden) == "guessed"
     assert kind_of(JOINTS, np.full_like(hidden, np.nan)) == "measured"
     assert kind_of(JOINTS[:8], hidden[:, :8]) == "measured"
-
-
-@pytest.mark.slow
-def test_kept_and_between_pictures_it_is_still_a_cameras(films: MotionLibrary) -> None:
-    """Whole millimetres, and every second body on a line between its neighbours."""
-    for motion in films.motions:
-        evened = motion.positions.round(3)
-        evened[1:-1:2] = (evened[:-2:2] + evened[2::2])[: len(evened[1:-1:2])] / 2
-        assert kind_of(JOINTS, evened) == "guessed"
 
 
 def _asks(library: MotionLibrary, positions: NDArray[np.float64], joints: tuple[str, ...]) -> str:

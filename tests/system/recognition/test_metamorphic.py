@@ -1,10 +1,11 @@
-"""A feed changed in a way that must not matter gets the same answers, bit for bit or but for rounding."""
+"""Kept answers to whole feeds; and a feed that is changed as must not matter gets the same answers."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from answers import FEEDS, RECORDED, differing, kept, summed_up
 from performed import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
@@ -12,9 +13,10 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 
+pytestmark = pytest.mark.slow
+
 Feed = list[Frame]
 
-pytestmark = pytest.mark.slow
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 
@@ -157,3 +159,10 @@ def test_interleaved_performers_get_the_answers_they_get_alone(small_library: Mo
             assert done == [answer.done for answer in alone[name]]
             events = [[replace(event, performer="ann") for event in answer.events] for answer in answers]
             assert events == [list(answer.events) for answer in alone[name]]
+
+
+@pytest.mark.parametrize("feed", FEEDS | RECORDED)
+def test_feeds_are_answered_as_ever(feed: str, request: pytest.FixtureRequest) -> None:
+    """Words, events and the means of the numbers are the kept ones."""
+    found = FEEDS[feed]() if feed in FEEDS else RECORDED[feed](request.getfixturevalue("data_folder"))
+    assert not differing(kept()[feed], summed_up(found))

@@ -7,9 +7,14 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from programs import ROOT
 
+from kinespace.tools.cli import entry
+from kinespace.tools.cli import main as front
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
+from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.programs import info
 
 
@@ -170,3 +175,56 @@ def test_blas_keeps_to_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.split() == ["None", "1", "3"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("127.0.0.1:9310", ("127.0.0.1", 9310)),
+        ("0.0.0.0:0", ("0.0.0.0", 0)),  # noqa: S104 - only parsed
+        ("stage.local:65535", ("stage.local", 65535)),
+        ("9310", ("127.0.0.1", 9310)),
+        (":9310", ("127.0.0.1", 9310)),
+        ("[::1]:9310", ("::1", 9310)),
+        ("::1:9310", ("::1", 9310)),
+    ],
+)
+def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -> None:
+    """The text after the last colon is the port; without a host it is this machine's port."""
+    assert host_and_port(text) == expected
+
+
+@given(st.text(max_size=20))
+def test_any_text_is_an_address_or_refused(text: str) -> None:
+    """Any text gives a host and a usable port, or the one error."""
+    try:
+        host, port = host_and_port(text)
+    except ValueError as error:
+        assert str(error).startswith("address: ")  # noqa: PT017 - most texts are no address, some are
+    else:
+        assert host
+        assert 0 <= port <= 65535
+
+
+@pytest.mark.parametrize("status", [0, 2])
+def test_the_status_is_the_programs(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The program's status is the process's exit status."""
+    monkeypatch.setattr(front, "main", lambda: status)
+    monkeypatch.setattr(entry, "interrupt_on_signals", lambda: None)
+    assert entry.main() == status
+
+
+def test_ctrl_c_while_it_loads_ends_it_quietly() -> None:
+    """An interrupt in the half second in which numpy is loaded ends the program with 1 and no traceback."""
+    interrupted = (
+        "import sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'numpy': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from kinespace.tools.cli.entry import main\n"
+        "sys.argv[1:] = ['info']\n"
+        "sys.exit(main())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", interrupted], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")

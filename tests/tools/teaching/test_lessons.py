@@ -6,10 +6,12 @@ from contextlib import closing
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import zmq
+from programs import PATIENCE
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.motion_library import library_file
@@ -23,9 +25,9 @@ from kinespace.stream.recognizer import SentJoints
 from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.teaching.keys import HINT, Keys
 from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, open_lessons
 
-PATIENCE = 60.0
 #: Endings of the names of joints that a body of 20 joints lacks.
 FURTHER_JOINTS = ("fingers", "thumb", "wrist", "clavicle", "upperback", "upperneck", "thorax")
 
@@ -353,3 +355,41 @@ def test_a_stranger_at_the_control_learns_nothing(
     assert ("classes" in reply, len(reply) == 1) == (may, not may)
     assert control.counts.foreign == (not may)
     stage.lessons.close()
+
+
+def test_the_commands_of_keys() -> None:
+    """New motions are numbered, held ones too; the last name was right, or wrong; a number chooses who is taught."""
+    lessons = SimpleNamespace(classes=["squat", "motion 1"], performers=SimpleNamespace(names=("ann", "bob")))
+    shown = SimpleNamespace(hint=HINT)
+    keys = Keys(lessons, shown)  # type: ignore[arg-type]  # as read
+    assert keys.command_of("t") == commands.Teach("", "motion 2")
+    lessons.classes.append("motion 2")
+    assert keys.command_of("a") == commands.Teach("", "motion 2")
+    held = [keys.command_of("h") for _ in range(2)]
+    assert held == [commands.Hold("", "motion 3"), commands.Hold("", "motion 3", on=False)]
+    assert [keys.command_of(key) for key in "ynmu?9"] == [
+        commands.Right(),
+        commands.Wrong(),
+        commands.Teach("", "nothing"),
+        commands.Undo(),
+        *(None, None),
+    ]
+    assert keys.command_of("2") is None
+    assert shown.hint.startswith("bob is taught")
+    assert keys.command_of("n") == commands.Wrong("bob")
+    assert keys.command_of("a") == commands.Teach("bob", "motion 3")
+
+
+def test_a_motion_is_named_by_keys() -> None:
+    """Letters are its name until Enter, then examples go on by it; Escape leaves the old one."""
+    lessons = SimpleNamespace(classes=["motion 1"], performers=SimpleNamespace(names=("ann",)))
+    shown = SimpleNamespace(hint=HINT)
+    keys = Keys(lessons, shown)  # type: ignore[arg-type]  # as read
+    assert keys.command_of("=") is None
+    keys.command_of("t")
+    assert [keys.command_of(key) for key in "=hix\x7f t"] == [None] * 7
+    assert shown.hint == "motion 2 is called: hi t"
+    assert keys.command_of("\n") == commands.Rename("motion 2", "hi t")
+    assert (shown.hint, keys.command_of("a")) == (HINT, commands.Teach("", "hi t"))
+    assert [keys.command_of(key) for key in "=x\x1b"] == [None] * 3
+    assert keys.command_of("a") == commands.Teach("", "hi t")

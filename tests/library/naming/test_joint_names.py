@@ -9,7 +9,7 @@ import msgspec
 import naive
 import numpy as np
 import pytest
-import skeletons
+from skeletons import KNOWN, names_of
 
 from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
 from kinespace.library.naming.checked_toml import Text, read_toml
@@ -187,104 +187,25 @@ def test_cmus_takes_are_read_with_the_same_body(cmu_folder: Path) -> None:
 
 
 OURS = hdm05.SKELETON.joints
-#: A skeleton, whose names they are, how many of our joints it has, and what some joints are called here.
-KNOWN = {
-    "mixamo": (skeletons.MIXAMO, "mixamo", 29, {"mixamorig:LeftUpLeg": "lhipjoint", "mixamorig:HeadTop_End": "head"}),
-    "rokoko": (skeletons.ROKOKO, "rokoko", 27, {"hip": "root", "leftLowerArm": "lhumerus", "rightToeEnd": "rtoes"}),
-    "newton": (skeletons.NEWTON, "rokoko", 22, {"Spine4": "thorax", "LeftThigh": "lhipjoint", "LeftToeTip": "ltoes"}),
-    "xsens": (skeletons.XSENS, "xsens", 20, {"T8": "thorax", "Left Upper Arm": "lclavicle", "Right Toe": "rfoot"}),
-    "xsens bvh": (skeletons.XSENS_BVH, "biovision", 25, {"LeftShoulder": "lclavicle", "LeftHip": "lhipjoint"}),
-    "cgspeed": (skeletons.CGSPEED, "cgspeed", 28, {"Spine1": "thorax", "LThumb_end": "lthumb"}),
-    "cgspeed all": (skeletons.CGSPEED_ALL, "cgspeed", 28, {"LowerBack": "cgspeed LowerBack", "Spine": "lowerback"}),
-    "unity": (skeletons.UNITY, "humanoid", 22, {"LeftMiddleProximal": "lhand", "Head": "upperneck"}),
-    "vrm 1": (skeletons.VRM1, "humanoid", 22, {"leftUpperLeg": "lhipjoint", "upperChest": "thorax"}),
-    "vroid": (skeletons.VROID, "humanoid", 20, {"J_Bip_L_LowerLeg": "lfemur", "J_Bip_C_Hips": "root"}),
-    "mediapipe": (skeletons.MEDIAPIPE, "mediapipe", 19, {"nose": "head", "left_knee": "lfemur"}),
-    "freemocap": (skeletons.FREEMOCAP, "mediapipe", 22, {"head_center": "head", "nose": "nose", "hips_center": "root"}),
-    "coco": (skeletons.COCO, "mediapipe", 13, {"right_ankle": "rtibia"}),
-    "plug-in gait": (skeletons.PLUG_IN_GAIT, "plugingait", 20, {"LASI": "lhipjoint", "C7": "lowerneck"}),
-    "rizzoli": (skeletons.RIZZOLI, "rizzoli", 14, {"LGT": "lhipjoint", "LASIS": "LASIS", "RLM": "rtibia"}),
-    "rizzoli in visual3d": (skeletons.RIZZOLI_VISUAL3D, "rizzoli", 19, {"L_FLE": "lfemur", "L_RSP": "lradius"}),
-    "smpl": (skeletons.SMPL, "smpl", 22, {"left_hand": "lhand", "head": "upperneck", "left_foot": "lfoot"}),
-    "smpl fbx": (skeletons.SMPL_FBX, "smpl", 22, {"m_avg_L_Hip": "lhipjoint", "m_avg_Pelvis": "root"}),
-    "kinect 1": (skeletons.KINECT_1, "kinect1", 19, {"HipCenter": "root", "Spine": "Spine"}),
-    "kinect 2": (skeletons.KINECT_2, "kinect2", 25, {"SpineShoulder": "thorax", "HandTipRight": "rfingers"}),
-    "azure kinect": (skeletons.AZURE_KINECT, "kinect2", 25, {"SPINE_CHEST": "upperback", "PELVIS": "root"}),
-    "openni": (skeletons.OPENNI, "openni", 15, {"left_hand": "lradius", "left_foot": "ltibia"}),
-    "optitrack": (skeletons.OPTITRACK, "optitrack", 19, {"Skeleton 001_LFArm": "lhumerus"}),
-    "arkit": (skeletons.ARKIT, "arkit", 28, {"left_forearm_joint": "lhumerus", "root": "ARKit root"}),
-    "unreal": (skeletons.UNREAL, "unreal", 22, {"spine_03": "upperback", "calf_l": "lfemur", "root": "Unreal root"}),
-    "unreal 4": (
-        skeletons.UNREAL_4,
-        "unreal4",
-        22,
-        {"spine_03": "thorax", "upperarm_r": "rclavicle", "ball_l": "lfoot"},
-    ),
-    "biped": (skeletons.BIPED, "biped", 25, {"Bip01 L UpperArm": "lclavicle", "Bip01 R Toe0Nub": "rtoes"}),
-    "valve": (skeletons.VALVE, "biped", 20, {"ValveBiped.Bip01_L_Calf": "lfemur"}),
-    "character creator": (skeletons.CHARACTER_CREATOR, "charactercreator", 22, {"CC_Base_L_Thigh": "lhipjoint"}),
-    "rigify": (skeletons.RIGIFY, "rigify", 22, {"shin.L": "lfemur", "spine": "root", "spine.006": "upperneck"}),
-    "rigify's deform bones": (tuple(f"DEF-{name}" for name in skeletons.RIGIFY), "rigify", 22, {"DEF-toe.R": "rfoot"}),
-    "poser": (skeletons.POSER, "daz", 17, {"lShldr": "lclavicle", "lForeArm": "lhumerus", "rThigh": "rhipjoint"}),
-    "genesis 8": (skeletons.GENESIS_8, "daz", 22, {"lShldrBend": "lclavicle", "chestUpper": "thorax"}),
-    "genesis 9": (skeletons.GENESIS_9, "daz", 22, {"l_shin": "lfemur", "spine4": "thorax", "r_shoulder": "r_shoulder"}),
-    "mmd": (skeletons.MMD, "mmd", 21, {"左ひじ": "lhumerus", "右足": "rhipjoint", "腰": "root"}),
-    "mmd_tools": (skeletons.MMD_TOOLS, "mmd", 21, {"ひざ.R": "rfemur", "手首.L": "lradius"}),
-    "webxr": (skeletons.WEBXR, "openxr", 26, {"left-arm-upper": "lclavicle", "right-foot-ankle": "rtibia"}),
-    "meta": (skeletons.META, "openxr", 26, {"XR_FULL_BODY_JOINT_LEFT_LOWER_LEG_META": "lfemur"}),
-    "meta in unity": (tuple(f"FullBody_{name.title().replace('-', '')}" for name in skeletons.WEBXR), "openxr", 26, {}),
-    "pico": (skeletons.PICO, "smpl", 22, {"XR_BODY_JOINT_LEFT_KNEE_BD": "lfemur"}),
-    "mhr-70": (
-        skeletons.MHR_70,
-        "mhr70",
-        22,
-        {"left-knee": "lfemur", "right-middle-tip": "rfingers", "neck": "lowerneck"},
-    ),
-    "mocopi": (skeletons.MOCOPI, "mocopi", 20, {"l_low_arm": "lhumerus", "l_foot": "ltibia", "torso_7": "thorax"}),
-    "plug-in gait, markers and centres": (
-        (*skeletons.PLUG_IN_GAIT, "PELO", "LHJC", "RHJC", "LKJC", "RKJC", "LSJC", "RSJC"),
-        "plugingait",
-        21,
-        {"LASI": "LASI", "LHJC": "lhipjoint"},
-    ),
-    "opensim": (
-        ("pelvis", "torso", *(f"{name}_{side}" for side in "rl" for name in ("femur", "tibia", "talus", "toes"))),
-        "opensim",
-        10,
-        {"femur_r": "rhipjoint", "talus_l": "ltibia"},
-    ),
-    "theia": (
-        ("pelvis_4X4", *(f"{side}_{name}_4X4" for side in "lr" for name in ("thigh", "shank", "foot", "uarm", "larm"))),
-        "theia",
-        11,
-        {"l_thigh_4X4": "lhipjoint"},
-    ),
-    "mediapipe by number": (tuple(map(str, range(33))), "landmarks", 19, {"25": "lfemur", "1": "1"}),
-    "sides behind": (
-        tuple(f"{name}_{side}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in "RL"),
-        "kinect1",
-        12,
-        {"hip_L": "lhipjoint", "ankle_R": "rtibia"},
-    ),
-    "hdm05": (OURS, "hdm05", 31, {"lfemur": "lfemur"}),
-}
+SMPL, MIXAMO = names_of("smpl"), names_of("mixamo")
+EVERY = pytest.mark.parametrize("skeleton", KNOWN)
 
 
-@pytest.mark.parametrize("skeleton", KNOWN)
+@EVERY
 def test_names_are_found(skeleton: str) -> None:
     """Every convention's skeleton is known by its names, and each of its joints gets the name that is meant."""
-    labels, convention, ours, some = KNOWN[skeleton]
+    labels, known = names_of(skeleton), KNOWN[skeleton]
     named = Naming().read(labels)
-    assert named.convention.name == convention
-    assert sum(joint in OURS for joint in named.joints) == ours
+    assert named.convention.name == known["convention"]
+    assert sum(joint in OURS for joint in named.joints) == known["ours"]
     assert len(set(named.joints)) == len(labels)
-    assert {label: named.joints[labels.index(label)] for label in some} == some
+    assert {label: named.joints[labels.index(label)] for label in known["some"]} == known["some"]
 
 
-@pytest.mark.parametrize("skeleton", KNOWN)
+@EVERY
 def test_names_that_were_read_are_not_read_again(skeleton: str) -> None:
     """A file that was renamed keeps its names, whichever of its joints are there."""
-    labels, generator = KNOWN[skeleton][0], np.random.default_rng(3)
+    labels, generator = names_of(skeleton), np.random.default_rng(3)
     for share in (1.0, 0.9, 0.7, 0.5, 0.3):
         some = [label for label in labels if generator.random() < share]
         named = Naming().read(some)
@@ -293,17 +214,17 @@ def test_names_that_were_read_are_not_read_again(skeleton: str) -> None:
 
 def test_a_limb_without_names_names_the_labels() -> None:
     """Where no joint of an arm is known the line lists what was not understood."""
-    bare = [name.removeprefix("mixamorig:") for name in skeletons.MIXAMO]
+    bare = [name.removeprefix("mixamorig:") for name in MIXAMO]
     labels = [name for name in bare if "Arm" not in name and "Hand" not in name] + ["WingLeft", "WingRight"]
     named = Naming().read(labels)
     line = summary(named.title, named.joints)
     assert line.endswith("an arm or a leg is missing, not understood: LeftShoulder, RightShoulder, WingLeft, WingRight")
 
 
-@pytest.mark.parametrize("skeleton", KNOWN)
+@EVERY
 def test_sides_are_kept(skeleton: str) -> None:
     """A left joint is our left one, and as many of our joints are left as are right."""
-    labels, *_ = KNOWN[skeleton]
+    labels = names_of(skeleton)
     pairs = dict(zip(labels, Naming().read(labels).joints, strict=True))
     mirrored = {joint: ("r" if joint[0] == "l" else "l") + joint[1:] for joint in OURS if joint[1:] in _PAIRED}
     assert {mirrored.get(joint, joint) for joint in pairs.values()} & {*OURS} == {*pairs.values()} & {*OURS}
@@ -329,8 +250,8 @@ def test_foreign_names_stay(labels: tuple[str, ...]) -> None:
 @pytest.mark.parametrize("spelled", [str.upper, str.lower, lambda name: name.replace("_", " "), "Ann:{}".format])
 def test_spelling_says_nothing(spelled: Callable[[str], str]) -> None:
     """Capitals, marks between words and a namespace are ignored."""
-    joints = Naming().read(skeletons.SMPL).joints
-    assert Naming().read([spelled(name) for name in skeletons.SMPL]).joints == tuple(
+    joints = Naming().read(SMPL).joints
+    assert Naming().read([spelled(name) for name in SMPL]).joints == tuple(
         joint if joint in OURS else spelled(joint) for joint in joints
     )
 
@@ -338,10 +259,10 @@ def test_spelling_says_nothing(spelled: Callable[[str], str]) -> None:
 @pytest.mark.parametrize("front", ["mixamorig:", "mixamorig", "mixamorig5:", "mixamorig_", "Armature|", "Char 1_", ""])
 def test_prefixes_are_left_out(front: str) -> None:
     """Mixamo's names are recognised with every prefix that programs put before them."""
-    labels = [name.replace("mixamorig:", front) for name in skeletons.MIXAMO]
+    labels = [name.replace("mixamorig:", front) for name in MIXAMO]
     named = Naming().read(labels)
     assert [joint for joint in named.joints if joint in OURS] == [
-        joint for joint in Naming().read(skeletons.MIXAMO).joints if joint in OURS
+        joint for joint in Naming().read(MIXAMO).joints if joint in OURS
     ]
 
 
@@ -355,7 +276,7 @@ def test_a_given_convention_is_used() -> None:
     """A given convention renames the joints it knows, however few; as-they-are renames none."""
     labels = ("head", "spine1", "prop")
     assert Naming.asked("smpl").read(labels).joints == ("upperneck", "lowerback", "prop")
-    assert Naming.asked("as-they-are").read(skeletons.SMPL) == (skeletons.SMPL, None)
+    assert Naming.asked("as-they-are").read(SMPL) == (SMPL, None)
     assert Naming.asked("auto") == Naming()
     with pytest.raises(
         ValueError, match=r"names: expected one of acclaim-bvh, .* hdm05, .* kinectv2, .* got 'klingon'"
@@ -382,13 +303,13 @@ def test_names_that_a_library_has_are_met() -> None:
     """A feed is read by the names that bring it nearer to the library."""
     own = ("hip", "knee", "toe", "elbow", "hand")
     assert Naming().met(own, own).joints == own
-    assert Naming().met(skeletons.SMPL, OURS).joints == Naming().read(skeletons.SMPL).joints
-    assert Naming().met(skeletons.SMPL, skeletons.SMPL).joints == skeletons.SMPL
+    assert Naming().met(SMPL, OURS).joints == Naming().read(SMPL).joints
+    assert Naming().met(SMPL, SMPL).joints == SMPL
 
 
 def test_line() -> None:
     """A person is told the convention and how many of our joints it found."""
-    named = Naming().read(skeletons.KINECT_1)
+    named = Naming().read(names_of("kinect 1"))
     assert summary(named.title, named.joints) == "Kinect 1 names: 19 of 31 joints"
     assert Naming().read(OURS).title == ""
 

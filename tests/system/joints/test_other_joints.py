@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import skeletons
 from performed import pushed, shown
 from programs import ghost_cues, live
+from skeletons import names_of
 
 from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex
 from kinespace.library.naming import Naming, convention_named, hdm05
@@ -132,10 +132,10 @@ def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str]) -> str:
     return guesses.most_common(1)[0][0]
 
 
-@pytest.mark.parametrize("naming", ["mixamo", "mediapipe", "kinect2"])
+@pytest.mark.parametrize("naming", ["mixamo", "mediapipe", "kinect 2"])
 def test_feed_of_another_naming_meets_our_library(motions: MotionLibrary, naming: str) -> None:
     """A sender of another convention is compared by the joints it has, and its motions are named."""
-    labels = {"mixamo": skeletons.MIXAMO, "mediapipe": skeletons.MEDIAPIPE, "kinect2": skeletons.KINECT_2}[naming]
+    labels = names_of(naming)
     joints = Naming().read(labels).joints
     there = [place for place, joint in enumerate(joints) if joint in OURS]
     clip = motions.motions[0]

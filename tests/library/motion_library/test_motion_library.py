@@ -51,20 +51,14 @@ def builtin() -> MotionLibrary:
     return MotionLibrary.builtin()
 
 
-@pytest.fixture
-def library() -> MotionLibrary:
-    """Give a library of a body of six joints."""
-    return MotionLibrary.of_clips(stick_clips())
-
-
 # --- made of clips -----------------------------------------------------------------------------------------------
 
 
-def test_clips_become_motions(library: MotionLibrary) -> None:
+def test_clips_become_motions(sticks: MotionLibrary) -> None:
     """A motion has its clip's labels; of 120 frames per second every second one is kept, in whole millimetres."""
     clips = {(clip.class_name, clip.take): clip for clip in stick_clips()}
-    assert len(library) == len(clips) == 18
-    for motion in library.motions:
+    assert len(sticks) == len(clips) == 18
+    for motion in sticks.motions:
         clip = clips[motion.class_name, motion.take]
         assert (motion.actor, motion.name, motion.frame_rate) == (clip.actor, clip.name, 60.0)
         assert np.abs(motion.positions - clip.positions[::2]).max() <= 0.000501
@@ -132,18 +126,18 @@ def test_a_clip_that_makes_no_motion_is_refused(clip: Clip, message: str) -> Non
         MotionLibrary.of_clips([stick_clip("bow")]).with_motions(iter([clip]))
 
 
-def test_parts_that_do_not_fit_are_refused(library: MotionLibrary) -> None:
+def test_parts_that_do_not_fit_are_refused(sticks: MotionLibrary) -> None:
     """Motions of another skeleton, of too many frames per second or without class are refused."""
     with pytest.raises(SkeletonMismatchError, match="expected 6 joints"):
-        MotionLibrary(Skeleton(STICK.joints[::-1]), library.motions)
+        MotionLibrary(Skeleton(STICK.joints[::-1]), sticks.motions)
     with pytest.raises(ValueError, match="expected 1 to 75 frames per second, got 120"):
         MotionLibrary(STICK, (stick_clip("bow"),))
     with pytest.raises(ValueError, match="expected at least 2 frames, got 1"):
-        MotionLibrary(STICK, (library.motions[0].moved_to(library.motions[0].positions[:1]),))
+        MotionLibrary(STICK, (sticks.motions[0].moved_to(sticks.motions[0].positions[:1]),))
     with pytest.raises(ValueError, match="class_name: expected"):
-        MotionLibrary(STICK, (dataclasses.replace(library.motions[0], class_name=""),))
-    mixed = MotionLibrary(STICK, library.motions[::-1])
-    assert [motion.class_name for motion in mixed.motions] == [motion.class_name for motion in library.motions]
+        MotionLibrary(STICK, (dataclasses.replace(sticks.motions[0], class_name=""),))
+    mixed = MotionLibrary(STICK, sticks.motions[::-1])
+    assert [motion.class_name for motion in mixed.motions] == [motion.class_name for motion in sticks.motions]
 
 
 # --- saved -------------------------------------------------------------------------------------------------------
@@ -177,10 +171,10 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
 # --- changed -----------------------------------------------------------------------------------------------------
 
 
-def test_motions_are_added(library: MotionLibrary) -> None:
+def test_motions_are_added(sticks: MotionLibrary) -> None:
     """Added clips become motions like all others; the library they were added to does not change."""
     learned = Learned({"one": np.zeros(1, np.float32)})
-    before = dataclasses.replace(library, learned=learned)
+    before = dataclasses.replace(sticks, learned=learned)
     more = before.with_motions([stick_clip("jump", seed=70), dataclasses.replace(stick_clip("bow"), class_name="ab")])
     assert (len(before), len(more)) == (18, 20)
     assert more.classes == ("ab", *STICK_CLASSES)
@@ -190,40 +184,40 @@ def test_motions_are_added(library: MotionLibrary) -> None:
     _assert_equal(more.without(classes=["ab"], motions=[jump]), before)
 
 
-def test_classes_persons_and_motions_are_left_out(library: MotionLibrary) -> None:
+def test_classes_persons_and_motions_are_left_out(sticks: MotionLibrary) -> None:
     """Classes, persons and motions are left out; all other motions stay."""
-    assert library.without(classes=["bow", "wave"]).classes == ("jump",)
-    assert library.without(actors=["aa"]).actors == ("bb",)
-    gone = library.motions[4]
-    assert library.without(motions=[gone]).motions == (*library.motions[:4], *library.motions[5:])
-    assert library.without().motions == library.motions
+    assert sticks.without(classes=["bow", "wave"]).classes == ("jump",)
+    assert sticks.without(actors=["aa"]).actors == ("bb",)
+    gone = sticks.motions[4]
+    assert sticks.without(motions=[gone]).motions == (*sticks.motions[:4], *sticks.motions[5:])
+    assert sticks.without().motions == sticks.motions
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda library: library.without(classes=["hop"]), "classes: expected some of bow, jump, wave, got 'hop'"),
-        (lambda library: library.without(actors=["cc"]), "actors: expected some of aa, bb, got 'cc'"),
-        (lambda library: library.without(motions=[stick_clip("bow")]), "motions: expected some of this library's own"),
-        (lambda library: library.without(actors=["aa", "bb"]), "motions: expected at least one, got none"),
-        (lambda library: library.renamed({"hop": "jump"}), "classes: expected some of bow, jump, wave, got 'hop'"),
-        (lambda library: library.renamed({"bow": ""}), "expected a class name for clip"),
+        (lambda sticks: sticks.without(classes=["hop"]), "classes: expected some of bow, jump, wave, got 'hop'"),
+        (lambda sticks: sticks.without(actors=["cc"]), "actors: expected some of aa, bb, got 'cc'"),
+        (lambda sticks: sticks.without(motions=[stick_clip("bow")]), "motions: expected some of this library's own"),
+        (lambda sticks: sticks.without(actors=["aa", "bb"]), "motions: expected at least one, got none"),
+        (lambda sticks: sticks.renamed({"hop": "jump"}), "classes: expected some of bow, jump, wave, got 'hop'"),
+        (lambda sticks: sticks.renamed({"bow": ""}), "expected a class name for clip"),
     ],
 )
 def test_changes_of_absent_classes_are_refused(
-    library: MotionLibrary, change: Callable[[MotionLibrary], MotionLibrary], message: str
+    sticks: MotionLibrary, change: Callable[[MotionLibrary], MotionLibrary], message: str
 ) -> None:
     """Leaving out or renaming a class that the library lacks is refused, and so is leaving out everything."""
     with pytest.raises(ValueError, match=message):
-        change(library)
+        change(sticks)
 
 
-def test_classes_are_renamed(library: MotionLibrary) -> None:
+def test_classes_are_renamed(sticks: MotionLibrary) -> None:
     """A renamed class stands where its new name belongs; two of one name are one class."""
-    renamed = library.renamed({"bow": "zeal", "jump": "wave"})
+    renamed = sticks.renamed({"bow": "zeal", "jump": "wave"})
     assert renamed.classes == ("wave", "zeal")
     assert [motion.class_name for motion in renamed.motions] == ["wave"] * 12 + ["zeal"] * 6
-    assert {motion.take for motion in renamed.motions} == {motion.take for motion in library.motions}
+    assert {motion.take for motion in renamed.motions} == {motion.take for motion in sticks.motions}
 
 
 # --- fewer joints ------------------------------------------------------------------------------------------------
@@ -246,14 +240,14 @@ def test_fewer_joints_show_the_same_motions(builtin: MotionLibrary) -> None:
 # --- merged ------------------------------------------------------------------------------------------------------
 
 
-def test_a_motion_both_have_is_kept_once(library: MotionLibrary) -> None:
+def test_a_motion_both_have_is_kept_once(sticks: MotionLibrary) -> None:
     """A motion the same in words and numbers is kept once; one that differs by a millimetre, or a take, is kept."""
-    _assert_equal(library.merged_with(library), library)
-    first = library.motions[0]
+    _assert_equal(sticks.merged_with(sticks), sticks)
+    first = sticks.motions[0]
     moved = first.positions.copy()
     moved[3, 2, 1] += 0.001
     other = MotionLibrary(STICK, (first, first.moved_to(moved), dataclasses.replace(first, take="other")))
-    assert len(library.merged_with(other)) == 20
+    assert len(sticks.merged_with(other)) == 20
 
 
 def test_libraries_are_merged_over_the_joints_that_both_have(builtin: MotionLibrary) -> None:
@@ -307,16 +301,6 @@ def content(small_library: MotionLibrary, tmp_path_factory: pytest.TempPathFacto
     path = tmp_path_factory.mktemp("good") / "small.npz"
     small_library.save(path)
     return path.read_bytes()
-
-
-def _are_equal(first: MotionLibrary, second: MotionLibrary) -> bool:
-    if first.skeleton != second.skeleton or len(first) != len(second):
-        return False
-    return all(
-        np.array_equal(one.positions, another.positions)
-        and all(getattr(one, name) == getattr(another, name) for name in SAID)
-        for one, another in zip(first.motions, second.motions, strict=True)
-    )
 
 
 def _assert_refused(path: Path, content: bytes, message: str = "") -> None:
@@ -427,7 +411,7 @@ def test_flipped_bytes_are_refused_or_do_not_matter(
     for place in places:
         path.write_bytes(_flipped(content, place, int(generator.choice([0x01, 0x10, 0x80, 0xFF]))))
         try:
-            assert _are_equal(MotionLibrary.load(path), small_library)
+            _assert_equal(MotionLibrary.load(path), small_library)
         except LibraryFileError as error:
             assert str(path) in str(error)  # noqa: PT017 - a flipped date in the zip's directory is no error
             refused += 1

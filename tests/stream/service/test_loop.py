@@ -28,19 +28,13 @@ ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 PATIENCE = 60.0
 
 
-@pytest.fixture(scope="module")
-def library(sticks: MotionLibrary) -> MotionLibrary:
-    """Give the library of these tests."""
-    return sticks
-
-
 def _frames(class_name: str, performer: str = "p", *, frames: int = 200, start: float = 1.0) -> list[Frame]:
     positions = stick_clip(class_name, seed=80, frames=frames).positions.astype(np.float32)
     return shown(positions, begin=start, performer=performer)
 
 
-def _expected(library: MotionLibrary, frames: Sequence[Frame]) -> list[Recognition]:
-    return pushed(Recognizer(library), frames)
+def _expected(sticks: MotionLibrary, frames: Sequence[Frame]) -> list[Recognition]:
+    return pushed(Recognizer(sticks), frames)
 
 
 @pytest.fixture
@@ -52,9 +46,9 @@ def source() -> Iterator[FakeSource]:
 
 
 @pytest.fixture
-def bench(library: MotionLibrary, source: FakeSource) -> Bench:
+def bench(sticks: MotionLibrary, source: FakeSource) -> Bench:
     """Give a service with one source."""
-    return Bench(Performers(library), source)
+    return Bench(Performers(sticks), source)
 
 
 @pytest.fixture
@@ -81,18 +75,16 @@ class Watching(FakeSink):
         self.frames.append(frame)
 
 
-def test_all_that_waits_is_answered_to_all(library: MotionLibrary, source: FakeSource) -> None:
+def test_all_that_waits_is_answered_to_all(sticks: MotionLibrary, source: FakeSource) -> None:
     """Every sink gets the recogniser's answers, each with its events behind it, and the frames if it asks for them."""
     frames = [*_frames("bow"), *_frames("jump", start=1.0 + 200 / 120)]
     source.waiting.extend([frame] for frame in frames)
     sinks = [FakeSink(), Watching()]
-    service = Service(Performers(library), [source], sinks)
+    service = Service(Performers(sticks), [source], sinks)
     while source.waiting:
         service.step(0.0)
     expected = [
-        (type(each), each.time, each.label)
-        for answer in _expected(library, frames)
-        for each in (answer, *answer.events)
+        (type(each), each.time, each.label) for answer in _expected(sticks, frames) for each in (answer, *answer.events)
     ]
     assert [label for kind, _, label in expected if kind is Event] == ["bow", "bow", "jump"]
     for sink in sinks:
@@ -102,7 +94,7 @@ def test_all_that_waits_is_answered_to_all(library: MotionLibrary, source: FakeS
     assert (service.status().notes, service.status().unsent) == (Watching.notes, 0)
 
 
-def test_a_program_whose_reader_has_gone_ends(library: MotionLibrary, source: FakeSource) -> None:
+def test_a_program_whose_reader_has_gone_ends(sticks: MotionLibrary, source: FakeSource) -> None:
     """As `kinespace live --log json | head` does."""
 
     class Unread(FakeSink):
@@ -110,7 +102,7 @@ def test_a_program_whose_reader_has_gone_ends(library: MotionLibrary, source: Fa
             raise BrokenPipeError(status)
 
     with pytest.raises(BrokenPipeError):
-        Service(Performers(library), [source], [Unread()]).step(0.0)
+        Service(Performers(sticks), [source], [Unread()]).step(0.0)
 
 
 class Broken(Sink):
@@ -123,12 +115,12 @@ class Broken(Sink):
         return super().__getattribute__(name)
 
 
-def test_a_sinks_error_is_counted_and_ends_nothing(library: MotionLibrary, source: FakeSource) -> None:
+def test_a_sinks_error_is_counted_and_ends_nothing(sticks: MotionLibrary, source: FakeSource) -> None:
     """The other sinks get all that they get without it; the status says what the sink raised."""
     frames = _frames("bow")
     source.waiting.extend([[frame] for frame in frames] + [[Asked(None, "why")]])
     sinks = [Broken(), FakeSink()]
-    service = Service(Performers(library), [source], sinks)
+    service = Service(Performers(sticks), [source], sinks)
     while source.waiting:
         service.step(0.0)
     service.stop()
@@ -185,7 +177,7 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
     [(LATE, 200, True), (1.01 * LATE, 200, False), (MAX_AGE, 64, True), (1.01 * MAX_AGE, 64, False)],
 )
 def test_of_old_packets_the_newest_is_answered(
-    library: MotionLibrary,
+    sticks: MotionLibrary,
     waited: float,
     number: int,
     all_answered: bool,  # noqa: FBT001
@@ -194,7 +186,7 @@ def test_of_old_packets_the_newest_is_answered(
     frames = _frames("bow", frames=number)
     with closing(FakeSource([[frame] for frame in frames])) as source:
         source.waited = source.lag = waited
-        bench, expected = Bench(Performers(library), source), _expected(library, frames)
+        bench, expected = Bench(Performers(sticks), source), _expected(sticks, frames)
         bench.step()
     status, times = bench.service.status(), [each.time for each in bench.sink.recognitions]
     assert times == ([each.time for each in expected] if all_answered else [frames[-1].time])
@@ -202,11 +194,11 @@ def test_of_old_packets_the_newest_is_answered(
     assert waited < status.hop_p50 < waited + PATIENCE
 
 
-def test_one_busy_source_does_not_silence_the_others(library: MotionLibrary, opened: ExitStack) -> None:
+def test_one_busy_source_does_not_silence_the_others(sticks: MotionLibrary, opened: ExitStack) -> None:
     """When more waits than one step takes, each source gets its turn, and the rest is taken by the next steps."""
     feeds = [_frames("bow", name, frames=600) for name in ("a", "b")]
     sources = [opened.enter_context(closing(FakeSource([[frame] for frame in feed]))) for feed in feeds]
-    bench = Bench(Performers(library), *sources)
+    bench = Bench(Performers(sticks), *sources)
     bench.step()
     assert {answer.performer for answer in bench.sink.recognitions} == {"a", "b"}
     assert len(sources[0].waiting) == len(sources[1].waiting) == 600 - 256
@@ -246,9 +238,9 @@ def test_the_status_counts_everything(bench: Bench) -> None:
     assert status.lost == 4
 
 
-def test_every_motion_ends_once(library: MotionLibrary, source: FakeSource) -> None:
+def test_every_motion_ends_once(sticks: MotionLibrary, source: FakeSource) -> None:
     """Also the motion of a performer who makes room for another, and one after whose pause nothing is answered."""
-    bench = Bench(Performers(library, most=1, silence=1.0), source)
+    bench = Bench(Performers(sticks, most=1, silence=1.0), source)
     first, last = _frames("wave", "ada", frames=240), _frames("bow", "bo", frames=240)
     bench.perform(first)
     bench.clock.now += 1.5
@@ -261,17 +253,17 @@ def test_every_motion_ends_once(library: MotionLibrary, source: FakeSource) -> N
     assert bench.sink.gone == ["ada", "bo"]
 
 
-def test_leaving_closes_everything(library: MotionLibrary) -> None:
+def test_leaving_closes_everything(sticks: MotionLibrary) -> None:
     """Leaving the block, by an exception too, gives all sockets back."""
     source, sink = FakeSource(), FakeSink()
-    with pytest.raises(ZeroDivisionError), Service(Performers(library), [source], [sink]):
+    with pytest.raises(ZeroDivisionError), Service(Performers(sticks), [source], [sink]):
         _ = 1 / 0
     assert source.closed
     assert sink.closed
 
 
 def test_a_stopped_service_answers_the_waiting_packets(
-    bench: Bench, library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+    bench: Bench, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A service stopped before or while it runs returns after it has answered all waiting packets."""
     monkeypatch.setattr(service_module, "MAX_ENDING", PATIENCE)
@@ -280,11 +272,11 @@ def test_a_stopped_service_answers_the_waiting_packets(
     bench.service.stop()
     bench.service.run()
     assert not bench.sources[0].waiting
-    assert len(bench.sink.recognitions) == len(_expected(library, frames))
+    assert len(bench.sink.recognitions) == len(_expected(sticks, frames))
 
 
 def test_an_endless_feed_does_not_keep_it_from_stopping(
-    library: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
+    sticks: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """When packets come faster than they are taken, it stops all the same, at the latest after half a second."""
 
@@ -296,12 +288,12 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(
             return ()
 
     source = opened.enter_context(closing(Endless()))
-    bench = Bench(Performers(library), source)
+    bench = Bench(Performers(sticks), source)
     bench.service.run()
     taken = len(source.arrivals)
     assert taken > 1000
     monkeypatch.setattr(service_module, "MAX_ENDING", 0.0)
-    bench = Bench(Performers(library), source)
+    bench = Bench(Performers(sticks), source)
     bench.service.stop()
     bench.service.run()
     assert len(source.arrivals) == taken
@@ -310,7 +302,7 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(
 # --- over real sockets -------------------------------------------------------------------------------------------
 
 
-def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened: ExitStack) -> None:
+def test_answers_that_cannot_be_sent_are_counted(sticks: MotionLibrary, opened: ExitStack) -> None:
     """Answers that the system does not send are counted as unsent in the status."""
     listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
     source, osc_sink = (
@@ -318,13 +310,13 @@ def test_answers_that_cannot_be_sent_are_counted(library: MotionLibrary, opened:
         LayoutSink(NativeLayout(), osc.OscSender(*listener.address)),
     )
     zmq_sink = ZmqSink(zeromq.ZmqSender(ANY_PORT))
-    with Service(Performers(library), [source], [osc_sink, zmq_sink]) as service:
+    with Service(Performers(sticks), [source], [osc_sink, zmq_sink]) as service:
         osc_sink.close()
         zmq_sink.close()
         service.step(0.0)
         status = service.status()
     # Each failed to send the classes, the first status, every answer, the start of the one motion, and the bows done.
-    done = sum(bool(each.done) for each in _expected(library, _frames("bow")))
+    done = sum(bool(each.done) for each in _expected(sticks, _frames("bow")))
     assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1 + done)
 
 
@@ -347,14 +339,14 @@ class FakeControl:
         self.tended += 1
 
 
-def test_commands_are_carried_out_and_may_switch_answers_off(library: MotionLibrary) -> None:
+def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibrary) -> None:
     """A command among frames reaches the control, which is tended; while it says so nothing is known or ended."""
     frames = _frames(STICK_CLASSES[0])
     off, on = Asked(commands.Stop()), Asked(commands.Undo())
     for packets, answers in (([*frames], True), ([off, *frames], False), ([off, frames[0], on, *frames[1:]], True)):
         control, sink = FakeControl(), FakeSink()
         with Service(
-            Performers(library), [FakeSource([[each] for each in packets])], [sink], control=control
+            Performers(sticks), [FakeSource([[each] for each in packets])], [sink], control=control
         ) as service:
             service.step(0.0)
             service.stop()
@@ -369,10 +361,10 @@ def test_commands_are_carried_out_and_may_switch_answers_off(library: MotionLibr
             assert {(each.label, each.score, each.guess_index) for each in sink.recognitions} == {("unknown", 0.0, -1)}
 
 
-def test_without_a_control_a_command_is_refused(library: MotionLibrary) -> None:
+def test_without_a_control_a_command_is_refused(sticks: MotionLibrary) -> None:
     """Whoever listens to the answers hears why."""
     sink, refused = FakeSink(), Asked(None, "teaching is off")
-    with Service(Performers(library), [FakeSource([[refused]])], [sink]) as service:
+    with Service(Performers(sticks), [FakeSource([[refused]])], [sink]) as service:
         service.step(0.0)
     notices = [each for each in sink.told if isinstance(each, State)]
     assert notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
@@ -390,11 +382,11 @@ def test_without_a_control_a_command_is_refused(library: MotionLibrary) -> None:
     ],
 )
 def test_an_end_is_said_if_the_start_was(
-    first: tuple[str, bool], then: tuple[str, bool], kinds: list[str], library: MotionLibrary, source: FakeSource
+    first: tuple[str, bool], then: tuple[str, bool], kinds: list[str], sticks: MotionLibrary, source: FakeSource
 ) -> None:
     """A performer who is muted, and one before anything is known, start nothing; what had started ends all the same."""
     control, sink = FakeControl(), FakeSink()
-    with Service(Performers(library), [source], [sink], control=control) as service:
+    with Service(Performers(sticks), [source], [sink], control=control) as service:
         source.waiting.extend([frame] for frame in _frames("jump", frames=240))
         control.muted, control.answers = first
         service.step(0.0)

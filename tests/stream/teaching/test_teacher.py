@@ -65,21 +65,24 @@ class Stage:
         return next(each.reason for each in reversed(self.told) if isinstance(each, State))
 
 
-def _taught(class_name: str = "wave", repetitions: int = 1) -> Stage:
+def _asked(class_name: str = "wave", repetitions: int = 1, *, countdown: float = 0.0) -> Stage:
+    """Ask for a lesson, after a second of standing."""
     stage = Stage()
     stage.stand(1.0)
-    stage.ask(commands.Teach("ann", class_name, repetitions, 0.0))
-    for _ in range(repetitions):
-        stage.stand(0.5)
-        stage.perform()
+    stage.ask(commands.Teach("ann", class_name, repetitions, countdown))
+    return stage
+
+
+def _taught() -> Stage:
+    stage = _asked()
+    stage.stand(0.5)
+    stage.perform()
     return stage
 
 
 def test_a_lesson_goes_from_countdown_to_check() -> None:
     """Three, two, one; then movement is waited for, recorded until stillness, trimmed, and the library changes."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave"))
+    stage = _asked("wave", countdown=3.0)
     stage.stand(3.7)
     stage.perform()
     assert stage.steps() == [*[Step.COUNTDOWN] * 3, Step.WAITING, Step.RECORDING, Step.CHECKING]
@@ -99,9 +102,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
 @pytest.mark.parametrize(("rate", "said"), [(8, "8 frames a second, 10 are better: choose --size lite"), (15, "")])
 def test_a_slow_camera_is_said_before_the_lesson(rate: int, said: str) -> None:
     """With the last number of the countdown, while there is time to choose."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave"))
+    stage = _asked("wave", countdown=3.0)
     for number in range(3 * rate):
         stage.now = 1.0 + (number + 0.5) / rate
         stage.told += stage.teacher.push(Frame("ann", stage.now, stage.library.motions[40].positions[0]), stage.now)
@@ -164,9 +165,7 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
 
 def test_a_recording_ends_after_fifteen_seconds() -> None:
     """A recording ends after 15 s, even if the movement goes on."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "endless", 1, 0.0))
+    stage = _asked("endless")
     motion = stage.library.motions[40].positions
     for _ in range(20):
         stage.show((*motion, *motion[::-1]))
@@ -178,9 +177,7 @@ def test_a_recording_ends_after_fifteen_seconds() -> None:
 
 def test_a_pause_in_the_feed_ends_a_recording() -> None:
     """A sender that pauses between motions, as a replay does, sends no stillness: the motion is an example."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 2, 0.0))
+    stage = _asked("wave", 2)
     for _ in range(2):
         stage.show(stage.library.motions[40].positions)
         stage.wait(1.0)
@@ -192,9 +189,7 @@ def test_a_pause_in_the_feed_ends_a_recording() -> None:
 @pytest.mark.parametrize(("command", "examples"), [(commands.Stop(), 1), (commands.Cancel(), 0)])
 def test_a_recording_is_ended_by_hand(command: Command, examples: int) -> None:
     """A recording that is stopped becomes an example, and one that is cancelled none."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "half", 1, 0.0))
+    stage = _asked("half")
     stage.stand(0.5)
     stage.show(stage.library.motions[40].positions[:60])
     stage.ask(command)
@@ -221,9 +216,7 @@ def test_a_lesson_without_a_performer_is_refused() -> None:
 
 def test_a_process_that_was_stopped_first_reads_what_waits() -> None:
     """The time for which nobody asked the teacher is not the performer's silence: the recording goes on."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage = _asked()
     motion = stage.library.motions[40].positions
     for frames in (motion[:40], motion[40:]):
         stage.show(frames)
@@ -237,9 +230,7 @@ def test_a_process_that_was_stopped_first_reads_what_waits() -> None:
 
 def test_standing_still_throughout() -> None:
     """A performer who stands still throughout gets a refusal."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage = _asked()
     stage.stand(MAX_WAITING + 1)
     assert stage.steps()[-1] is Step.REFUSED
     assert "stood still" in stage.reason()
@@ -247,9 +238,7 @@ def test_standing_still_throughout() -> None:
 
 def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:
     """Once a second, as a share; after five seconds the way out is said."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage = _asked()
     stage.stand(6.2)
     waits = [each for each in stage.told if isinstance(each, State)]
     assert {each.step for each in waits} == {Step.WAITING}
@@ -287,9 +276,7 @@ def test_a_feed_that_is_too_slow_to_show_movement_is_told_so(every: int, told: s
 
 def test_a_lesson_of_nothing_records_movement_at_will() -> None:
     """It waits for no movement, no stillness ends it, and all of it is kept; a command may end it sooner."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "nothing", 1, 1.0))
+    stage = _asked("nothing", countdown=1.0)
     stage.stand(2.0)
     stage.perform()
     stage.stand(AT_WILL)
@@ -328,9 +315,7 @@ def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
 
 def test_a_hole_in_the_feed_makes_no_example() -> None:
     """A recording with missing frames is refused, also of the last seconds; a lesson ends with it."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 2, 0.0))
+    stage = _asked("wave", 2)
     motion = stage.library.motions[40].positions
     stage.show(motion[:60])
     stage.now += 2.0

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mido
@@ -9,7 +10,6 @@ import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
-from kinespace.library import Skeleton
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, zeromq
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
@@ -149,18 +149,8 @@ class Sender:
         self.closed = True
 
 
-class Anybody:
-    """Performers of whom everything is known."""
-
-    def skeleton_of(self, name: str) -> Skeleton:
-        """Give the stick's."""
-        assert name
-        return STICK
-
-    def carried(self, name: str) -> Carried:
-        """Give the same each time."""
-        assert name
-        return CARRIED
+#: Performers of whom everything is known.
+ANYBODY: Any = SimpleNamespace(skeleton_of=lambda _: STICK, carried=lambda _: CARRIED)
 
 
 def test_everything_is_published() -> None:
@@ -197,7 +187,7 @@ def test_everything_is_published() -> None:
 def test_at_most_thirty_bodies_are_sent_a_second(rate: float) -> None:
     """Of any feed at most thirty frames a second, more than twenty; the second and every thirtieth with the joints."""
     sender = Sender()
-    sink = BodySink(sender, Anybody())  # type: ignore[arg-type]  # only `send` is called
+    sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
     for index in range(round(3 * rate)):
         sink.publish_frame(Frame("ann", 1.0 + index / rate, POSE))
     assert 3 * 20 <= len(sender.sent) <= 3 * 30 + 1
@@ -210,7 +200,7 @@ def test_at_most_thirty_bodies_are_sent_a_second(rate: float) -> None:
 def test_a_sender_that_begins_anew_is_shown_at_once() -> None:
     """When the times go back, and when a performer has left or was forgotten among many, the next frame is sent."""
     sender = Sender()
-    sink = BodySink(sender, Anybody())  # type: ignore[arg-type]  # only `send` is called
+    sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
     for moment, count in ((100.0, 1), (1.0, 2), (1.001, 2), (1.05, 3)):
         sink.publish_frame(Frame("ann", moment, POSE))
         assert len(sender.sent) == count

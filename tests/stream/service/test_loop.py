@@ -366,8 +366,7 @@ def test_without_a_control_a_command_is_refused(sticks: MotionLibrary) -> None:
     sink, refused = FakeSink(), Asked(None, "teaching is off")
     with Service(Performers(sticks), [FakeSource([[refused]])], [sink]) as service:
         service.step(0.0)
-    notices = [each for each in sink.told if isinstance(each, State)]
-    assert notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
+    assert sink.notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import zmq
+from fakes import FakeSink
 from programs import PATIENCE
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
@@ -20,9 +21,8 @@ from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, 
 from kinespace.stream.frame import Admitted
 from kinespace.stream.inputs import commands as requests
 from kinespace.stream.inputs.commands import RequestSource
-from kinespace.stream.outputs import Sink
 from kinespace.stream.recognizer import SentJoints
-from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching import Asked, Command, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.teaching.keys import HINT, Keys
@@ -30,31 +30,6 @@ from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, 
 
 #: Endings of the names of joints that a body of 20 joints lacks.
 FURTHER_JOINTS = ("fingers", "thumb", "wrist", "clavicle", "upperback", "upperneck", "thorax")
-
-
-class Heard(Sink):
-    """Keeps everything it gets."""
-
-    def __init__(self) -> None:
-        self.notices: list[Notice] = []
-        self.classes: list[tuple[str, ...]] = []
-        self.events: list[Event] = []
-
-    def publish_notice(self, notice: Notice) -> None:
-        """Keep a notice."""
-        self.notices.append(notice)
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Keep the classes."""
-        self.classes.append(tuple(classes))
-
-    def publish_event(self, event: Event) -> None:
-        """Keep an event."""
-        self.events.append(event)
-
-    def steps(self) -> list[Step]:
-        """List the states told so far."""
-        return [each.step for each in self.notices if isinstance(each, State)]
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +48,7 @@ class Stage:
         def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
             return Performers(index, classes=classes, joints=SentJoints())
 
-        self.lessons, self.heard = open_lessons(file, library, joints, performers), Heard()
+        self.lessons, self.heard = open_lessons(file, library, joints, performers), FakeSink()
         self.lessons.sinks = [self.heard]
 
     def push(self, event: Admitted) -> Recognition | None:
@@ -92,7 +67,7 @@ class Stage:
         """The classes of the answers."""
         return self.lessons.classes
 
-    def until(self, enough: Callable[[Heard], bool]) -> Heard:
+    def until(self, enough: Callable[[FakeSink], bool]) -> FakeSink:
         """Wait until the listener has heard enough."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:

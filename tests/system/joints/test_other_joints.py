@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from performed import pushed, shown
 from programs import ghost_cues, live
 from skeletons import names_of
 
@@ -16,50 +15,14 @@ from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex
 from kinespace.library.naming import Naming, convention_named, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.windows.segments import Segments
-from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
+from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings
 from kinespace.stream.recognizer import SentJoints
 from kinespace.tools.cli.main import main
-from kinespace.tools.cli.presets import joints_in_order, joints_of
+from kinespace.tools.cli.presets import joints_in_order
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.feeding.feed import Cue
 
 # --- restricted -------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def stranger(builtin: MotionLibrary) -> tuple[Clip, ...]:
-    """Give a motion of each class of the small library by a person that the library lacks."""
-    names = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-    return tuple(next(m for m in builtin.motions if (m.class_name, m.actor) == (name, "bk")) for name in names)
-
-
-def _answers(recognizer: Recognizer, clip: Clip) -> list[Recognition]:
-    order = [clip.skeleton.joints.index(name) for name in recognizer.library.skeleton.joints]
-    return pushed(recognizer, shown(clip.positions[:, order], clip.frame_rate))
-
-
-def _assert_same(first: list[Recognition], second: list[Recognition]) -> None:
-    assert len(first) == len(second) > 20
-    for one, other in zip(first, second, strict=True):
-        assert one.scores == pytest.approx(other.scores, abs=1e-3)
-        assert (one.label, one.best) == (other.label, other.best)
-        assert one.eigenvector_class == other.eigenvector_class
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("joints", ["kinect20", "vrchat"])
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_fewer_joints_are_as_if_there_had_never_been_more(
-    small_library: MotionLibrary, stranger: tuple[Clip, ...], signature: LiveSignature, joints: str
-) -> None:
-    """A library restricted to 20 or 9 joints answers as one built from clips of those joints."""
-    restricted = small_library.restricted_to(joints_of(joints))
-    kept = restricted.skeleton.joints
-    built = MotionLibrary.of_clips(clip.restricted_to(kept) for clip in small_library.motions)
-    assert built.skeleton.joints == kept
-    for clip in stranger:
-        expected = _answers(Recognizer(built, Settings(signature=signature)), clip)
-        _assert_same(_answers(Recognizer(restricted, Settings(signature=signature)), clip), expected)
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from kinespace.stream.inputs import OscDecoder
 from kinespace.tools.camera import joints, models
 from kinespace.tools.camera.bodies import Bodies
 from kinespace.tools.camera.detection import anchors, decoded, one_for_each_body
-from kinespace.tools.camera.region import Landmarks, Region, landmarks_in, refined, region_around
+from kinespace.tools.camera.region import Landmarks, Region, landmarks_in, region_around
 from kinespace.tools.cli.main import main
 
 _PICTURE = np.zeros((360, 640, 3), dtype=np.uint8)
@@ -160,14 +160,6 @@ def test_landmarks_are_brought_back_as_by_the_textbook(seed: int) -> None:
     np.testing.assert_allclose(ours.next_region[:3], naive_camera.region(placed[33], placed[34])[:3], rtol=1e-6)
 
 
-def test_landmarks_are_refined_where_it_is_warm_alone() -> None:
-    """One hot cell draws its landmark to itself; a cold map, and a landmark outside of it, change nothing."""
-    heat = np.full((64, 64, 3), -50.0)
-    heat[30, 22, 0] = heat[5, 5, 2] = 50.0
-    points = np.array([[80.0, 128.0], [80.0, 128.0], [-8.0, 300.0]])
-    np.testing.assert_allclose(refined(points, heat), [[88, 120], [80, 128], [-8, 300]])
-
-
 def _outputs(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Give outputs of a detector that sees three bodies, each by several anchors, and nothing at all elsewhere."""
     generator = np.random.default_rng(seed)
@@ -257,13 +249,6 @@ def test_clients_that_fail_are_named(
     assert said.startswith("kinespace: models: not fetched (npm: npm is offline; pip: pyt is offline); --models takes")
     assert said.count("\n") == 1
     assert not place.exists()
-
-
-@pytest.mark.slow
-def test_the_packages_models_have_the_known_contents(camera_models: Path) -> None:
-    """What npm or pip brings is what is checked for."""
-    assert (camera_models / _DETECTOR).stat().st_size > 2_900_000
-    assert len(models.models_at(None, "full").landmarks) == 6_440_512
 
 
 with suppress(ImportError):

@@ -105,32 +105,21 @@ def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """Clocks, joints and refused frames stand below the table, and in a line that is printed once."""
+    """Clocks, refused frames, and addresses that are not as the name: below the table, and in lines printed once."""
+    named = status("me", "佐藤", "Actor 1")
     noticed = replace(
-        status("me"), clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5:4000"}
+        named, clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5"}
     )
     table, lines = LiveTable(CLASSES), PlainLines()
     for sink in (table, lines, lines):
         sink.publish_status(noticed)
     printed = capsys.readouterr().out
-    for told in ("performer me: times are milliseconds: scaled", "you: frames refused: 2 joints, from 10.0.0.5:4000"):
-        assert told in shown(table)
-        assert printed.count(told) == 1
-
-
-def test_addresses_of_names_of_any_script_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """A name that OSC writes otherwise, or that is not in ASCII, has its address beside it; others need none."""
-    named = replace(status(), performers={"me": 30.0, "佐藤": 30.0, "Actor 1": 30.0})
-    table, lines = LiveTable(CLASSES), PlainLines()
-    for sink in (table, lines):
-        sink.publish_status(named)
-    printed = capsys.readouterr().out
     for told in (
-        "performer 佐藤: OSC answers at /motion/佐藤/",
-        "performer Actor 1: OSC answers at /motion/Actor%201/",
+        *("performer me: times are milliseconds", "you: frames refused: 2 joints, from 10.0.0.5"),
+        *("performer 佐藤: OSC answers at /motion/佐藤/", "performer Actor 1: OSC answers at /motion/Actor%201/"),
     ):
         assert told in shown(table)
-        assert told in printed
+        assert printed.count(told) == 1
     assert "performer me: OSC" not in printed
 
 

@@ -382,12 +382,6 @@ _FLOATS = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
         (OscDecoder(), b"hello", "last malformed: neither a message nor a bundle, from 10.0.0.5:4000: 'hello'"),
         (OscDecoder(), _NOWHERE, "last malformed: /motion/frame of ann: positions: .* joint 2 of 3 at 0, 0, inf, from"),
         (
-            OscDecoder(),
-            osc.encode_message("/motion/frame", "ann", 1.0, 1.0, 2.0),
-            "last malformed: /motion/frame of ann: positions: expected three numbers per joint, got 2, from",
-        ),
-        (OscDecoder(), osc.encode_message("/VMC/Ext/OK", 1), "last foreign: /VMC/Ext/OK, from 10.0.0.5:4000: "),
-        (
             ZmqDecoder(),
             [b"frame/ann/", _FLOATS, bytes(24)],
             "last malformed: dtype: expected <f4 or <f8, got 'float64', ",
@@ -478,14 +472,7 @@ def test_other_messages_are_no_answer() -> None:
 
 
 @pytest.mark.parametrize(
-    "header",
-    [
-        {"joints": 3},
-        {"joints": 2, "parents": [0, 2]},
-        {"joints": 2, "names": ["a"]},
-        {"joints": 2, "pairs": [[0, 5]]},
-        {"joints": "2"},
-    ],
+    "header", [{"joints": 3}, {"joints": 2, "parents": [0, 2]}, {"joints": 2, "pairs": [[0, 5]]}, {"joints": "2"}]
 )
 def test_a_body_that_does_not_fit_is_refused(header: dict[str, object]) -> None:
     """Sizes and indices beyond the body never reach who draws it."""

@@ -113,17 +113,14 @@ def test_frames_go_in_and_answers_come_out(builtin: MotionLibrary) -> None:
     ("origin", "host", "status"),
     [
         (None, "127.0.0.1:9313", None),
-        ("http://localhost:5500", "127.0.0.1:9313", None),
         ("http://127.0.0.1:8000", "localhost:9313", None),
         ("http://10.0.0.5:8000", "10.0.0.5:9313", None),
         (EDITOR, "127.0.0.1:9313", None),
         ("null", "127.0.0.1:9313", 403),
         ("http://10.0.0.6", "10.0.0.5:9313", 403),
-        ("https://evil.example", "127.0.0.1:9313", 403),
         ("http://localhost.evil.example", "127.0.0.1:9313", 403),
         ("http://[", "127.0.0.1:9313", 403),
         (None, "evil.example:9313", 403),
-        (None, "", 403),
     ],
 )
 def test_origins_and_hosts(origin: str | None, host: str, status: int | None) -> None:

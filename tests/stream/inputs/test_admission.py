@@ -317,17 +317,3 @@ def test_a_verdict_changes_when_it_is_given_twice() -> None:
     seconds, clock = read(other, moments)
     assert clock.verdict.note.startswith("times are milliseconds")
     assert np.allclose(seconds[-200:], moments[-200:])
-
-
-@pytest.mark.parametrize("kind", CLOCKS)
-def test_answers_come_with_any_clock(kind: str, sticks: MotionLibrary) -> None:
-    """Two seconds of a performer with any clock are answered some twenty times a second after the first second."""
-    admission, performers = Admission(), Performers(sticks)
-    positions = stick_clip("wave", seed=3, frames=240).positions
-    moments = np.arange(240) / 120
-    answers = [
-        performers.push_all(admission.admit([Frame("ann", time or arrival, joints)], arrival, ("10.0.0.5", 1)), arrival)
-        for time, arrival, joints in zip(CLOCKS[kind][0](moments).tolist(), moments + BOOT, positions, strict=True)
-    ]
-    assert sum(answer is not None for each in answers[120:] for answer in each) > 20
-    assert admission.clocks == ({"ann": admission.clocks["ann"]} if CLOCKS[kind][1] else {})

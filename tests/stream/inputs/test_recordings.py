@@ -1,30 +1,22 @@
 """Raw recordings: packets come back byte for byte, also from a file that was cut off or damaged."""
 
-import dataclasses
 import errno
 import json
 import re
 import struct
-import time
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
-import numpy as np
 import pytest
-import zmq
-from fakes import FakeSink
 from golden import LAYOUTS, Moment
 from programs import ghost_cues
-from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame, Performers, Recognition, osc, zeromq
+from kinespace.stream import Frame
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.frame import Input
-from kinespace.stream.inputs import OscDecoder, Source, ZmqDecoder, kinerec
+from kinespace.stream.inputs import kinerec
 from kinespace.stream.inputs.kinerec import (
     RawFile,
     RawFileError,
@@ -33,11 +25,8 @@ from kinespace.stream.inputs.kinerec import (
     Recorder,
     encode_header,
     encode_packet,
-    source_name,
 )
 from kinespace.stream.inputs.takes import decoded
-from kinespace.stream.service.loop import Service
-from kinespace.stream.zeromq import Endpoint
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")
 PACKETS = [
@@ -177,86 +166,6 @@ def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch:
     assert (writer.written, writer.failed) == (0, 5)
     assert list(RawFile(path).packets()) == []
     assert RawFile(path).damage() == ""
-
-
-LOOPBACK = "127.0.0.1"
-PATIENCE = 60.0
-
-
-def recognitions(performers: Performers, stream: Iterable[tuple[float, Input]]) -> Iterator[Recognition]:
-    """Push a recording's frames through recognisers, at its own times; give every answer."""
-    for arrival, event in stream:
-        yield from (answer for answer in performers.push_all([event], arrival) if answer)
-
-
-def assert_same(first: list[Recognition], second: list[Recognition]) -> None:
-    """Hold every number of every answer against the other's, bit for bit."""
-    assert len(first) == len(second)
-    for one, other in zip(first, second, strict=True):
-        for field in dataclasses.fields(one):
-            mine, theirs = getattr(one, field.name), getattr(other, field.name)
-            if field.name == "evidence" and mine is not None:
-                mine, theirs = np.hstack(mine), np.hstack(theirs)
-            np.testing.assert_array_equal(mine, theirs, err_msg=field.name)
-
-
-def a_feed() -> list[bytes]:
-    """Make datagrams of two performers, one with the sender's times and one timed on arrival, and rubbish between."""
-    datagrams = [osc.encode_announcement(Announcement("ann", STICK.joints[::-1])), b"rubbish"]
-    clips = [stick_clip(name, seed=50, frames=120).positions.astype(np.float32) for name in STICK_CLASSES]
-    for index in range(120):
-        datagrams += [
-            osc.encode_frame(Frame("ann", 1.0 + index / 120, clips[0][index, ::-1])),
-            osc.encode_frame(Frame("bob", 0.0, clips[1][index])),
-        ]
-    return datagrams
-
-
-@pytest.mark.slow
-def test_a_recording_is_answered_as_the_feed_was(tmp_path: Path) -> None:
-    """A recording by OSC and ZeroMQ at once gives the live answers twice again, number for number."""
-    library = MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
-    path, sink = tmp_path / "a.kinerec", FakeSink()
-    with ExitStack() as opened:
-        datagrams = osc.OscReceiver(LOOPBACK, 0)
-        messages = zeromq.ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
-        writer = RawWriter(path, [source_name(datagrams), source_name(messages)])
-        opened.callback(writer.close)
-        sources = [
-            Source(datagrams, OscDecoder(), Recorder(writer, 0)),
-            Source(messages, ZmqDecoder(), Recorder(writer, 1)),
-        ]
-        service = opened.enter_context(Service(Performers(library), sources, [sink]))
-        sender = osc.OscSender(*datagrams.address)
-        opened.callback(sender.close)
-        publisher = zmq.Context.instance().socket(zmq.XPUB)
-        publisher.linger = 0
-        opened.callback(publisher.close)
-        publisher.connect(messages.address)
-        while not publisher.poll(10):
-            service.step(0.01)
-        waved = stick_clip("wave", seed=51, frames=120).positions.astype(np.float32)
-        for index, datagram in enumerate(a_feed()):
-            sender.send(datagram)
-            # Bob's frames are timed on arrival, so they must take their time.
-            time.sleep(0.004)
-            if index < 120:
-                publisher.send_multipart(zeromq.encode_frame(Frame("eve", 1 + index / 120, waved[index]), index))
-            service.step(0.05)
-        until = time.monotonic() + PATIENCE
-        while writer.written < 362 and time.monotonic() < until:
-            service.step(0.05)
-        counts = service.status().outcomes
-    recording = RawFile(path)
-    assert len(list(recording.packets())) == 362
-    again = []
-    for _ in range(2):
-        performers = Performers(library)
-        again.append(list(recognitions(performers, decoded(recording.header, recording.packets()))))
-        assert performers.counts == counts
-    assert {answer.performer for answer in sink.recognitions} == {"ann", "bob", "eve"}
-    assert_same(again[0], sink.recognitions)
-    assert_same(again[0], again[1])
 
 
 def packets_of(layout: str) -> list[tuple[bytes, float]]:

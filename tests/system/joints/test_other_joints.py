@@ -1,8 +1,7 @@
 """Fewer joints, joints without names, and joints in other programs' names."""
 
-import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +11,8 @@ from programs import ghost_cues, live
 from skeletons import names_of
 
 from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex
-from kinespace.library.naming import Naming, convention_named, hdm05
+from kinespace.library.naming import Naming, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.library.windows.segments import Segments
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings
 from kinespace.stream.recognizer import SentJoints
 from kinespace.tools.cli.main import main
@@ -110,63 +108,7 @@ def test_feed_of_another_naming_meets_our_library(motions: MotionLibrary, naming
 # --- named joints -----------------------------------------------------------------------------------------------------
 
 
-#: Some takes of several persons, for each convention of which there are recordings.
-RECORDED = {
-    "plugingait": "uiprmd/takes/s0*_m01*.npz",
-    "kinect1": "kindergator/takes/*_0[1-4].npz",
-    "mediapipe": "camera/*_squat_1.npz",
-}
-#: Metres, on a body of HDM05's size, by which a joint's distance from the joint above it may differ. Marker sets and
-#: sensors differ by up to 12 cm: hip markers lie above the joint, a camera's thumb is near the wrist.
-WITHIN = 0.15
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("convention", RECORDED)
-def test_joints_lie_where_hdm05s_do(convention: str, data_folder: Path, builtin: MotionLibrary) -> None:
-    """Each named joint is about as far from the one above as HDM05's, once bodies have one size."""
-    differences = _differences(data_folder, convention, Naming(convention_named(convention)), builtin)
-    assert {joint: by for joint, by in differences.items() if by > WITHIN} == {}
-
-
-def _differences(data: Path, convention: str, naming: Naming, builtin: MotionLibrary) -> Mapping[str, float]:
-    """Say by how many metres each joint's distance from the one above differs from HDM05's, at HDM05's size."""
-    takes = read_takes(Sources(unknown=sorted(data.glob(RECORDED[convention]))), Reading(naming=naming))
-    joints = [name for name in builtin.skeleton.joints if name in takes[0].clip.skeleton.joints]
-    own = builtin.restricted_to(joints)
-    body, lengths = Segments.of(own), list[np.ndarray]()
-    for take in takes:
-        found = np.median(body.lengths(take.clip.restricted_to(joints).as_of(own.skeleton).positions), axis=0)
-        lengths.append(found * body.mean.sum() / found.sum())
-    by = np.abs(np.median(lengths, axis=0) - body.mean)
-    return {own.skeleton.joints[child]: round(float(each), 3) for child, each in zip(body.children, by, strict=True)}
-
-
 # --- honest feeds -----------------------------------------------------------------------------------------------------
-
-
-#: A depth sensor and films, each by one person or some; `make figures` measures the share doubted of every set.
-FEEDS = {
-    "uiprmd_kinect": ("uiprmd_kinect/takes/s04_*.npz", "--actor-in", "name"),
-    "camera": (
-        "camera/p[26]*_[rs]*.npz",
-        "--actor-in",
-        "name",
-        "--map",
-        "squat=squat1Reps",
-        "run=jogLeftCircle4StepsRstart",
-    ),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("feed", FEEDS)
-def test_an_honest_feed_is_believed(feed: str, data_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """At most .5 % of the time is doubted."""
-    pattern, *options = FEEDS[feed]
-    takes = [str(each) for each in _some(sorted(data_folder.glob(pattern)), 4)]
-    assert main(["evaluate", "stream", *takes, *options, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["doubted"] <= 0.005
 
 
 def _some(places: list[Path], count: int) -> list[Path]:

@@ -6,13 +6,10 @@ import signal
 import socket
 import time
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
-from performed import pushed, shown
 from programs import (
     LOOPBACK,
     PATIENCE,
@@ -25,9 +22,8 @@ from programs import (
     summary_counts,
 )
 
-from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Frame, LiveSignature, Recognizer, Settings, osc
+from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
@@ -80,59 +76,6 @@ def test_every_signal_ends_live_with_end_events(number: signal.Signals) -> None:
         message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
     ]
     assert [event.arguments[0] for event in events][-1] == "end"
-
-
-#: The largest difference of a score from that of a recogniser made with the library.
-SAME_SCORE = 1e-5
-#: Seconds after which guess and judgement have forgotten everything.
-FORGOTTEN = 1.5
-
-
-@pytest.fixture(scope="module")
-def taught(small_index: WindowIndex, some_clips: tuple[Clip, ...]) -> WindowIndex:
-    """Give the small library with two motions more: one of a new class, and one of a class that it has."""
-    added = [clip for clip in some_clips if clip.class_name in ("hopBothLegs1hops", "squat1Reps")]
-    return small_index.with_motions(replace(clip, actor="new") for clip in added)
-
-
-@pytest.fixture(scope="module")
-def other(small_library: MotionLibrary, builtin: MotionLibrary) -> WindowIndex:
-    """Give a library that shares one class with the small one: another basis, other metrics, other classes."""
-    kept = ("kickLFront1Reps", "throwBasketball", "sneak2StepsLStart")
-    motions = tuple(clip for clip in builtin.motions if clip.class_name in kept and clip.actor in ("bd", "dg", "mm"))
-    return WindowIndex.of(replace(small_library, motions=motions))
-
-
-@pytest.fixture(scope="module")
-def frames(some_clips: tuple[Clip, ...]) -> list[Frame]:
-    """Give a feed of a kick, a throw and a squat."""
-    named = {clip.class_name: clip for clip in some_clips}
-    names = ("kickLFront1Reps", "throwBasketball", "squat1Reps")
-    return shown(np.concatenate([named[name].positions for name in names]), begin=5.0)
-
-
-@pytest.mark.usefixtures("arithmetic")
-@pytest.mark.parametrize("signature", LiveSignature)
-@pytest.mark.parametrize("name", ["taught", "other"])
-def test_answers_are_as_if_the_library_had_been_there_all_along(
-    request: pytest.FixtureRequest, small_index: WindowIndex, frames: list[Frame], name: str, signature: LiveSignature
-) -> None:
-    """Scores are the same at once, guess and outcome once they have forgotten the former library."""
-    index: WindowIndex = request.getfixturevalue(name)
-    settings = Settings(signature=signature, plausibility=False)
-    recognizer = Recognizer(small_index, settings)
-    before = pushed(recognizer, frames[:300])
-    recognizer.exchange(index)
-    assert recognizer.library is index.library
-    after = pushed(recognizer, frames[300:])
-    along = pushed(Recognizer(index, settings), frames)
-    assert [each.time for each in before + after] == [each.time for each in along]
-    for one, expected in zip(after, along[len(before) :], strict=True):
-        assert np.abs(one.scores - expected.scores).max() <= SAME_SCORE
-        assert one.share == pytest.approx(expected.share, rel=1e-9)
-        assert (one.eigenvector_class, one.classes) == (expected.eigenvector_class, expected.classes)
-        if one.time > after[0].time + FORGOTTEN:
-            assert (one.guess, one.outcome) == (expected.guess, expected.outcome)
 
 
 def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:

@@ -215,7 +215,7 @@ def test_more_sensitivity_names_more(
         recognizer = Recognizer(small_library)
         recognizer.set_sensitivity(share)
         named.append(0)
-        for clip in some_clips[::3]:
+        for clip in some_clips[::5]:
             recognizer.reset()
             frames = (Frame("p", time, each) for time, each in zip(clip.times[::4], clip.positions[::4], strict=True))
             named[-1] += sum(answer.outcome is Outcome.NAMED for answer in pushed(recognizer, frames))

@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary, Reading, compiled, opened, read_recordings
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex, compiled, opened, read_recordings
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
 
@@ -63,18 +62,12 @@ def _asked() -> tuple[MotionLibrary, list[Clip]]:
     return whole.without(actors=["mm"]), [first[name] for name in sorted(first)]
 
 
-#: Seconds of each feed that are played; only tests play less than all.
-seconds = math.inf
-
-
 def _frames(clips: Iterable[Clip], rate: float, pause: float = 0.2) -> Iterator[Frame]:
     """Show clips one after another, with a pause between them."""
     begin = 1.0
     for clip in clips:
         shown = resampled(clip, rate)
         for place, positions in enumerate(shown.positions):
-            if begin + place / rate > 1.0 + seconds:
-                return
             yield Frame("ann", begin + place / rate, positions)
         begin += len(shown.positions) / rate + pause
 

@@ -1,12 +1,10 @@
 """Fixtures for every test: recordings and other programs, found in one place; hypothesis made repeatable."""
 
 import os
-import pickle
 import shutil
 import signal
-import time
 from collections.abc import Iterator
-from contextlib import closing, nullcontext, suppress
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import NoReturn
 
@@ -20,11 +18,7 @@ from programs import LOOPBACK, builtin_library
 from refused import refuse
 from synthetic import stick_clips
 
-from kinespace.library import compiled
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.recordings import find_recordings, read_recordings
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled, find_recordings, opened, read_recordings
 from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.bench import crowd
 from kinespace.tools.camera import models
@@ -108,29 +102,9 @@ def cmu_folder(data_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def hdm05_clips(hdm05_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Clip, ...]:
-    """All 288 clips as AMC files say them, read by the first of the processes that share the tests."""
-    base = tmp_path_factory.getbasetemp()
-    shared = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "hdm05_clips.pickle"
-    with suppress(FileExistsError):
-        shared.with_suffix(".begun").touch(exist_ok=False)
-        return _kept(tuple(read_recordings(find_recordings([hdm05_folder]))), shared)
-    # Another process reads them; if it fails its tests say why.
-    until = time.monotonic() + programs.PATIENCE
-    while not shared.exists() and time.monotonic() < until:
-        time.sleep(0.1)
-    if shared.exists():
-        kept: tuple[Clip, ...] = pickle.loads(shared.read_bytes())  # noqa: S301 - our own
-        return kept
+def hdm05_clips(hdm05_folder: Path) -> tuple[Clip, ...]:
+    """All 288 clips as AMC files say them."""
     return tuple(read_recordings(find_recordings([hdm05_folder])))
-
-
-def _kept(clips: tuple[Clip, ...], shared: Path) -> tuple[Clip, ...]:
-    # Written whole or not at all: another process may look.
-    own = shared.with_suffix(f".{os.getpid()}")
-    own.write_bytes(pickle.dumps(clips))
-    own.replace(shared)
-    return clips
 
 
 @pytest.fixture(scope="session")

@@ -12,8 +12,7 @@ import numpy as np
 import zmq
 from golden import bundle
 
-from kinespace.stream import osc, zeromq
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.tools.feeding.service import Place
 
 #: The performer whom the attacks must not harm.

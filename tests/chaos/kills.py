@@ -1,7 +1,5 @@
 """`make kills`: `live --teach` is killed again and again; no example that was taught a second ago may be lost."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -18,7 +16,7 @@ from chaos.trial import started
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.tools.bench import crowd
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 from kinespace.tools.feeding.service import Place

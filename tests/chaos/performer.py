@@ -1,7 +1,5 @@
 """The innocent performer: a thread that sends frames on schedule and notes when each was sent and answered."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading
@@ -16,7 +14,7 @@ from chaos.attacks import INNOCENT
 from numpy.typing import NDArray
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.bench.crowd import Played, play
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
@@ -57,7 +55,7 @@ class Performance(NamedTuple):
     answers: list[Answer]
 
     @classmethod
-    def of(cls, played: Played) -> Performance:
+    def of(cls, played: Played) -> "Performance":
         """Read the answers."""
         packets = [(each, json.loads(each.packet[1])) for each in played.received if each.packet[0] != b"status/"]
         answers = [

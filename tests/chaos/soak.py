@@ -4,8 +4,6 @@ Every event comes six times as often as on a stage. Memory, descriptors and thre
 process are read while nobody is there: once the teacher remembers as much as it may, and at the end.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -26,7 +24,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.teaching.memory import REMEMBERED
 from kinespace.tools.bench import crowd
 from kinespace.tools.bench.run import machine
@@ -52,7 +50,7 @@ class Held(NamedTuple):
     threads: int
 
     @classmethod
-    def by(cls, process: int) -> Held:
+    def by(cls, process: int) -> "Held":
         """Read them, as Linux tells."""
         place = Path(f"/proc/{process}")
         pages = int((place / "statm").read_text(encoding="ascii").split()[1])

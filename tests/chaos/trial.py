@@ -18,8 +18,8 @@ from chaos.performer import FRAME_RATE, Fault, Performer, cues_of
 from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary
+from kinespace.stream import Recognizer
 from kinespace.stream.inputs.kinerec import RawFile
-from kinespace.stream.recognizer import Recognizer
 from kinespace.tools.feeding.service import Place, Program
 
 #: Runs until it is stopped.

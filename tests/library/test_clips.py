@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from synthetic import STICK
 
-from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
+from kinespace.library import Clip, Skeleton, SkeletonMismatchError, distance_rows
 from kinespace.library.naming import hdm05
-from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 # --- skeleton ---------------------------------------------------------------------------------------------------------
 

@@ -1,23 +1,17 @@
 """The compiled functions compute what the numpy ones beside them do, and refuse arrays that do not fit."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.random import Generator
 
-from kinespace.library import compiled
+from kinespace.library import Skeleton, compiled
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparer import compare
 from kinespace.stream.recognizer.window import NEAR, read_distances, read_points, slide
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.random import Generator
 
 pytestmark = pytest.mark.skipif(not compiled.in_use, reason="nothing is compiled here")
 SEEDS = range(12)

@@ -9,10 +9,8 @@ from naive_progress import warped_phase
 from naive_windows import body_of
 from synthetic import STICK, stick_clip
 
-from kinespace.library.distances import distance_rows
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.phases import PhaseTable, warped_phases
-from kinespace.library.windows.index import WindowIndex
 
 # --- warping ----------------------------------------------------------------------------------------------------------
 

@@ -11,8 +11,7 @@ import numpy as np
 from naive import distance_rows
 from numpy.typing import NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.skeleton import Skeleton
+from kinespace.library import Clip, Skeleton
 
 Matrix = NDArray[np.float64]
 

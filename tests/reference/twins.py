@@ -6,8 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 from naive_windows import Matrix, NaiveComparison, NaiveMetric, as_vector, body_of, nearest, numbers_of, ratio
 
+from kinespace.library import WindowIndex
 from kinespace.library.windows.comparison import Metric
-from kinespace.library.windows.index import WindowIndex
 
 
 def _metric(metric: Metric | None) -> NaiveMetric | None:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from performed import NAMED
 
-from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
-from kinespace.stream.recognition import Outcome
+from kinespace.stream import Announcement, Frame, Outcome
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import AdmissionCounts, HopTimes, InputCounts, Rates, Status

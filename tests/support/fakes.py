@@ -5,13 +5,11 @@ import socket
 from collections import deque
 from collections.abc import Sequence
 
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Done, Event, Frame, Performers, Recognition
 from kinespace.stream.outputs import Sink
-from kinespace.stream.recognition import Done, Event, Recognition
-from kinespace.stream.recognizer import Performers
 from kinespace.stream.service.loop import Service
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import Notice
+from kinespace.stream.teaching import Notice, State, Step
 
 
 class FakeClock:
@@ -112,6 +110,15 @@ class FakeSink(Sink):
     def classes(self) -> list[tuple[str, ...]]:
         """The classes, each time."""
         return [each for each in self.told if isinstance(each, tuple)]
+
+    @property
+    def notices(self) -> list[Notice]:
+        """The notices of teaching among them."""
+        return [each for each in self.told if isinstance(each, Notice)]
+
+    def steps(self) -> list[Step]:
+        """List the steps of the lessons that were told."""
+        return [each.step for each in self.notices if isinstance(each, State)]
 
     @property
     def statuses(self) -> list[Status]:

@@ -18,14 +18,14 @@ import singlepart
 from golden import LAYOUTS, Moment, bundle, message
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import osc, zeromq
+from kinespace.stream import Announcement, Frame, Outcome, Recognition, osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS
-from kinespace.stream.frame import Announcement, Frame, Input
+from kinespace.stream.frame import Input
 from kinespace.stream.inputs import Source, ZmqDecoder
 from kinespace.stream.inputs.source import FeedSource
-from kinespace.stream.osc.packet import PacketError, decode_packet
-from kinespace.stream.recognition import Outcome, Recognition
+from kinespace.stream.osc import decode_packet
+from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.zeromq.answers import decode_body, encode_body
 from kinespace.stream.zeromq.frames import decode_packed
 

@@ -6,9 +6,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.recognizer import Recognizer
+from kinespace.stream import Frame, Outcome, Recognition, Recognizer
 
 #: The second of three classes is named.
 NAMED = Recognition(

@@ -18,11 +18,7 @@ TWO_ARMS = TinyBody(
 )
 JOINTS = ("root", "lupper", "rupper", "head", "llower", "rlower")
 #: By class, degrees that each bone swings about z.
-SWINGS = {
-    "bendLeft": {"llower": 70.0},
-    "bendRight": {"rlower": 70.0},
-    "raiseBoth": {"lupper": 60.0, "rupper": -60.0},
-}
+SWINGS = {"bendLeft": {"llower": 70.0}, "bendRight": {"rlower": 70.0}, "raiseBoth": {"lupper": 60.0, "rupper": -60.0}}
 FRAME_RATE = 120.0
 
 

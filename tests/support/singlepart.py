@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from kinespace.stream.frame import Frame
+from kinespace.stream import Frame
 
 
 def encode(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> bytes:

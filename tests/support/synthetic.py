@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.skeleton import Skeleton
+from kinespace.library import Clip, MotionLibrary, Skeleton
 
 #: The unit of length in which an ASF's numbers are metres.
 METRE = 0.0254

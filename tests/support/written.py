@@ -1,7 +1,5 @@
 """Recordings that tests write: every format with a made-up body, and BVH made of Acclaim files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -26,9 +24,9 @@ class Node:
     name: str
     offset: tuple[float, ...]
     channels: tuple[str, ...] = ()
-    children: list[Node] = field(default_factory=list)
+    children: list["Node"] = field(default_factory=list)
 
-    def all(self) -> Iterator[Node]:
+    def all(self) -> Iterator["Node"]:
         """Give this joint and all joints below it, in the file's order."""
         yield self
         for child in self.children:

@@ -1,7 +1,5 @@
 """The page in a real Chromium: what a person sees and does, from a moving body to a taught motion."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil
@@ -10,22 +8,19 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
 from numpy.typing import NDArray
 from PIL import Image
+from playwright.sync_api import Page
 from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, started
 
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.osc import OscSender, encode_announcement
-from kinespace.stream.osc.frames import encode_frame
+from kinespace.stream import Announcement, Frame
+from kinespace.stream.osc import OscSender, encode_announcement, encode_frame
 from kinespace.tools.evaluation.evaluate_show import facing
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
 
 pytestmark = pytest.mark.slow
 
@@ -41,8 +36,6 @@ SENT = 45.0
 COMES = 0.4
 #: Seconds after which a motion that was not named is shown again.
 AGAIN = 12.0
-#: Metres by which the joints of one picture's body may differ, on average; bodies that must be so alike.
-ALIKE, FEW = 0.05, 5
 MOTIONS = "kinespace.performers.get('ann').motions.values()"
 #: The body as drawn, the motion that goes on, the state of a lesson.
 DRAWN, DOING, LESSON = (

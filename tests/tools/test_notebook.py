@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import pytest
 from programs import ROOT
 from recorded import write_takes
@@ -18,6 +17,8 @@ def test_the_notebook_goes_from_files_to_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It prints the paper's table as `evaluate retrieval` has it, draws two figures and keeps a taught library."""
+    import matplotlib.pyplot as plt  # noqa: PLC0415 - it takes a second, which the other tests need not wait
+
     monkeypatch.chdir(tmp_path)
     drawn = list[int]()
     monkeypatch.setattr(plt, "show", lambda: (drawn.append(len(plt.gcf().axes)), plt.close()))

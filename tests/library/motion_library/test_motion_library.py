@@ -1,18 +1,26 @@
 """The motion library: made of clips, changed, merged, and the one that comes with the package."""
 
 import dataclasses
+import io
+import json
+import os
+import pickle
+import re
+import tracemalloc
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import Clip, LibraryFileError, MotionLibrary, Skeleton, SkeletonMismatchError
+from kinespace.library.motion_library import library_file
 from kinespace.library.motion_library.library_file import Learned
 from kinespace.library.naming import Naming, hdm05
-from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
 SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
 
@@ -43,20 +51,14 @@ def builtin() -> MotionLibrary:
     return MotionLibrary.builtin()
 
 
-@pytest.fixture
-def library() -> MotionLibrary:
-    """Give a library of a body of six joints."""
-    return MotionLibrary.of_clips(stick_clips())
-
-
 # --- made of clips -----------------------------------------------------------------------------------------------
 
 
-def test_clips_become_motions(library: MotionLibrary) -> None:
+def test_clips_become_motions(sticks: MotionLibrary) -> None:
     """A motion has its clip's labels; of 120 frames per second every second one is kept, in whole millimetres."""
     clips = {(clip.class_name, clip.take): clip for clip in stick_clips()}
-    assert len(library) == len(clips) == 18
-    for motion in library.motions:
+    assert len(sticks) == len(clips) == 18
+    for motion in sticks.motions:
         clip = clips[motion.class_name, motion.take]
         assert (motion.actor, motion.name, motion.frame_rate) == (clip.actor, clip.name, 60.0)
         assert np.abs(motion.positions - clip.positions[::2]).max() <= 0.000501
@@ -124,18 +126,18 @@ def test_a_clip_that_makes_no_motion_is_refused(clip: Clip, message: str) -> Non
         MotionLibrary.of_clips([stick_clip("bow")]).with_motions(iter([clip]))
 
 
-def test_parts_that_do_not_fit_are_refused(library: MotionLibrary) -> None:
+def test_parts_that_do_not_fit_are_refused(sticks: MotionLibrary) -> None:
     """Motions of another skeleton, of too many frames per second or without class are refused."""
     with pytest.raises(SkeletonMismatchError, match="expected 6 joints"):
-        MotionLibrary(Skeleton(STICK.joints[::-1]), library.motions)
+        MotionLibrary(Skeleton(STICK.joints[::-1]), sticks.motions)
     with pytest.raises(ValueError, match="expected 1 to 75 frames per second, got 120"):
         MotionLibrary(STICK, (stick_clip("bow"),))
     with pytest.raises(ValueError, match="expected at least 2 frames, got 1"):
-        MotionLibrary(STICK, (library.motions[0].moved_to(library.motions[0].positions[:1]),))
+        MotionLibrary(STICK, (sticks.motions[0].moved_to(sticks.motions[0].positions[:1]),))
     with pytest.raises(ValueError, match="class_name: expected"):
-        MotionLibrary(STICK, (dataclasses.replace(library.motions[0], class_name=""),))
-    mixed = MotionLibrary(STICK, library.motions[::-1])
-    assert [motion.class_name for motion in mixed.motions] == [motion.class_name for motion in library.motions]
+        MotionLibrary(STICK, (dataclasses.replace(sticks.motions[0], class_name=""),))
+    mixed = MotionLibrary(STICK, sticks.motions[::-1])
+    assert [motion.class_name for motion in mixed.motions] == [motion.class_name for motion in sticks.motions]
 
 
 # --- saved -------------------------------------------------------------------------------------------------------
@@ -169,10 +171,10 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
 # --- changed -----------------------------------------------------------------------------------------------------
 
 
-def test_motions_are_added(library: MotionLibrary) -> None:
+def test_motions_are_added(sticks: MotionLibrary) -> None:
     """Added clips become motions like all others; the library they were added to does not change."""
     learned = Learned({"one": np.zeros(1, np.float32)})
-    before = dataclasses.replace(library, learned=learned)
+    before = dataclasses.replace(sticks, learned=learned)
     more = before.with_motions([stick_clip("jump", seed=70), dataclasses.replace(stick_clip("bow"), class_name="ab")])
     assert (len(before), len(more)) == (18, 20)
     assert more.classes == ("ab", *STICK_CLASSES)
@@ -182,40 +184,40 @@ def test_motions_are_added(library: MotionLibrary) -> None:
     _assert_equal(more.without(classes=["ab"], motions=[jump]), before)
 
 
-def test_classes_persons_and_motions_are_left_out(library: MotionLibrary) -> None:
+def test_classes_persons_and_motions_are_left_out(sticks: MotionLibrary) -> None:
     """Classes, persons and motions are left out; all other motions stay."""
-    assert library.without(classes=["bow", "wave"]).classes == ("jump",)
-    assert library.without(actors=["aa"]).actors == ("bb",)
-    gone = library.motions[4]
-    assert library.without(motions=[gone]).motions == (*library.motions[:4], *library.motions[5:])
-    assert library.without().motions == library.motions
+    assert sticks.without(classes=["bow", "wave"]).classes == ("jump",)
+    assert sticks.without(actors=["aa"]).actors == ("bb",)
+    gone = sticks.motions[4]
+    assert sticks.without(motions=[gone]).motions == (*sticks.motions[:4], *sticks.motions[5:])
+    assert sticks.without().motions == sticks.motions
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda library: library.without(classes=["hop"]), "classes: expected some of bow, jump, wave, got 'hop'"),
-        (lambda library: library.without(actors=["cc"]), "actors: expected some of aa, bb, got 'cc'"),
-        (lambda library: library.without(motions=[stick_clip("bow")]), "motions: expected some of this library's own"),
-        (lambda library: library.without(actors=["aa", "bb"]), "motions: expected at least one, got none"),
-        (lambda library: library.renamed({"hop": "jump"}), "classes: expected some of bow, jump, wave, got 'hop'"),
-        (lambda library: library.renamed({"bow": ""}), "expected a class name for clip"),
+        (lambda sticks: sticks.without(classes=["hop"]), "classes: expected some of bow, jump, wave, got 'hop'"),
+        (lambda sticks: sticks.without(actors=["cc"]), "actors: expected some of aa, bb, got 'cc'"),
+        (lambda sticks: sticks.without(motions=[stick_clip("bow")]), "motions: expected some of this library's own"),
+        (lambda sticks: sticks.without(actors=["aa", "bb"]), "motions: expected at least one, got none"),
+        (lambda sticks: sticks.renamed({"hop": "jump"}), "classes: expected some of bow, jump, wave, got 'hop'"),
+        (lambda sticks: sticks.renamed({"bow": ""}), "expected a class name for clip"),
     ],
 )
 def test_changes_of_absent_classes_are_refused(
-    library: MotionLibrary, change: Callable[[MotionLibrary], MotionLibrary], message: str
+    sticks: MotionLibrary, change: Callable[[MotionLibrary], MotionLibrary], message: str
 ) -> None:
     """Leaving out or renaming a class that the library lacks is refused, and so is leaving out everything."""
     with pytest.raises(ValueError, match=message):
-        change(library)
+        change(sticks)
 
 
-def test_classes_are_renamed(library: MotionLibrary) -> None:
+def test_classes_are_renamed(sticks: MotionLibrary) -> None:
     """A renamed class stands where its new name belongs; two of one name are one class."""
-    renamed = library.renamed({"bow": "zeal", "jump": "wave"})
+    renamed = sticks.renamed({"bow": "zeal", "jump": "wave"})
     assert renamed.classes == ("wave", "zeal")
     assert [motion.class_name for motion in renamed.motions] == ["wave"] * 12 + ["zeal"] * 6
-    assert {motion.take for motion in renamed.motions} == {motion.take for motion in library.motions}
+    assert {motion.take for motion in renamed.motions} == {motion.take for motion in sticks.motions}
 
 
 # --- fewer joints ------------------------------------------------------------------------------------------------
@@ -238,14 +240,14 @@ def test_fewer_joints_show_the_same_motions(builtin: MotionLibrary) -> None:
 # --- merged ------------------------------------------------------------------------------------------------------
 
 
-def test_a_motion_both_have_is_kept_once(library: MotionLibrary) -> None:
+def test_a_motion_both_have_is_kept_once(sticks: MotionLibrary) -> None:
     """A motion the same in words and numbers is kept once; one that differs by a millimetre, or a take, is kept."""
-    _assert_equal(library.merged_with(library), library)
-    first = library.motions[0]
+    _assert_equal(sticks.merged_with(sticks), sticks)
+    first = sticks.motions[0]
     moved = first.positions.copy()
     moved[3, 2, 1] += 0.001
     other = MotionLibrary(STICK, (first, first.moved_to(moved), dataclasses.replace(first, take="other")))
-    assert len(library.merged_with(other)) == 20
+    assert len(sticks.merged_with(other)) == 20
 
 
 def test_libraries_are_merged_over_the_joints_that_both_have(builtin: MotionLibrary) -> None:
@@ -280,3 +282,396 @@ def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, hdm05
     """Built anew from the 288 clips the library is the one in the package, to the millimetre."""
     terms = {"source": hdm05.SOURCE, "licence": hdm05.LICENCE, "attribution": hdm05.ATTRIBUTION}
     _assert_equal(MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in hdm05_clips]), builtin)
+
+
+#: Bytes that refusing any file here may take at most.
+LITTLE = 40_000_000
+
+
+@pytest.fixture(scope="module")
+def small_library() -> MotionLibrary:
+    """Give a library with a licence and learned arrays."""
+    clips = [dataclasses.replace(clip, licence="CC0", attribution="nobody, somewhere") for clip in stick_clips()]
+    return MotionLibrary.of_clips(clips, learned=Learned({"weights": np.arange(12, dtype=np.float32).reshape(3, 4)}))
+
+
+@pytest.fixture(scope="module")
+def content(small_library: MotionLibrary, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Give the bytes of a good library file."""
+    path = tmp_path_factory.mktemp("good") / "small.npz"
+    small_library.save(path)
+    return path.read_bytes()
+
+
+def _assert_refused(path: Path, content: bytes, message: str = "") -> None:
+    """Expect that a file is refused by name, in one line, and without taking the memory that it claims to need."""
+    path.write_bytes(content)
+    tracemalloc.start()
+    try:
+        with pytest.raises(LibraryFileError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)) as raised:
+            MotionLibrary.load(path)
+        assert tracemalloc.get_traced_memory()[1] < LITTLE
+    finally:
+        tracemalloc.stop()
+    assert "\n" not in str(raised.value)
+
+
+def _unpacked(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Take a good file apart: its header and its arrays."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        arrays = dict(stored)
+    return json.loads(bytes(arrays.pop("header"))), arrays
+
+
+def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
+    """Make a file of any content with checksums that fit."""
+    file = io.BytesIO()
+    np.savez_compressed(file, header=_header(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+# --- content of the file -----------------------------------------------------------------------------------------
+
+
+def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: MotionLibrary) -> None:
+    """Numpy alone opens the file with pickle forbidden, and two sums along time give the motions' millimetres."""
+    header, arrays = _unpacked(content)
+    assert {name: array.dtype.str for name, array in arrays.items()} == {
+        "positions": "<i2",
+        "starts": "<i4",
+        "learned_weights": "<f4",
+    }
+    assert (header["format"], header["version"]) == ("kinespace motion library", 3)
+    assert header["joints"] == list(STICK.joints)
+    frames = header["motions"]["frames"]
+    summed = arrays["positions"].astype(np.int64).cumsum(axis=2).cumsum(axis=2).astype(np.int16)
+    end = 0
+    for motion, start, count in zip(small_library.motions, arrays["starts"], frames, strict=True):
+        millimetres = summed[:, :, end : end + count].transpose(2, 0, 1) + start
+        np.testing.assert_array_equal(millimetres, np.round(motion.positions * 1000))
+        end += count
+    assert end == summed.shape[2]
+
+
+# --- saving is atomic --------------------------------------------------------------------------------------------
+
+
+def _failing(error: BaseException) -> Callable[..., None]:
+    """Make a function that fails, half of a file written if it has one."""
+
+    def fail(file: Any, *_: object, **_arrays: object) -> None:  # noqa: ANN401 - as numpy, the system and pathlib
+        if hasattr(file, "write"):
+            file.write(b"PK\x03\x04 half of a file")
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "error"),
+    [
+        (np, "savez_compressed", OSError(28, "No space left on device")),
+        (np, "savez_compressed", KeyboardInterrupt()),
+        (os, "fsync", OSError(5, "Input/output error")),
+        (Path, "replace", OSError(5, "Input/output error")),
+    ],
+    ids=["disk full", "Ctrl-C", "disk gone", "not replaced"],
+)
+def test_a_failure_while_saving_changes_nothing(
+    tmp_path: Path, owner: object, name: str, error: BaseException, content: bytes
+) -> None:
+    """When saving fails, the old file is untouched, or still absent, and nothing else is left in the folder."""
+    for there in ([], ["library.npz"]):
+        path = tmp_path / "library.npz"
+        if there:
+            path.write_bytes(content)
+        library = MotionLibrary.of_clips(stick_clips(takes=1))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(owner, name, _failing(error))
+            with pytest.raises(type(error)):
+                library.save(path)
+        assert [entry.name for entry in tmp_path.iterdir()] == there
+        assert not there or path.read_bytes() == content
+
+
+# --- damaged files -----------------------------------------------------------------------------------------------
+
+
+def _flipped(content: bytes, place: int, mask: int) -> bytes:
+    return content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :]
+
+
+def test_flipped_bytes_are_refused_or_do_not_matter(
+    content: bytes, small_library: MotionLibrary, tmp_path: Path
+) -> None:
+    """A byte flipped anywhere gives the one error, or sits where zip files keep dates and the library is whole."""
+    generator, refused, path = np.random.default_rng(5), 0, tmp_path / "flipped.npz"
+    # The end record of a zip file, its last 22 bytes, says where its directory is.
+    places = [*generator.integers(0, len(content) - 22, 120).tolist(), *range(len(content) - 22, len(content))]
+    for place in places:
+        path.write_bytes(_flipped(content, place, int(generator.choice([0x01, 0x10, 0x80, 0xFF]))))
+        try:
+            _assert_equal(MotionLibrary.load(path), small_library)
+        except LibraryFileError as error:
+            assert str(path) in str(error)  # noqa: PT017 - a flipped date in the zip's directory is no error
+            refused += 1
+    assert refused > 0.8 * len(places)
+
+
+# --- foreign files -----------------------------------------------------------------------------------------------
+
+
+class _Trap:
+    """Leaves a mark when unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        return (Path.touch, (self.mark,))
+
+
+def _npy(array: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def _npz(**arrays: object) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=True, **arrays)
+    return file.getvalue()
+
+
+def _zip(**members: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, member in members.items():
+            archive.writestr(name, member)
+    return file.getvalue()
+
+
+def _header(text: str) -> np.ndarray:
+    return np.frombuffer(text.encode(), dtype=np.uint8)
+
+
+FOREIGN = (
+    *(b"", b"motions: none\n", b'{"format": "kinespace motion library", "version": 3}'),
+    np.random.default_rng(2).bytes(2048),
+    *(_npy(np.zeros((3, 4))), _npy(np.array([{}, None], dtype=object))),
+    *(_npz(weights=np.zeros(3)), _npz(), _npz(header=np.zeros(3)), _npz(header=np.array(7))),
+    *(_npz(header=_header(text)) for text in ("{}", "[1, 2]", "{broken", "[" * 100_000)),
+    _npz(header=_header('{"format": "kinespace motion library"}')),
+    _npz(header=_header('{"format": "kinespace motion library", "version": 3}')),
+    *(_zip(**{"readme.txt": b"hello"}), _zip(**{"header.npy": b"hello", "positions.npy": b"hello"})),
+    _zip(**{"header.npy": b"\x93NUMPY\x01\x00"}),
+)
+
+
+@pytest.mark.parametrize("foreign", FOREIGN, ids=range(len(FOREIGN)))
+def test_a_foreign_file_is_refused(tmp_path: Path, foreign: bytes) -> None:
+    """A file of another kind, even a similar one, is refused by name."""
+    _assert_refused(tmp_path / "foreign.npz", foreign)
+
+
+def test_guests_of_an_older_file_are_left_out(content: bytes, small_library: MotionLibrary, tmp_path: Path) -> None:
+    """The last motions of such a file are its guests: a warning counts them, and the others come back."""
+    (header, arrays), path = _unpacked(content), tmp_path / "library.npz"
+    path.write_bytes(_packed({**header, "guests": 2}, arrays))
+    with pytest.warns(FutureWarning, match="2 guests of an older file are left out"):
+        loaded = MotionLibrary.load(path)
+    assert [each.name for each in loaded.motions] == [each.name for each in small_library.motions[:-2]]
+
+
+@pytest.mark.parametrize("place", ["alone", "header", "positions", "learned_weights"])
+def test_nothing_is_unpickled(content: bytes, tmp_path: Path, place: str) -> None:
+    """A pickle, alone or in place of a part, is refused and its code does not run."""
+    mark = tmp_path / "mark"
+    trap = _Trap(mark)
+    pickle.loads(pickle.dumps(trap))  # noqa: S301 - shows that the trap is set
+    assert mark.exists()
+    mark.unlink()
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        parts: dict[str, object] = dict(stored)
+    parts[place] = np.array([trap], dtype=object)
+    _assert_refused(tmp_path / "trap.npz", pickle.dumps(trap) if place == "alone" else _npz(**parts))
+    assert not mark.exists()
+
+
+# --- other versions ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("version", "said"), [(1, "1"), (99, "99"), (0, "0"), ("3", "3"), (None, "None"), (10**400, "1" + "0" * 19)]
+)
+def test_another_version_is_refused(content: bytes, tmp_path: Path, version: object, said: str) -> None:
+    """A file of another format version, with any arrays, is refused in one line: both versions, and how to build it."""
+    header, _ = _unpacked(content)
+    other, path = _packed({**header, "version": version}, {"means": np.zeros((18, 15))}), tmp_path / "library.npz"
+    expected = f"format version {said}, this kinespace reads 3; build the library again from its recordings: "
+    _assert_refused(path, other, f"{expected}kinespace build FOLDER -o {path}")
+
+
+# --- crafted files -----------------------------------------------------------------------------------------------
+
+
+#: Stands for no entry.
+GONE = object()
+
+
+def _said(*keys: str | int, to: object) -> Callable[..., None]:
+    """Make a change of one of the header's entries."""
+
+    def change(header: Any, _arrays: dict[str, Any]) -> None:  # noqa: ANN401 - an object, then a list
+        for key in keys[:-1]:
+            header = header[key]
+        header[keys[-1]] = to
+        if to is GONE:
+            del header[keys[-1]]
+
+    return change
+
+
+def _array(name: str, made: Callable[[NDArray[Any]], NDArray[Any]] | None) -> Callable[..., None]:
+    """Make a change of an array, or leave it out; one that is not there is made of `starts`."""
+
+    def change(_header: dict[str, Any], arrays: dict[str, Any]) -> None:
+        array = arrays.pop(name, arrays["starts"])
+        if made:
+            arrays[name] = made(array)
+
+    return change
+
+
+def _far(starts: NDArray[Any]) -> NDArray[Any]:
+    return np.where(np.arange(len(starts))[:, None] == 3, np.int32(-(2**31)), starts)
+
+
+def _wandering(steps: NDArray[Any]) -> NDArray[Any]:
+    steps = steps.astype(np.int32)
+    steps[2, 1, 40] = 2**30
+    return steps
+
+
+def _many(header: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """Repeat the fields of one motion for 100,001 motions."""
+    count = library_file.MAX_MOTIONS + 1
+    header["motions"] = {name: [column[0]] * count for name, column in header["motions"].items()}
+    header["motions"]["frames"] = [2] * count
+    arrays["starts"] = np.zeros((count, 3), np.int32)
+    arrays["positions"] = np.zeros((6, 3, 2 * count), np.int16)
+
+
+def _long(header: dict[str, Any], _arrays: dict[str, Any]) -> None:
+    """Say of each motion that it lasts as long as all may together."""
+    header["motions"]["frames"] = [library_file.MAX_COORDINATES] * len(header["motions"]["frames"])
+
+
+def _not_finite(array: NDArray[Any]) -> NDArray[Any]:
+    return np.where(array == 5, np.float32("nan"), array)
+
+
+NO_LIBRARY = "not a motion library"
+KINDS: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
+    "float": lambda array: array.astype(np.float64),
+    "unsigned": lambda array: array.astype(np.uint16),
+    "backwards": lambda array: array.astype(">i4"),
+    "Fortran's": np.asfortranarray,
+    "flat": np.ravel,
+    "shorter": lambda array: array[..., :-1],
+    "none": lambda array: array[:0],
+    "complex": lambda array: array.astype(np.complex64),
+    "records": lambda array: array.astype([("x", "<i4")]),
+}
+CRAFTED: list[tuple[Callable[..., None], str]] = [
+    (_said("joints", to=[f"j{n}" for n in range(20_000)]), "of length <= 512 - at `$.joints`"),
+    (_said("joints", to=list(STICK.joints[:5])), "parents: expected one per joint (5)"),
+    (_said("joints", to=["a"] * 6), "joints: expected distinct"),
+    *((_said("joints", to=to), "at `$.joints") for to in ([1, 2, 3, 4, 5, 6], "abcdef")),
+    (_said("parents", to=[1, 2, 0, -1, 3, 3]), "parents: expected no joint above itself"),
+    *((_said("parents", to=to), "parents: expected") for to in ([-1, 0, 10**400, 0, 0, 0], [-1, 0])),
+    (_said("motions", "frames", 0, to=10**400), "Expected `int` <= 100000000 - at `$.motions.frames[0]`"),
+    *((_said("motions", "frames", 0, to=to), "") for to in (0, 1, -24, 2.5, True, None, "24", float("nan"), 10**9)),
+    (_long, "frames: expected at most 100000000 coordinates"),
+    (_said("motions", "frames", 0, to=23), "positions: expected int16"),
+    (_many, "motions: expected 1 to 100000, got 100001"),
+    *(
+        (_said("motions", "frame_rate", 0, to=to), "")
+        for to in (0, -60.0, 0.5, 75.1, float("nan"), float("inf"), 10**400, "60", None)
+    ),
+    (_said("motions", "class_name", 0, to=""), "expected a class name"),
+    *((_said("motions", name, 0, to="x" * 401), "length <= 400") for name in ("class_name", "actor", "take", "name")),
+    (_said("origins", 0, to=["a", "b", "x" * 4001]), "length <= 4000"),
+    (_said("motions", "take", to=["1"]), "take: expected 18, one for each motion, got 1"),
+    (_said("motions", "origin", 0, to=1), "origin: expected 0 to 0"),
+    *((_said(name, to=to), f"`$.{name}`") for name, to in (("origins", 7), ("motions", []), ("learned", ["weights"]))),
+    *((_said(name, to=GONE), f"required field `{name}`") for name in ("joints", "parents", "origins", "learned")),
+    *((_said("motions", name, to=GONE), f"required field `{name}`") for name in ("frames", "name")),
+    *((_array(name, np.copy), "arrays: expected exactly the arrays") for name in ("further", "learned_more")),
+    *((_array(name, None), "arrays: expected exactly the arrays") for name in ("positions", "learned_weights")),
+    (_array("starts", _far), "positions: expected at most 1000 m"),
+    (_array("positions", _wandering), "positions: expected at most 1000 m"),
+    *((_array(name, made), f"{name}: expected") for name in ("positions", "starts") for made in KINDS.values()),
+    (_array("learned_weights", _not_finite), "expected finite numbers"),
+    (_array("learned_weights", np.transpose), "learned_weights: expected float32"),
+    *(
+        (_said("learned", to={"weights": to}), f"{told}: expected at most" if told else "at `$.learned[...]")
+        for to, told in (([10**400], ""), ([-3, -4], ""), ([0, 2**62], ""), ([9**7, 9], "learned"))
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), CRAFTED, ids=range(len(CRAFTED)))
+def test_a_crafted_file_is_refused(content: bytes, tmp_path: Path, change: Callable[..., None], message: str) -> None:
+    """A file put together anew with anything missing, added, of another kind or absurd is refused by name."""
+    header, arrays = _unpacked(content)
+    change(header, arrays)
+    _assert_refused(tmp_path / "crafted.npz", _packed(header, arrays), message)
+
+
+def _with_member(content: bytes, name: str, member: bytes, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """Give a file with one array's bytes replaced, or added."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as good, zipfile.ZipFile(file, "w", method) as archive:
+        for each in good.namelist():
+            if each != name:
+                archive.writestr(each, good.read(each))
+        archive.writestr(name, member)
+    return file.getvalue()
+
+
+#: A file of 0.1 MB that unpacks to this many bytes.
+HUGE = 120_000_000
+
+
+@pytest.fixture(scope="module")
+def huge() -> bytes:
+    """Give the bytes of an array larger than its file says."""
+    return bytes(HUGE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["header.npy", "positions.npy", "further.npy"])
+def test_an_array_that_claims_gigabytes_is_not_unpacked(content: bytes, huge: bytes, tmp_path: Path, name: str) -> None:
+    """An array larger in the zip than the header allows is refused before memory is taken."""
+    bomb = _with_member(content, name, huge)
+    assert len(bomb) < 1_000_000
+    _assert_refused(tmp_path / "bomb.npz", bomb)
+
+
+def test_an_arrays_header_that_asks_for_gigabytes_is_refused(content: bytes, tmp_path: Path) -> None:
+    """An array's file whose header promises more than follows is refused before memory is taken."""
+    for shape in ((10**10,), (10**400,), (6, 3, 10**9), (-1, 5), (2**62, 4)):
+        file = io.BytesIO()
+        np.lib.format.write_array_header_1_0(file, {"descr": "<i2", "fortran_order": False, "shape": shape})
+        for name in ("header", "positions", "starts"):
+            _assert_refused(tmp_path / "bomb.npz", _with_member(content, f"{name}.npy", file.getvalue() + bytes(64)))
+
+
+def test_a_zip_of_very_many_files_is_refused(content: bytes, tmp_path: Path) -> None:
+    """A zip whose directory is long is refused before it is read: each entry would take memory."""
+    file = io.BytesIO(content)
+    with zipfile.ZipFile(file, "a") as archive:
+        for number in range(2000):
+            archive.writestr(f"{number}.npy", b"")
+    _assert_refused(tmp_path / "many.npz", file.getvalue(), NO_LIBRARY)

@@ -1,12 +1,25 @@
-from __future__ import annotations
+"""Tests of the linear head: its probabilities, what teaches it, and where it helps to name."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from naive_windows import unlikely
+from synthetic import stick_clips
 
-from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, flattened
+from kinespace.library import MotionLibrary, WindowIndex
+from kinespace.library.signature.parts import (
+    EIGEN_LONG,
+    EIGEN_SHORT,
+    PARTS,
+    POSTURE,
+    SPREAD_LONG,
+    Kind,
+    Signature,
+    flattened,
+)
+from kinespace.library.windows import comparison
+from kinespace.library.windows.comparer import Head
 from kinespace.library.windows.comparison import (
     ACROSS_LABORATORIES,
     WITHIN_LABORATORY,
@@ -14,11 +27,10 @@ from kinespace.library.windows.comparison import (
     Lessons,
     Weighing,
     by_paper,
+    learned_metric,
+    squared_distances,
 )
-from kinespace.library.windows.cutting import CutWindows, Measured
-
-if TYPE_CHECKING:
-    from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
 
 #: One view of two groups, and one that sees postures alone.
 SMALL = Weighing(
@@ -84,3 +96,150 @@ def test_windows_are_placed_by_metrics(small_index: WindowIndex) -> None:
     taught = comparison.of_taught_classes()
     assert taught.groups[0] is not None
     assert np.array_equal(taught.groups[0].axes, long.axes[:, :32])
+
+
+def _windows(*, people: int = 3, seed: int = 4) -> tuple[np.ndarray, Lessons]:
+    """Make windows of four classes that differ along two axes; people differ along the third, and far more."""
+    generator = np.random.default_rng(seed)
+    classes = np.repeat(np.arange(4), 10 * people)
+    who = np.tile(np.repeat(np.arange(people), 10), 4)
+    means = generator.normal(size=(4, 6)) * [2, 2, 0, 0, 0, 0]
+    own = generator.normal(size=(4, people, 6)) * [0, 0, 9, 0, 0, 0]
+    noise = generator.normal(size=(len(classes), 6)) * 0.3
+    return means[classes] + own[classes, who] + noise, Lessons(classes, who)
+
+
+@pytest.mark.parametrize("shrinkage", [0.2, 1.0])
+def test_the_same_motion_by_two_people_has_mean_squared_distance_1(shrinkage: float) -> None:
+    """From each window to the nearest of its class by another person, mean over classes; so parts can be added up."""
+    numbers, lessons = _windows()
+    vectors = learned_metric(numbers, lessons, shrinkage=shrinkage, kept=6).place(numbers)
+    squared = np.square(vectors[:, None] - vectors).sum(axis=2)
+    others = (lessons.classes[:, None] == lessons.classes) & (lessons.people[:, None] != lessons.people)
+    nearest = np.where(others, squared, np.inf).min(axis=1)
+    assert np.mean([nearest[lessons.classes == each].mean() for each in range(4)]) == pytest.approx(1.0, rel=0.01)
+
+
+def test_the_nearest_are_looked_for_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some windows after the others find the same nearest as all at once."""
+    numbers, lessons = _windows()
+    at_once = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
+    monkeypatch.setattr(comparison, "_AT_ONCE", 7)
+    parts = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
+    np.testing.assert_allclose(
+        squared_distances(parts, parts), squared_distances(at_once, at_once), rtol=1e-3, atol=1e-2
+    )
+
+
+@pytest.mark.parametrize("few", [False, True])
+def test_one_person_teaches_nothing_but_principal_axes(*, few: bool) -> None:
+    """All the axes have one length, and are the windows' principal axes, also of fewer windows than numbers."""
+    numbers, lessons = _windows(people=1)
+    if few:
+        numbers, lessons = numbers[::10], Lessons(lessons.classes[::10], lessons.people[::10])
+    metric = learned_metric(numbers, lessons, shrinkage=0.2, kept=2)
+    _, _, principal = np.linalg.svd(numbers - numbers.mean(axis=0))
+    lengths = np.linalg.norm(metric.axes, axis=0)
+    assert np.abs(np.sum(metric.axes / lengths * principal[:2].T, axis=0)) == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert lengths[0] == pytest.approx(lengths[1], rel=1e-3)
+    assert np.allclose(metric.origin, numbers.mean(axis=0), atol=1e-5)
+    placed = metric.place(numbers)
+    assert placed.dtype == np.float32
+    assert np.allclose(placed, (numbers - metric.origin) @ metric.axes, atol=1e-4)
+
+
+def test_windows_that_are_all_the_same_teach_something_finite() -> None:
+    """No division by a length of 0 takes place, and persons whose recordings are the same teach nothing."""
+    for numbers in (
+        np.ones((8, 12)),
+        np.tile(np.random.default_rng(1).normal(size=(1, 4, 12)), (2, 1, 1)).reshape(8, 12),
+    ):
+        lessons = Lessons(np.tile(np.arange(4), 2), np.repeat([0, 1], 4))
+        assert np.isfinite(learned_metric(numbers, lessons, shrinkage=0.2, kept=3).axes).all()
+
+
+@pytest.mark.parametrize(("kept", "axes"), [(3, 3), (64, 6)])
+def test_no_more_axes_are_kept_than_asked_for(kept: int, axes: int) -> None:
+    """Nor more than there are numbers; all are of half precision."""
+    numbers, lessons = _windows()
+    metric = learned_metric(numbers, lessons, shrinkage=0.2, kept=kept)
+    assert metric.axes.shape == (6, axes)
+    assert np.array_equal(metric.axes.astype(np.float16), metric.axes)
+
+
+def test_classes_that_two_people_perform() -> None:
+    """Classes of one person teach nothing about people."""
+    lessons = Lessons(np.array([0, 0, 1, 1, 2]), np.array([0, 1, 1, 1, 0]))
+    assert [each.tolist() for each in lessons.shared] == [[0, 1]]
+
+
+@pytest.fixture(scope="module")
+def people() -> MotionLibrary:
+    """Give three classes by three people."""
+    return MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
+
+
+def test_it_adds_how_unlikely_a_class_is() -> None:
+    """Log distances grow by .06 of each class's negative log probability; parts lie one after another."""
+    draw, names = np.random.default_rng(3), [*"aabbbccccc", *"abc" * 5]
+    windows = draw.normal(size=(len(names), 4)) + np.array([[ord(name) - 97, 0, 0, 0] for name in names])
+    head, asked = Head.learned(windows.astype(np.float32), names), draw.normal(size=4)
+    added = head.added([asked[:3], asked[3:]])
+    expected = unlikely(asked, windows, names)
+    assert np.allclose(added, [0.06 * expected[name] for name in "abc"], atol=1e-5)
+
+
+def test_of_some_classes() -> None:
+    """Classes that are left compete as if no other had taught; of a class that did not teach nothing is known."""
+    draw, names = np.random.default_rng(4), [*"abc" * 9]
+    head = Head.learned(draw.normal(size=(27, 5)).astype(np.float32), names)
+    some = head.of_classes(("c", "a"))
+    assert some is not None
+    added = some.added([draw.normal(size=5)])
+    assert np.exp(-added / 0.06).sum() == pytest.approx(1)
+    assert np.array_equal(some.factors, head.factors[:, [2, 0]])
+    assert head.of_classes(("a", "d")) is None
+
+
+def test_motions_stand_behind_others_of_the_same_person(people: MotionLibrary) -> None:
+    """At most two seconds of another motion of the person come first, and windows that hold none of it are left out."""
+    long = replace(people.motions[0], positions=np.tile(people.motions[0].positions, (4, 1, 1)))
+    measured = Measured.of(replace(people, motions=(long, *people.motions[1:])), 0.4)
+    behind, others = measured.behind_others(), set[int]()
+    for place, (clip, joined) in enumerate(zip(measured.clips, behind.clips, strict=True)):
+        before = joined.frames - clip.frames
+        assert np.array_equal(joined.positions[before:], clip.positions)
+        own = [each for each in measured.clips if each.actor == clip.actor]
+        last = joined.positions[:before]
+        from_place = next(i for i, each in enumerate(own) if np.array_equal(each.positions[-before:], last))
+        others.add(from_place)
+        assert 0 < before <= 2 * clip.frame_rate
+        ends = window_ends(clip, 0.4)
+        assert (behind.ends[place] - before).tolist() == [end for end in ends if end <= 2 * clip.frame_rate]
+    assert len(others) > 1
+    assert len(behind.motions) == sum(map(len, behind.ends)) < len(measured.motions)
+
+
+def test_where_it_helps(people: MotionLibrary, builtin: MotionLibrary) -> None:
+    """Only where a library's own people teach all parts together, and while all classes are theirs."""
+    index = WindowIndex.of(people)
+    assert index.head
+    assert index.head.classes == people.classes
+    assert WindowIndex.of(people, weighing=ACROSS_LABORATORIES).head is None
+    assert WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb")))).head is None
+    assert WindowIndex.of(people, teacher=replace(people)).head is None
+    assert builtin.judged_by_strangers  # so that it is compared across laboratories
+    fresh = replace(people.motions[0], class_name="fresh")
+    more, another = index.with_motions([people.motions[0]]), index.with_motions([fresh])
+    for compared, helps in ((index, True), (more, True), (another, False)):
+        generator, directions, weighing = (
+            np.random.default_rng(5),
+            compared.basis.directions,
+            compared.comparison.weighing,
+        )
+        numbers = {
+            part: generator.normal(size=(4, directions.shape[1]) if part.kind is Kind.EIGEN else len(directions))
+            for part in weighing.parts
+        }
+        found = compared.distances(Signature(numbers, np.zeros(directions.shape[1]), 0.1, 0.5, 0.5))
+        assert np.allclose(found.named, weighing.named(found.logs)) != helps

@@ -1,32 +1,32 @@
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+import naive_windows
 import numpy as np
 import pytest
 from naive import score
-from naive_windows import nearest
+from naive_windows import body_of, nearest, window
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, distance_rows
-from kinespace.library.motion_library import NOTHING
-from kinespace.library.signature.parts import EIGENVECTORS, Kind, Signature
-from kinespace.library.windows.comparer import LANE, Comparer
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LABORATORY, by_paper
+from kinespace.library import (
+    NOTHING,
+    Clip,
+    MotionLibrary,
+    Skeleton,
+    SkeletonMismatchError,
+    WindowIndex,
+    distance_rows,
+    opened,
+)
+from kinespace.library.signature.parts import EIGENVECTORS, PARTS, Kind, Part, Signature
+from kinespace.library.windows.comparer import LANE
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, FIRST_WINDOW, WITHIN_LABORATORY, by_paper
 from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.library.windows.rejection import RATES, Rejection, learned_rejection
+from kinespace.library.windows.rejection import learned_rejection
 from kinespace.library.windows.taught import teacher_of
 from kinespace.tools.cli.presets import joints_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from kinespace.library.signature.parts import Part
-    from kinespace.library.windows.comparison import Metric
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SECONDS = 1.0
@@ -104,28 +104,19 @@ def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
 
 
 def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
-    twin = Twin(index)
-    for clip in asking[:2]:
-        rows = distance_rows(clip.positions, clip.skeleton)
-        for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
-            expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-            assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
+    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows.
 
-
-def test_a_whole_number_of_lanes_is_compared(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """The last window of a library may be the last of a lane."""
-    some = replace(
-        index,
-        vectors=tuple(each[:LANE] for each in index.vectors),
-        eigenvectors=index.eigenvectors[:LANE],
-        motions=index.motions[:LANE],
-    )
-    assert len(some) == LANE
-    twin, clip = Twin(some), asking[0]
-    rows, end = distance_rows(clip.positions, clip.skeleton), window_ends(clip, 0.4)[2]
-    expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-    assert np.allclose(_logs(some, _numbers(index, clip)[2]), expected, atol=2e-3), arithmetic
+    The last window of a library may be the last of a lane.
+    """
+    vectors, eigenvectors = tuple(each[:LANE] for each in index.vectors), index.eigenvectors[:LANE]
+    lane = replace(index, vectors=vectors, eigenvectors=eigenvectors, motions=index.motions[:LANE])
+    for compared, step in ((index, 2), (lane, 8)):
+        twin = Twin(compared)
+        for clip in asking[:2]:
+            rows = distance_rows(clip.positions, clip.skeleton)
+            for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(compared, clip), strict=True))[::step]:
+                expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
+                assert np.allclose(_logs(compared, numbers), expected, atol=2e-3), arithmetic
 
 
 def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex, arithmetic: str) -> None:
@@ -304,17 +295,6 @@ def test_views_by_fewer_joints(people: MotionLibrary) -> None:
         index.by_joints(joints[:4])
 
 
-def _few_numbers() -> dict[str, np.ndarray]:
-    groups = len(ACROSS_LABORATORIES.groups)
-    weights = np.repeat([-2.0 / groups, 2.0 / groups, 0.0], [groups, groups, 1])
-    numbers = Rejection(weights, 0.0, {}, {}, np.full(len(RATES), 4.0), np.zeros(2 * groups))
-    return {**numbers.kept().named, **replace(numbers, joints=5).kept(few=True).named}
-
-
-def _metrics(index: WindowIndex) -> list[Metric]:
-    return list(index.comparison.parts.values())
-
-
 def test_only_so_many_views_are_kept(people: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """The view that was opened longest ago makes room."""
     monkeypatch.setattr("kinespace.library.windows.index.MAX_VIEWS", 2)
@@ -330,7 +310,7 @@ def test_phases_of_classes_that_stay_are_not_computed_again(people_index: Window
     before, clip = people_index.phases, stick_clip("jump", seed=40, frames=100)
     after = people_index.with_motions([replace(clip, class_name="taught")]).phases
     assert set(after.classes) == {*STICK_CLASSES, "taught"}
-    assert all(after.courses[name][1] is before.courses[name][1] for name in STICK_CLASSES)
+    assert all(after.recorded[name][1] is before.recorded[name][1] for name in STICK_CLASSES)
     assert NOTHING not in people_index.with_motions([replace(clip, class_name=NOTHING)]).phases.classes
 
 
@@ -342,13 +322,47 @@ def test_windows_lie_closer_in_a_library_of_one_person(people: MotionLibrary) ->
         assert len(windows.motions) == sum(map(len, windows.ends))
 
 
-def test_windows_that_fill_their_lanes_to_the_last(people_index: WindowIndex) -> None:
-    """The last window ends where the last lane does."""
-    whose = np.repeat([[0, 0], [1, 0]], LANE // 2, axis=0)
-    assert len(people_index.motions) > LANE
-    vectors = [each[:LANE] for each in people_index.vectors]
-    comparer = Comparer.of(people_index.comparison, vectors, people_index.eigenvectors[:LANE], whose)
-    [numbers, *_] = _numbers(people_index, people_index.library.motions[0])
-    found = comparer.distances(_shown(people_index, numbers))
-    assert np.isfinite(found.logs).all()
-    assert found.scores.shape == (2,)
+@pytest.fixture(scope="module")
+def clip(builtin: MotionLibrary) -> Clip:
+    """Give the longest motion, at 30 frames a second: it is longer than every window."""
+    longest = max(builtin.motions, key=lambda motion: motion.frames)
+    return replace(longest, positions=longest.positions[::2], frame_rate=30.0)
+
+
+def test_the_last_window_ends_with_the_motion(clip: Clip) -> None:
+    """The others end every so many seconds before it, the first not before its time."""
+    ends = window_ends(clip, 0.4, first=0.5)
+    assert ends[-1] == clip.frames
+    assert set(np.diff(ends)) == {12}
+    assert 15 <= ends[0] < 15 + 12
+    assert window_ends(clip.moved_to(clip.positions[:27]), 0.4, first=0.5).tolist() == [15, 27]
+
+
+def test_the_shortest_motion_with_a_window(clip: Clip) -> None:
+    """It lasts as long as the shortest window and has two frames; its only window is the whole motion."""
+    for rate, frames, ends in ((30, 13, [13]), (30, 5, [5]), (30, 4, []), (3, 1, []), (3, 2, [2])):
+        cut = replace(clip.moved_to(clip.positions[:frames]), frame_rate=float(rate))
+        assert (cut.duration >= FIRST_WINDOW) == (frames != 4)
+        assert window_ends(cut, 0.4, first=1.0).tolist() == ends
+
+
+@pytest.mark.slow
+def test_numbers_by_definition(clip: Clip, builtin_index: WindowIndex, arithmetic: str) -> None:
+    """Every part of some windows of two motions equals its twin, read off the window's own frames."""
+    clips = [clip, clip.moved_to(clip.positions[40:53])]
+    ends = [window_ends(each, 0.4)[-9:] for each in clips]
+    body, directions = body_of(clip.skeleton), builtin_index.basis.directions
+    cut = CutWindows(clips, ends, builtin_index.body, builtin_index.basis)
+    numbers, place = cut.numbers, 0
+    for motion, own in zip(clips, ends, strict=True):
+        for end in own:
+            for part in PARTS:
+                times, rows = window(motion, end, part.seconds)
+                twin = naive_windows.numbers_of([part], times[-1], times, rows, directions, body)[part]
+                found = numbers[part][place]
+                ours = found.T @ found if part.kind is Kind.EIGEN else found
+                assert np.allclose(ours, twin, atol=1e-7), (arithmetic, part)
+            vectors = naive_windows.leading(naive_windows.covariance(window(motion, end, 2.0)[1] @ directions))[1]
+            assert np.abs(cut.leading[place] @ vectors[0]) == pytest.approx(1.0)
+            place += 1
+    assert {len(each) for each in numbers.values()} == {place}

@@ -1,14 +1,11 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from naive_windows import evidence, logit
 
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.motion_library.library_file import Learned
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import (
     HELD_ONE,
     MAX_LEAD,
@@ -21,9 +18,6 @@ from kinespace.library.windows.rejection import (
     most_of_few,
     typical_evidence,
 )
-
-if TYPE_CHECKING:
-    from kinespace.library import MotionLibrary
 
 REJECTION = Rejection(
     weights=np.array([-2.0, -1.0, 1.5, 0.25, 0.5]),

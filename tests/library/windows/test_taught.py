@@ -1,23 +1,16 @@
 """Basis and metrics in a library's file: as its motions teach them, and only for these motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 from synthetic import stick_clips
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.motion_library.library_file import TAUGHT, Learned
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.comparison import Weighing
 from kinespace.library.windows.taught import WEIGHINGS, keeping_lessons, kept_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from kinespace.library.windows.comparison import Weighing
 
 BOTH = pytest.mark.parametrize("weighing", WEIGHINGS.values(), ids=WEIGHINGS)
 

@@ -1,12 +1,129 @@
-"""The reader of messages: the meaning of each message, its performer and its joint, with any numbers and names."""
+"""Presets: the built-in ones are complete, and a mistake in a user's own is one line with its place."""
+
+import json
+import struct
+from pathlib import Path
 
 import pytest
-from golden import message
+from golden import bundle, message
+from hypothesis import given
+from hypothesis import strategies as st
 
-from kinespace.stream.feeds import Mapper, builtin_preset
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream.feeds import Mapper, PresetError, builtin_names, builtin_preset, load_preset
+from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
 from kinespace.stream.feeds.message_reader import MessageError, Reading
-from kinespace.stream.feeds.preset import Means, parse_preset
-from kinespace.stream.osc.packet import Message, decode_packet
+from kinespace.stream.feeds.preset import Closing, Means, parse_preset
+from kinespace.stream.feeds.unpackers import ChannelUnpacker, unpack_rokoko, unpack_xsens, unpack_zigsim
+from kinespace.stream.inputs.decoder import MAX_SENDERS, STEADY, FeedDecoder, SenderNumbers
+from kinespace.stream.osc import decode_packet
+from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError
+
+GOOD = """
+port = 7000
+[[message]]
+address = "/joint/{joint}"
+arguments = ["x", "y", "z"]
+[joints]
+hand = "lhand"
+head = "head"
+"""
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_a_preset_is_whole_and_its_copy_is_the_same(name: str, tmp_path: Path) -> None:
+    """Each has a product, something to set, at least nine joints of HDM05's, and means the same in one's own file."""
+    path = tmp_path / "mine.toml"
+    path.write_text(builtin_preset(name).text, encoding="utf-8")
+    mine, theirs = load_preset(path), builtin_preset(name)
+    assert (mine.name, theirs.name) == ("mine", name)
+    assert theirs.product
+    assert "nothing: this is your own" not in theirs.sender
+    assert len(theirs.joints) >= 9
+    assert set(theirs.joints) <= set(SKELETON.joints)
+    assert {Closing.TIMEOUT} <= theirs.closings.by
+    for field in ("port", "joints", "messages", "closings", "order", "bones", "axes", "metres", "asking", "seconds"):
+        assert getattr(mine, field) == getattr(theirs, field)
+
+
+def test_the_least_that_is_needed_is_little() -> None:
+    """A port, a message and two joints are a preset; the rest has defaults."""
+    preset = parse_preset(GOOD, "mine", "mine.toml")
+    assert (preset.port, preset.joints, preset.performer) == (7000, ("lhand", "head"), "mine")
+    assert preset.closings.by == {Closing.REPEAT, Closing.TIMEOUT}
+    assert (preset.metres, preset.axes, preset.clock) == ((1.0,) * 3, ((0, 1.0), (1, 1.0), (2, 1.0)), "arrival")
+
+
+#: Mistakes by the text in whose place they stand, and the beginning of the line that says so.
+MISTAKES = {
+    "port = 7000": {
+        "prot = 7000": "prot: expected one of ask, axes, bones, clock, frame, guessed, joints, message, metres, ",
+        "port = 70000": "port: expected a whole number <= 65535, got 70000",
+        "port = 7000\nmetres = [1, 2]": "metres: expected a list of length 3, got [1, 2]",
+        "port = 7000\nmetres = inf": "metres 1: expected a number <= 1000000000.0, got inf",
+        'port = 7000\naxes = "x y"': "axes: expected x, y and z in some order",
+        'port = 7000\nclock = "mine"': "clock: expected one of arrival, sender, got 'mine'",
+        'port = 7000\norder = ["tail"]': "order: expected names that stand in [joints], got 'tail'",
+    },
+    "[[message]]": {
+        "[frame]\nhold = -1\n[[message]]": "frame, hold: expected a number >= 0.0, got -1",
+        '[frame]\nclose = ["soon"]\n[[message]]': "frame, close 1: expected one of end, bundle",
+        '[frame]\nwords = { Good = "x" }\n[[message]]': "frame, words, Good: expected a number, got 'x'",
+    },
+    '"/joint/{joint}"': {
+        '"joint"': "message 1, address: expected text matching regex '^/', got 'joint'",
+        '"/{bone}"': "message 1, address: expected only {joint}, {performer}, {skip}, {any} in br",
+        '"/{joint}/{joint}"': "message 1, address: expected each of {joint} and {performer} once",
+        '"/joint"': "message: expected at least one that holds x, y and z",
+        '"/{any}/{any}/{joint}"': "message 1, address: expected at most 6 names in braces, one between two slashes, a",
+        f'"/{"{skip}/" * 6}{{joint}}"': "message 1, address: expected at most 6 names in braces",
+        f'"/{"a" * 256}"': "message 1, address: expected text of length <= 256, got",
+    },
+    '"x", "y", "z"': {
+        '"x", "y"': "message 1, arguments: expected joint, x, y, z in a joint message, z too",
+        '"x", "y", "z", "x"': "message 1, arguments: expected each role but skip once",
+        '"x", "y", "z", "qx"': "message 1, arguments: expected all of qx, qy, qz, qw or none",
+    },
+    'arguments = ["x", "y", "z"]': {'each = ["x", "y", "z"]': "order: expected the joints' order"},
+    'head = "head"': {
+        "": "joints: expected at least two joints",
+        'Hand = "head"': "joints: expected names that differ in more than capitals",
+        'head = "head"\n[bones]\nhand = {}': "joints: expected names that stand in [bones], got 'hea",
+        'head = "head"\n[bones]\nhead = { parent = "hand" }\nhand = {}': "bones, head, parent: expected a bone before ",
+        'head = "head"\n[ask]\nport = 1': "ask, message: expected a value, got nothing",
+        'head = "head"\n[ask]\nport = 1\n[[ask.message]]\naddress = "x"': "ask, message 1, address: ex",
+    },
+}
+
+
+@pytest.mark.parametrize(("old", "new"), [(old, new) for old, mistakes in MISTAKES.items() for new in mistakes])
+def test_a_mistake_is_one_line(old: str, new: str) -> None:
+    """The line has the file, the key, the expectation and the value found."""
+    assert old in GOOD
+    with pytest.raises(PresetError) as caught:
+        parse_preset(GOOD.replace(old, new), "mine", "mine.toml")
+    told = str(caught.value)
+    assert told.startswith(f"mine.toml: {MISTAKES[old][new]}")
+    assert "\n" not in told
+    assert ", got " in told
+
+
+def refusal(text: str) -> str:
+    """Give the reason why a preset is refused; empty when it is not."""
+    try:
+        parse_preset(text, "mine", "mine.toml")
+    except PresetError as error:
+        return str(error)
+    return ""
+
+
+@given(st.sampled_from(GOOD.split("\n")[1:]), st.text(max_size=30))
+def test_no_text_raises_anything_else(line: str, put: str) -> None:
+    """With any text in place of a line, a preset is read or raises one PresetError of one line."""
+    told = refusal(GOOD.replace(line, put))
+    assert told == "" or told.startswith("mine.toml: ")
+    assert "\n" not in told
+
 
 JOINTS = '[joints]\nhand = "lhand"\nhead = "head"\nneck = ""\n'
 
@@ -36,13 +153,6 @@ arguments = ["=pos", "joint", "performer", "x", "y", "z"]
 )
 
 
-def test_addresses_name_joint_and_performer() -> None:
-    """The placeholders' texts are read; capitals elsewhere in the address are ignored."""
-    reading = read(LOOSE, message("/Ada/AT/Hand", "fff", 1.0, 2.0, 3.0))
-    assert (reading.performer, reading.sightings[0].joint) == ("Ada", "hand")
-    assert reading.sightings[0].position == (1.0, 2.0, 3.0)
-
-
 def test_a_text_that_must_stand_there_decides() -> None:
     """With another text the message is foreign, with fewer arguments after the text it is malformed."""
     assert read(LOOSE, message("/at", "sssfff", "pos", "head", "p", 1.0, 2.0, 3.0)).performer == "p"
@@ -66,13 +176,6 @@ def test_an_unnamed_joint_is_remembered() -> None:
     assert not read(target, message("/tail", "fff", 1.0, 2.0, 3.0)).sightings
     assert read(target, message("/neck", "fff", 1.0, 2.0, 3.0)).sightings
     assert target.unknown == {"tail"}
-
-
-def test_missing_coordinates_are_nan() -> None:
-    """None, NaN and infinity in a coordinate mean that the joint is not seen."""
-    for coordinate in (None, float("nan"), float("inf")):
-        reading = LOOSE.read(Message("/p/at/hand", [1.0, coordinate, 3.0]))
-        assert reading.sightings[0].position is None
 
 
 def test_the_first_rule_that_fits_is_used() -> None:
@@ -128,9 +231,138 @@ def test_a_time_of_64_bits_comes_in_two_halves() -> None:
 def test_memory_is_bounded() -> None:
     """A sender that makes up addresses, joints and names fills a bounded memory."""
     target = Mapper(builtin_preset("natnetthree2osc"))
-    for number in range(9000):
+    for number in range(4200):
         target.read(Message(f"/skeleton/p{number}/bone/x{number}/position", [1.0, 2.0, 3.0]))
         target.read(Message("/motive/skeleton/id/bone", [f"p{number}", number, "Hip"]))
     sizes = [len(target._taught), len(target.unknown)]  # noqa: SLF001 - sizes cannot be seen from outside
     sizes += [cache.cache_info().currsize for cache in (target._ways, target._resolved)]  # noqa: SLF001 - as above
     assert max(sizes) <= 4096
+
+
+def _rokoko(actors: object) -> bytes:
+    return json.dumps({"version": 3, "fps": 60, "scene": {"timestamp": 0, "actors": actors, "props": []}}).encode()
+
+
+def _joint(x: float) -> dict[str, dict[str, float]]:
+    return {"position": {"x": x, "y": 2.0, "z": 3.0}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+
+
+def test_rokoko_names_actors_and_joints() -> None:
+    """All actors of a frame come together; characters that OSC reserves are written as in a URL."""
+    actors = [{"name": "Ann/1", "body": {"hip": _joint(1.0)}}, {"name": "Bo", "body": {"head": _joint(4.0)}}]
+    assert unpack_rokoko(_rokoko(actors)) == [
+        Message("/rokoko/Ann%2F1/hip", [1.0, 2.0, 3.0]),
+        Message("/rokoko/Bo/head", [4.0, 2.0, 3.0]),
+    ]
+    assert unpack_rokoko(_rokoko([{"name": "Face", "face": {"jawOpen": 3}}])) == []
+    most = {f"joint{number}": _joint(0.0) for number in range(MAX_MESSAGES)}
+    assert len(unpack_rokoko(_rokoko([{"name": "Ann", "body": most}]))) == MAX_MESSAGES
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        b"",
+        b"\x04\x22M\x18 lz4",
+        b'{"scene": {"actors": [{"body": {}}]}}',
+        _rokoko([{"name": "Ann", "body": {"hip": {"position": {"x": 1.0}}}}]),
+        _rokoko([{"name": "Ann", "body": {"hip": {"position": {"x": "1", "y": 2, "z": 3}}}}]),
+        _rokoko([{"name": "Ann", "body": {f"joint{number}": _joint(0.0) for number in range(MAX_MESSAGES + 1)}}]),
+        b'{"scene": ' + b"[" * 5000,
+    ],
+)
+def test_broken_rokoko_packets_raise_one_error(packet: bytes) -> None:
+    """Packets that are cut, compressed, of another shape, too large or too deep raise an error that the feed counts."""
+    with pytest.raises(PacketError, match="packet: expected"):
+        unpack_rokoko(packet)
+    decoder = FeedDecoder(builtin_preset("rokoko"))
+    assert decoder.decode(packet, 1.0, None) == ()
+    assert decoder.counts.malformed == 1
+
+
+def test_xsens_reads_the_body_alone() -> None:
+    """Body segments are read with the sample's time; props and fingers after them are not."""
+    segments = b"".join(struct.pack(">i7f", number, 1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0) for number in (1, 2, 24))
+    header = struct.pack(">6sIBBIBBBBHH", b"MXTP02", 7, 0x80, 3, 1500, 4, 2, 1, 0, 0, len(segments))
+    assert unpack_xsens(header + segments) == [
+        Message("/xsens/4/1", [1.0, 2.0, 3.0, 1500.0]),
+        Message("/xsens/4/2", [1.0, 2.0, 3.0, 1500.0]),
+    ]
+    assert unpack_xsens(header.replace(b"MXTP02", b"MXTP13") + segments) == []
+    assert unpack_xsens(struct.pack(">6sIBBIBBBBHH", b"MXTP02", *[0] * 10)) == []
+
+
+@pytest.mark.parametrize(
+    "channel",
+    [
+        *("/p1/wrist_l:t{}", "/p1/wrist_l/t{}", "/p1/wrist_l_{}", "/p1/wrist_l.T{}", "/p1/wrist_l/{}/"),
+        *("/p1/wrist_l/position/{}", "/p1/wrist_l_pos_{}", "p1/wrist_l/{}"),
+    ],
+)
+def test_channels_become_joints(channel: str) -> None:
+    """Three numbers of one joint are a message, in one packet or in three; other messages stay the same."""
+    unpack, numbers = ChannelUnpacker(), (("x", 1.0), ("y", 2.0), ("z", 3.0))
+    packets = [message(channel.format(axis), "f", number) for axis, number in numbers]
+    joint = Message("/p1/wrist_l", [1.0, 2.0, 3.0])
+    assert [unpack(packet) for packet in packets] == [[], [], [joint]]
+    assert unpack(bundle(*packets, message("/p1/id", "f", 7.0))) == [joint, Message("/p1/id", [7.0])]
+
+
+def test_numbers_that_did_not_change_are_kept() -> None:
+    """In a bundle a joint keeps numbers that lack, and one that lacks keeps all while its performer's others go on."""
+    unpack = ChannelUnpacker()
+    whole = [message(f"/p1/{joint}:t{axis}", "f", 1.0) for joint in ("a", "b") for axis in "xyz"]
+    assert len(unpack(bundle(*whole, message("/p2/c:tx", "f", 1.0)))) == 2
+    assert unpack(bundle(message("/p1/a:ty", "f", 5.0))) == [Message("/p1/a", [1.0, 5.0, 1.0])]
+    for _ in range(5):
+        given = unpack(bundle(message("/p1/a:ty", "f", 6.0)))
+    assert given == [Message("/p1/a", [1.0, 6.0, 1.0]), Message("/p1/b", [1.0, 1.0, 1.0])]
+    # One by one a number that comes again says that the others did not change.
+    assert [unpack(message("/p1/a:tx", "f", number)) for number in (7.0, 8.0)] == [
+        [],
+        [Message("/p1/a", [7.0, 6.0, 1.0])],
+    ]
+
+
+@pytest.mark.parametrize("place", ["[1,2,3]", '{"x":1,"y":2,"z":3}', "null"])
+def test_places_in_json_have_several_forms(place: str) -> None:
+    """ZIG SIM's and Rokoko's places are read as lists, as objects, and as joints that are lost."""
+    expected = [None] * 3 if place == "null" else [1.0, 2.0, 3.0]
+    packet = '{"sensordata":{"bodyTracking":{"head":PLACE}},"device":{"name":"太郎のiPhone"}}'.replace("PLACE", place)
+    assert unpack_zigsim(packet.encode()) == [Message("/zigsim/太郎のiPhone/head", expected)]
+    packet = '{"scene":{"actors":[{"name":"Ann/1","body":{"hip":{"position":PLACE}}}]}}'.replace("PLACE", place)
+    assert unpack_rokoko(packet.encode()) == [Message("/rokoko/Ann%2F1/hip", expected)]
+
+
+def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:
+    """Channels that wait for further numbers are limited."""
+    unpack = ChannelUnpacker()
+    for number in range(5000):
+        assert unpack(message(f"/p1/joint{number}:tx", "f", 1.0)) == []
+    assert len(unpack._waiting) <= 1024  # noqa: SLF001 - the bound under test
+
+
+def test_hosts_are_numbered() -> None:
+    """Hosts get numbers; a host that is silent for long gives its number back; numbers are limited."""
+    numbers = SenderNumbers()
+    assert [numbers.number(host, 0.0) for host in ("a", "b", "a")] == [1, 2, 1]
+    numbers.number("b", FORGET_AFTER)
+    assert numbers.number("c", FORGET_AFTER + 1.0) == 1
+    given = [numbers.number(f"h{index}", FORGET_AFTER) for index in range(20)]
+    assert (max(given), given[-1]) == (MAX_SENDERS, MAX_SENDERS)
+    assert numbers.number("b", FORGET_AFTER) == 2
+
+
+def test_two_programs_of_one_host_are_told_apart() -> None:
+    """Two that keep to their ports and send the same have two numbers; one that changes ports, or splits, has one."""
+    numbers, times = SenderNumbers(), [step / 30 for step in range(60)]
+    both = [
+        (numbers.number("a", time, 5000, "/p1/head"), numbers.number("a", time, 5001, "/p1/head")) for time in times
+    ]
+    assert both[0] == (1, 1)
+    assert set(both[STEADY:]) == {(1, 2)}
+    numbers = SenderNumbers()
+    assert {numbers.number("a", time, 5000 + step, "/p1/head") for step, time in enumerate(times)} == {1}
+    assert {numbers.number("a", time, 5000 + step % 2, f"/p{step % 2}/head") for step, time in enumerate(times)} == {1}
+    numbers = SenderNumbers()
+    assert {numbers.number("a", time, 5000 + (step > 30), "/p1/head") for step, time in enumerate(times)} == {1}

@@ -7,11 +7,11 @@ from ipaddress import ip_network
 import numpy as np
 import pytest
 
-from kinespace.stream import osc
-from kinespace.stream.frame import Frame
+from kinespace.stream import Frame, osc
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.commands import CommandReader
-from kinespace.stream.osc.packet import encode_bundle, encode_message
+from kinespace.stream.osc import encode_message
+from kinespace.stream.osc.packet import encode_bundle
 from kinespace.stream.teaching import Asked, commands
 
 HERE, ELSEWHERE = ("127.0.0.1", 5), ("192.0.2.9", 5)

@@ -12,12 +12,12 @@ import pytest
 from performed import NAMED
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.stream import osc
+from kinespace.stream import Event, EventKind, osc
 from kinespace.stream.osc import answers as osc_answers
-from kinespace.stream.osc import udp
-from kinespace.stream.osc.packet import Message, decode_packet
+from kinespace.stream.osc import decode_packet, udp
+from kinespace.stream.osc.packet import Message
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
-from kinespace.stream.recognition import Answer, Event, EventKind
+from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 

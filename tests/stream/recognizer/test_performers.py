@@ -8,12 +8,10 @@ import pytest
 from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
-from kinespace.library import SkeletonMismatchError
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.frame import Announcement, Frame, NewSender
-from kinespace.stream.recognition import Event, Recognition
-from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
+from kinespace.library import MotionLibrary, SkeletonMismatchError, WindowIndex, opened
+from kinespace.stream import Announcement, Event, Frame, Performers, Recognition, Recognizer, Settings
+from kinespace.stream.frame import NewSender
+from kinespace.stream.recognizer import SentJoints
 
 POSE = stick_clip("bow").positions[0]
 FIVE = STICK.joints[:5]

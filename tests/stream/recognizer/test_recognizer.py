@@ -1,10 +1,12 @@
 """The recogniser of one performer: when it answers, what it refuses, and when it begins anew."""
 
 import copy
+import math
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import naive
 import numpy as np
@@ -15,16 +17,12 @@ from naive_stream import NaiveFeed
 from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library import SkeletonMismatchError
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.frame import MAX_DISTANCE, Frame
-from kinespace.stream.recognition import EventKind, Outcome
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, RecognizerCounts, Settings
+from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, opened
+from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performers, Recognizer, Settings, recognise
+from kinespace.stream.frame import MAX_DISTANCE
+from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
-from kinespace.stream.recognizer.settings import index_for
+from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 
 
@@ -50,12 +48,7 @@ STEPS = st.sampled_from(
 )
 @settings(max_examples=60)
 def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917 - a feed has many sides
-    sticks: MotionLibrary,
-    steps: list[float],
-    hop: float,
-    longest_gap: float,
-    start: float,
-    window: float | None,
+    sticks: MotionLibrary, steps: list[float], hop: float, longest_gap: float, start: float, window: float | None
 ) -> None:
     """Frames late, repeated, after gaps, of a clock that began again: the slow twin answers at the same frames."""
     others = {} if window is None else {"signature": LiveSignature.PAPER, "window": window}
@@ -105,6 +98,7 @@ def test_it_follows_one_performer(sticks: MotionLibrary) -> None:
     assert_same(answers, pushed(Recognizer(sticks), frames), "events")
     assert recognizer.counts.frames == len(frames)
     recognizer.reset()
+    assert recognizer.pair_contributions() is None
     others = pushed(recognizer, [replace(frame, performer="q") for frame in frames])
     assert {answer.performer for answer in others} == {"q"}
 
@@ -221,7 +215,7 @@ def test_more_sensitivity_names_more(
         recognizer = Recognizer(small_library)
         recognizer.set_sensitivity(share)
         named.append(0)
-        for clip in some_clips[::3]:
+        for clip in some_clips[::5]:
             recognizer.reset()
             frames = (Frame("p", time, each) for time, each in zip(clip.times[::4], clip.positions[::4], strict=True))
             named[-1] += sum(answer.outcome is Outcome.NAMED for answer in pushed(recognizer, frames))
@@ -326,3 +320,98 @@ def test_a_body_at_rest_is_answered_as_if_all_were_compared(
     assert still > 300
     assert reads[1] == len(answers[1])
     assert reads[0] < len(answers[0]) - 0.4 * still
+
+
+def test_a_clip_is_answered_as_live(sticks: MotionLibrary) -> None:
+    """The answers are those of a recogniser to which the frames are pushed; fewer joints restrict the library."""
+    clip = replace(stick_clip("bow", seed=50, frames=240, rate=120.0), actor="ann")
+    expected = pushed(Recognizer(sticks), shown(clip.positions, 120.0, performer="ann"))
+    assert_same(recognise(sticks, clip), [each for each in expected if each])
+    assert recognise(sticks, clip, Settings(hop=0.5))[1].time == pytest.approx(0.65, abs=0.02)
+    fewer = clip.restricted_to(STICK.joints[:5])
+    assert recognise(sticks, replace(fewer, actor=""))
+    with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
+        recognise(sticks, clip.restricted_to(STICK.joints[:4]))
+    with pytest.raises(ValueError, match="clip: expected a Clip, got ndarray"):
+        recognise(sticks, clip.positions)  # type: ignore[arg-type] # a mistake
+    with pytest.raises(ValueError, match=r"frame: expected a Frame.* got ndarray"):
+        Recognizer(sticks).push(clip.positions)  # type: ignore[arg-type] # a mistake
+
+
+def test_an_answer_is_a_flat_row(sticks: MotionLibrary) -> None:
+    """Every value is a number or a text; label, guess, scores and events are the answer's."""
+    answers = recognise(sticks, stick_clip("bow", seed=50, frames=360, rate=120.0))
+    rows = [answer.as_dict() for answer in answers]
+    assert {type(value) for row in rows for value in row.values()} <= {str, float, int}
+    assert len({tuple(row) for row in rows}) == 1
+    for row, answer in zip(rows, answers, strict=True):
+        assert (row["label"], row["score"], row["margin"]) == (answer.label, answer.score, answer.margin)
+        assert row["class"] == (answer.class_name or "")
+        assert [row[f"score {name}"] for name in answer.classes] == answer.scores.tolist()
+        assert bool(row["event"]) == bool(answer.events)
+    assert any(row["event"].startswith("start bow") for row in rows)
+    assert np.all(np.diff([row["time"] for row in rows]) > 0)
+
+
+PAPER = LiveSignature.PAPER
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"signature": "best"}, "signature: expected windows or paper, got 'best'"),
+        ({"window": 1.0}, "window: expected none with the signature windows"),
+        ({"signature": "paper", "sensitivity": 0.1}, "sensitivity: expected none with the signature paper"),
+        ({"signature": "paper", "progress": True}, "progress: expected False with the signature paper, got True"),
+        *(({"signature": "paper", "window": each}, "window: expected a positive") for each in (0, -1.0, math.inf)),
+        *(({"longest_gap": each}, "longest_gap: expected a positive number of seconds") for each in (0, math.nan)),
+        *(
+            ({name: each}, f"{name}: expected a number not below 0, got {each}")
+            for name in ("sensitivity", "lead", "hop", "stillness")
+            for each in (-1e-9, math.inf, math.nan)
+        ),
+        ({"sensitivity": 1.1}, "sensitivity: expected a share from 0 to 1, got 1.1"),
+        *(({"hop": each}, f"hop: expected 0, or 0.001 to 60 seconds, got {each}") for each in (61.0, 0.0009)),
+        *(({"hop": each}, "hop: expected a number, got") for each in ("1", None, True)),
+        *(({"progress": each}, "progress: expected True or False, got") for each in (1, None)),
+        ({"lead": "3"}, "lead: expected a number, got '3'"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(given: dict[str, Any], said: str) -> None:
+    """The message says which, what was expected, and what came."""
+    with pytest.raises(ValueError, match=said):
+        Settings(**given)
+
+
+def test_settings_at_their_bounds() -> None:
+    """Numbers of any kind do, and None where a library decides; a signature may be its text."""
+    Settings(sensitivity=1, lead=0, hop=60, stillness=np.float32(0.0))
+    assert [Settings(hop=hop).hop for hop in (0, 0.001)] == [0, 0.001]
+    assert Settings(signature="paper", window=0.1).signature is PAPER  # type: ignore[arg-type]
+    assert Settings(sensitivity=None, lead=None) == Settings()
+
+
+@pytest.mark.parametrize(
+    ("actors", "sensitivity", "lead"), [(["a", "a"], 0.2, 3.6), ([""], 0.1, 3.6), (["a", "b"], 0.2, 3.0)]
+)
+def test_a_small_library_names_less_and_starts_later(
+    actors: Sequence[str], sensitivity: float, lead: float, builtin: MotionLibrary
+) -> None:
+    """One motion of each class says little of what is unknown, as does one person; strangers say most."""
+    library = MotionLibrary.of_clips([stick_clip("wave", actor=actor) for actor in actors])
+    assert usual_sensitivity(library) == sensitivity
+    assert needed_lead(library, Settings()) == lead
+    assert needed_lead(library, Settings(lead=2.0)) == 2.0
+    assert needed_lead(library, Settings(PAPER)) == 3.0
+    judged = builtin.without(actors=builtin.actors[len(actors) :])
+    assert (usual_sensitivity(judged), needed_lead(judged, Settings())) == (0.05, 3.0)
+
+
+def test_a_library_is_opened_as_the_settings_compare_it(sticks: MotionLibrary) -> None:
+    """By the paper with its own window, once; windows that are open already are used."""
+    index = opened(sticks)
+    assert index_for(sticks, Settings()) is index_for(index, Settings()) is index
+    paper = index_for(index, Settings(PAPER, window=0.3))
+    assert paper.comparison.weighing.parts[0].seconds == 0.3
+    assert index_for(paper, Settings(PAPER, window=0.3)) is index_for(sticks, Settings(PAPER, window=0.3)) is paper
+    assert index_for(paper, Settings(PAPER)).comparison.weighing.parts[0].seconds == 0.5

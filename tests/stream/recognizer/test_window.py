@@ -1,7 +1,5 @@
 """The window: rows like a plain list's, and moments and covariances like the textbook's after every change."""
 
-from __future__ import annotations
-
 import naive_windows
 import numpy as np
 import pytest

@@ -1,33 +1,41 @@
 """Workers on this machine: they start, answer as one process does, and are replaced."""
 
-from __future__ import annotations
-
 import math
+import multiprocessing
 import os
 import signal
 import sys
 import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import asdict, replace
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.library.windows.index import opened
-from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import Performers, Settings
+from kinespace.library import MotionLibrary, WindowIndex, opened
+from kinespace.library.windows.index import MAX_VIEWS
+from kinespace.stream import (
+    Announcement,
+    BackgroundViews,
+    Event,
+    EventKind,
+    Frame,
+    Performers,
+    Progress,
+    Recognition,
+    Recognizer,
+    Settings,
+)
+from kinespace.stream.frame import Admitted, NewSender
 from kinespace.stream.service import gateway as gateways
-from kinespace.stream.service import worker
+from kinespace.stream.service import wire, worker
+from kinespace.stream.service.background import leave_signals_to_parent, signals_held
 from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.worker import Terms, Worker
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from kinespace.library.motion_library import MotionLibrary
 
 RATE, PATIENCE = 60, 60.0
 #: Seconds between two answers, and a frame: another worker's hops are others.
@@ -173,3 +181,134 @@ def test_a_further_performer_has_no_room_and_joints_are_put_in_order(sticks: Mot
         assert (gateway.names, gateway.take_gone()) == (("bob", "cleo"), [])
         assert gateway.drop_silent(100.0) == gateway.end_paused(100.0) == []
         assert (gateway.names, gateway.take_gone(), gateway.counts.dropped) == ((), ["bob", "cleo"], 4)
+
+
+# --- background opener ------------------------------------------------------------------------------------------------
+
+
+def _wait(views: BackgroundViews) -> None:
+    thread = views._thread  # noqa: SLF001 - the test waits for the thread instead of asking again and again
+    assert thread is not None
+    thread.join()
+
+
+def test_windows_are_given_once_they_are_open(sticks: MotionLibrary) -> None:
+    """Windows that were asked for are not ready at first; then they are the index's."""
+    views, index, joints = BackgroundViews(), WindowIndex.of(sticks), sticks.skeleton.joints[:5]
+    assert views(index, joints) is None
+    _wait(views)
+    assert views(index, joints) is index.by_joints(joints)
+    assert index.by_joints(joints).library.skeleton.joints == joints
+
+
+def test_joints_that_cannot_be_compared_are_not_tried_again(sticks: MotionLibrary) -> None:
+    """The reason is raised each time, and no second thread is started, until so many others were refused."""
+    views, index, joints = BackgroundViews(), WindowIndex.of(sticks), sticks.skeleton.joints
+    assert views(index, joints[:3]) is None
+    _wait(views)
+    tried = views._thread  # noqa: SLF001 - the test compares threads
+    for _ in range(2):
+        with pytest.raises(ValueError, match="expected at least 5"):
+            views(index, joints[:3])
+    assert views._thread is tried  # noqa: SLF001 - as above
+    for place in range(MAX_VIEWS):
+        assert views(index, (f"joint {place}",)) is None
+        _wait(views)
+    assert views(index, joints[:3]) is None
+    _wait(views)
+
+
+# --- child process ----------------------------------------------------------------------------------------------------
+
+
+def _serve(told: Connection, termination: bool) -> None:  # noqa: FBT001 - of a process
+    """Get signals before and after; say what is left of this process."""
+    os.kill(os.getpid(), signal.SIGINT)
+    leave_signals_to_parent(termination=termination)
+    told.send("began")
+    os.kill(os.getpid(), signal.SIGHUP)
+    os.kill(os.getpid(), signal.SIGTERM)
+    told.send("went on")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="this system cannot hold signals back")
+@pytest.mark.parametrize("termination", [True, False])
+def test_a_child_survives_signals_that_are_its_parents(termination: bool) -> None:  # noqa: FBT001 - a case
+    """A signal that comes before the child can heed it waits; SIGTERM ends the child unless it ignores that, too."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs, termination), daemon=True)
+    with signals_held():
+        process.start()
+    theirs.close()
+    assert ours.recv() == "began"
+    if termination:
+        assert ours.recv() == "went on"
+    process.join()
+    assert process.exitcode == (0 if termination else -signal.SIGTERM)
+    ours.close()
+
+
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Ctrl-C interrupts here, whatever a program that ran before in this process made of it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="this system cannot hold signals back")
+@pytest.mark.usefixtures("interrupts")
+def test_an_interrupt_waits_until_the_start_is_done() -> None:
+    """It comes at the end of the block, and later ones come at once."""
+    done = []
+
+    def start() -> None:
+        with signals_held():
+            signal.raise_signal(signal.SIGINT)
+            done.append("started")
+
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert done == ["started"]
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+POSITIONS = np.arange(18.0).reshape(6, 3) / 7
+
+
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_frames_come_back_to_the_last_bit(kind: str) -> None:
+    """Positions keep their precision, and all else is as it was sent."""
+    sent = wire.SentFrame.of(Frame("ann", 3.0, POSITIONS.astype(kind)))
+    sent.joints, sent.begins = ("a", "b"), True
+    (found,) = wire.decode_orders(wire.encode(wire.Orders(seen=[sent]))).seen
+    new, announced, frame = found.events()
+    assert (found, new, announced) == (sent, NewSender("ann"), Announcement("ann", ("a", "b")))
+    assert isinstance(frame, Frame)
+    assert (frame.performer, frame.time, frame.positions.dtype) == ("ann", 3.0, np.dtype(kind))
+    assert np.array_equal(frame.positions, POSITIONS.astype(kind))
+
+
+@pytest.fixture(scope="module")
+def recognition(sticks: MotionLibrary) -> Recognition:
+    """Give a recognition of a real window."""
+    recognizer = Recognizer(sticks)
+    clip = stick_clip(STICK_CLASSES[0], seed=80, frames=120)
+    answers = [recognizer.push(Frame("ann", k / 120, each)) for k, each in enumerate(clip.positions)]
+    return [each for each in answers if each][-1]
+
+
+def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
+    """Every number of a recognition, its progress and events come back, and the report with it."""
+    event = Event("ann", EventKind.START, recognition.classes[1], 1, 0.5, 2.0)
+    progress = Progress(recognition.classes[1], 0.5, 0.4, 1.0, 1.1, 0.9, 2)
+    whole = replace(recognition, events=(event,), progress=progress, doubted=("c",))
+    report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, stale=4)
+    back = wire.decode_answers(wire.encode(wire.Answers([whole], report)))
+    (found,) = back.answers
+    assert back.report == report
+    assert np.array_equal(found.scores, whole.scores)
+    assert {**asdict(found), "scores": ()} == {**asdict(whole), "scores": ()}

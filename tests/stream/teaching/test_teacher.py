@@ -7,11 +7,11 @@ from synthetic import gesture, stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Roster
-from kinespace.stream.frame import Frame
+from kinespace.stream import Event, EventKind, Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
-from kinespace.stream.teaching.memory import Memory
+from kinespace.stream.teaching.memory import Memory, NamedMotions
 from kinespace.stream.teaching.teacher import OFFER
 
 RATE = 60.0
@@ -65,21 +65,24 @@ class Stage:
         return next(each.reason for each in reversed(self.told) if isinstance(each, State))
 
 
-def _taught(class_name: str = "wave", repetitions: int = 1) -> Stage:
+def _asked(class_name: str = "wave", repetitions: int = 1, *, countdown: float = 0.0) -> Stage:
+    """Ask for a lesson, after a second of standing."""
     stage = Stage()
     stage.stand(1.0)
-    stage.ask(commands.Teach("ann", class_name, repetitions, 0.0))
-    for _ in range(repetitions):
-        stage.stand(0.5)
-        stage.perform()
+    stage.ask(commands.Teach("ann", class_name, repetitions, countdown))
+    return stage
+
+
+def _taught() -> Stage:
+    stage = _asked()
+    stage.stand(0.5)
+    stage.perform()
     return stage
 
 
 def test_a_lesson_goes_from_countdown_to_check() -> None:
     """Three, two, one; then movement is waited for, recorded until stillness, trimmed, and the library changes."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave"))
+    stage = _asked("wave", countdown=3.0)
     stage.stand(3.7)
     stage.perform()
     assert stage.steps() == [*[Step.COUNTDOWN] * 3, Step.WAITING, Step.RECORDING, Step.CHECKING]
@@ -99,9 +102,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
 @pytest.mark.parametrize(("rate", "said"), [(8, "8 frames a second, 10 are better: choose --size lite"), (15, "")])
 def test_a_slow_camera_is_said_before_the_lesson(rate: int, said: str) -> None:
     """With the last number of the countdown, while there is time to choose."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave"))
+    stage = _asked("wave", countdown=3.0)
     for number in range(3 * rate):
         stage.now = 1.0 + (number + 0.5) / rate
         stage.told += stage.teacher.push(Frame("ann", stage.now, stage.library.motions[40].positions[0]), stage.now)
@@ -119,11 +120,7 @@ def test_an_example_that_is_undone_before_its_check_is_told() -> None:
 def test_undo_without_end() -> None:
     """Every change can be undone."""
     stage = _taught()
-    for command in (
-        commands.Rename("wave", "bow"),
-        commands.Enable("squat1Reps", on=False),
-        commands.Forget("bow"),
-    ):
+    for command in (commands.Rename("wave", "bow"), commands.Enable("squat1Reps", on=False), commands.Forget("bow")):
         stage.ask(command)
     changes = [each for each in stage.told if isinstance(each, State) and each.step is Step.DONE]
     assert [(each.performer, each.seconds) for each in changes] == [("", 0.0)] * 3
@@ -133,13 +130,7 @@ def test_undo_without_end() -> None:
     for _ in range(4):
         stage.ask(commands.Undo())
         rosters.append(stage.teacher.roster)
-    assert [[each.class_name for each in roster.examples] for roster in rosters] == [
-        [],
-        ["bow"],
-        ["bow"],
-        ["wave"],
-        [],
-    ]
+    assert [[each.class_name for each in roster.examples] for roster in rosters] == [[], ["bow"], ["bow"], ["wave"], []]
     assert rosters[1].disabled == {"squat1Reps"}
     assert stage.ask(commands.Undo())[0] == State("", Step.REFUSED, 0.0, "nothing to undo")
 
@@ -174,9 +165,7 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
 
 def test_a_recording_ends_after_fifteen_seconds() -> None:
     """A recording ends after 15 s, even if the movement goes on."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "endless", 1, 0.0))
+    stage = _asked("endless")
     motion = stage.library.motions[40].positions
     for _ in range(20):
         stage.show((*motion, *motion[::-1]))
@@ -188,9 +177,7 @@ def test_a_recording_ends_after_fifteen_seconds() -> None:
 
 def test_a_pause_in_the_feed_ends_a_recording() -> None:
     """A sender that pauses between motions, as a replay does, sends no stillness: the motion is an example."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 2, 0.0))
+    stage = _asked("wave", 2)
     for _ in range(2):
         stage.show(stage.library.motions[40].positions)
         stage.wait(1.0)
@@ -202,9 +189,7 @@ def test_a_pause_in_the_feed_ends_a_recording() -> None:
 @pytest.mark.parametrize(("command", "examples"), [(commands.Stop(), 1), (commands.Cancel(), 0)])
 def test_a_recording_is_ended_by_hand(command: Command, examples: int) -> None:
     """A recording that is stopped becomes an example, and one that is cancelled none."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "half", 1, 0.0))
+    stage = _asked("half")
     stage.stand(0.5)
     stage.show(stage.library.motions[40].positions[:60])
     stage.ask(command)
@@ -231,9 +216,7 @@ def test_a_lesson_without_a_performer_is_refused() -> None:
 
 def test_a_process_that_was_stopped_first_reads_what_waits() -> None:
     """The time for which nobody asked the teacher is not the performer's silence: the recording goes on."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage = _asked()
     motion = stage.library.motions[40].positions
     for frames in (motion[:40], motion[40:]):
         stage.show(frames)
@@ -247,9 +230,7 @@ def test_a_process_that_was_stopped_first_reads_what_waits() -> None:
 
 def test_standing_still_throughout() -> None:
     """A performer who stands still throughout gets a refusal."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage = _asked()
     stage.stand(MAX_WAITING + 1)
     assert stage.steps()[-1] is Step.REFUSED
     assert "stood still" in stage.reason()
@@ -257,9 +238,7 @@ def test_standing_still_throughout() -> None:
 
 def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:
     """Once a second, as a share; after five seconds the way out is said."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 1, 0.0))
+    stage = _asked()
     stage.stand(6.2)
     waits = [each for each in stage.told if isinstance(each, State)]
     assert {each.step for each in waits} == {Step.WAITING}
@@ -297,9 +276,7 @@ def test_a_feed_that_is_too_slow_to_show_movement_is_told_so(every: int, told: s
 
 def test_a_lesson_of_nothing_records_movement_at_will() -> None:
     """It waits for no movement, no stillness ends it, and all of it is kept; a command may end it sooner."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "nothing", 1, 1.0))
+    stage = _asked("nothing", countdown=1.0)
     stage.stand(2.0)
     stage.perform()
     stage.stand(AT_WILL)
@@ -338,9 +315,7 @@ def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
 
 def test_a_hole_in_the_feed_makes_no_example() -> None:
     """A recording with missing frames is refused, also of the last seconds; a lesson ends with it."""
-    stage = Stage()
-    stage.stand(1.0)
-    stage.ask(commands.Teach("ann", "wave", 2, 0.0))
+    stage = _asked("wave", 2)
     motion = stage.library.motions[40].positions
     stage.show(motion[:60])
     stage.now += 2.0
@@ -441,3 +416,129 @@ def test_a_held_recording_needs_no_movement() -> None:
     stage.ask(commands.Hold("ann", "statue"))
     stage.stand(MAX_RECORDING + 1)
     assert [each.seconds for each in stage.teacher.roster.examples][1:] == [pytest.approx(MAX_RECORDING, abs=0.1)]
+
+
+def _event(kind: EventKind, time: float, label: str = "squat1Reps", performer: str = "ann") -> Event:
+    return Event(performer, kind, label, 0, 0.9, time)
+
+
+def _performed(stage: Stage, *, going_on: bool = False) -> float:
+    """Perform a motion that is named some time after its beginning; give its seconds."""
+    stage.stand(2.0)
+    began = 100 + stage.now
+    motion = stage.library.motions[40]
+    stage.teacher.named.push(_event(EventKind.START, began + 0.4))
+    stage.show(motion.positions[:90] if going_on else motion.positions)
+    if not going_on:
+        stage.stand(0.7, 40)
+        stage.teacher.named.push(_event(EventKind.END, 100 + stage.now))
+    return motion.duration
+
+
+@pytest.mark.parametrize(
+    ("command", "class_name", "around"),
+    [(commands.Right("ann"), "squat1Reps", 0.0), (commands.Wrong(), "nothing", 1.8)],
+)
+def test_the_last_named_motion_becomes_an_example(command: commands.Command, class_name: str, around: float) -> None:
+    """It becomes one of its class, or with what surrounds it of nothing, once; undone it may be judged again."""
+    stage = Stage()
+    seconds = _performed(stage)
+    assert [each.step for each in stage.ask(command) if isinstance(each, State)] == [Step.CHECKING]
+    (example,) = stage.teacher.roster.examples
+    assert example.class_name == class_name
+    assert example.motion.duration == pytest.approx(seconds + around, abs=0.45)
+    stage.ask(command)
+    assert stage.reason() == "squat1Reps was judged already: undo it first"
+    stage.ask(commands.Undo())
+    assert stage.teacher.roster.examples == ()
+    stage.ask(commands.Wrong("ann"))
+    assert [each.class_name for each in stage.teacher.roster.examples] == ["nothing"]
+
+
+def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:
+    """Its example has all of it; one that goes on and on is taken after fifteen seconds."""
+    stage = Stage()
+    _performed(stage, going_on=True)
+    stage.ask(commands.Right("ann"))
+    assert stage.reason() == "squat1Reps: taken when it ends"
+    motion = stage.library.motions[40]
+    stage.show(motion.positions[90:])
+    assert stage.teacher.roster.examples == ()
+    stage.stand(0.7, 40)
+    stage.teacher.named.push(_event(EventKind.END, 100 + stage.now))
+    stage.stand(0.1, 40)
+    (example,) = stage.teacher.roster.examples
+    assert (example.class_name, example.seconds) == ("squat1Reps", pytest.approx(motion.duration, abs=0.45))
+    _performed(stage, going_on=True)
+    stage.ask(commands.Right("ann"))
+    stage.show([*motion.positions, *motion.positions[::-1]] * 6)
+    assert [each.class_name for each in stage.teacher.roster.examples] == ["squat1Reps"] * 2
+
+
+@pytest.mark.parametrize("lasts", [0.1, 0.5, None])
+def test_a_false_start_is_taken_at_once_whatever_its_length(lasts: float | None) -> None:
+    """With a second and a half before it and up to now, though hardly anything moved, and though it goes on."""
+    stage = Stage()
+    stage.stand(3.0)
+    stage.teacher.named.push(_event(EventKind.START, 100 + stage.now))
+    stage.stand(lasts or 0.5)
+    if lasts:
+        stage.teacher.named.push(_event(EventKind.END, 100 + stage.now))
+    stage.ask(commands.Wrong())
+    (example,) = stage.teacher.roster.examples
+    assert (example.class_name, example.seconds) == ("nothing", pytest.approx(1.5 + (lasts or 0.5), abs=0.1))
+    stage.stand(1.0)
+    assert len(stage.teacher.roster.examples) == 1
+
+
+def test_what_surrounds_a_false_start_ends_where_other_motions_or_pauses_are() -> None:
+    """The motion before it and the one behind it were right, and a pause in the feed is no movement."""
+    stage = Stage()
+    stage.stand(4.0)
+    for kind, moment in (("start", 101.0), ("end", 102.0), ("start", 102.5), ("end", 102.7), ("start", 103.8)):
+        stage.teacher.named.push(_event(EventKind(kind), moment))
+    stage.ask(commands.Wrong())
+    (example,) = stage.teacher.roster.examples
+    assert example.seconds == pytest.approx(1.0, abs=0.1)
+    stage.wait(1.0)
+    stage.stand(1.0)
+    stage.teacher.named.push(_event(EventKind.START, 105.5))
+    stage.stand(0.5)
+    stage.ask(commands.Wrong())
+    assert stage.teacher.roster.examples[1].seconds == pytest.approx(1.5, abs=0.1)
+    stage.wait(1.0)
+    stage.stand(0.5)
+    stage.ask(commands.Undo())
+    stage.ask(commands.Wrong())
+    assert stage.teacher.roster.examples[1].seconds == pytest.approx(1.5, abs=0.1)
+
+
+def test_without_a_named_motion_nothing_is_taken() -> None:
+    """Nobody was named, or somebody else, or somebody who has left."""
+    stage = Stage()
+    stage.stand(1.0)
+    for performer in ("", "ann", "bob"):
+        assert stage.ask(commands.Right(performer)) == [State(performer, Step.REFUSED, 0.0, "no motion was named")]
+    _performed(stage)
+    stage.wait(6.0)
+    stage.ask(commands.Right("ann"))
+    assert stage.reason() == "no motion was named"
+    assert stage.teacher.roster.examples == ()
+
+
+def test_a_person_speaks_of_the_motion_that_there_was_time_to_see() -> None:
+    """A motion that has begun just now is not meant; nor is the time of the motion before part of a motion."""
+    named = NamedMotions()
+    assert named.meant("ann", 1.0) is None
+    named.push(_event(EventKind.START, 1.0, "squat"))
+    named.push(_event(EventKind.END, 2.0, "squat"))
+    named.push(_event(EventKind.START, 2.2, "kick"))
+    named.push(_event(EventKind.END, 2.3, "squat"))
+    before, now = named.meant("ann", 2.5), named.meant("ann", 3.0)
+    assert (before.class_name, before.span(2.5)) == ("squat", pytest.approx((0.2, 2.0)))
+    assert (now.class_name, now.span(3.0)) == ("kick", (2.0, 3.0))
+    assert now.span(30.0) == (15.0, 30.0)
+    named.push(_event(EventKind.START, 9.0, "wave", "bob"))
+    assert [named.last(asked, {"ann", "bob"}) for asked in ("", "ann", "cy")] == ["bob", "ann", None]
+    named.forget("bob")
+    assert named.last("", {"ann", "bob"}) == "ann"

@@ -2,7 +2,8 @@ import json
 
 import pytest
 
-from kinespace.stream.osc.packet import decode_packet, encode_bundle, encode_message
+from kinespace.stream.osc import decode_packet, encode_message
+from kinespace.stream.osc.packet import encode_bundle
 from kinespace.stream.teaching import State, Step, Taught, commands, wire
 from kinespace.stream.teaching.commands import CommandError, Tried
 
@@ -13,16 +14,13 @@ TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
     ("packet", "command"),
     [
         (encode_message("/motion/teach", "ann", "wave"), commands.Teach("ann", "wave")),
-        (encode_message("/motion/teach", "ann", "wave", 3, 0.5), commands.Teach("ann", "wave", 3, 0.5)),
         (encode_message("/motion/teach", "", "nothing", 3.0, 1), commands.Teach("", "nothing", 3, 1.0)),
         (encode_message("/motion/teach/stop"), commands.Stop()),
         (encode_message("/motion/teach/undo"), commands.Undo()),
         (encode_message("/motion/teach/rename", "a", "b"), commands.Rename("a", "b")),
         (encode_message("/motion/teach/enable", "a", 0), commands.Enable("a", on=False)),
         (encode_message("/motion/teach/last", "ann", 2.5, "bow"), commands.Last("ann", 2.5, "bow")),
-        (encode_message("/motion/teach/save"), commands.Save()),
         (encode_message("/motion/teach/hold", "ann", "bow", 0), commands.Hold("ann", "bow", on=False)),
-        (encode_message("/motion/teach/right"), commands.Right()),
         (encode_message("/motion/teach/wrong", "ann"), commands.Wrong("ann")),
         (encode_message("/motion/Ada_1/count/reset"), commands.Reset("Ada_1")),
         (encode_message("/motion/*/count/reset", 1), commands.Reset()),
@@ -42,11 +40,8 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
         ({"do": "teach", "class": "wave", "performer": "", "countdown": 0}, commands.Teach("", "wave", 1, 0.0)),
         ({"do": "forget", "class": "wave"}, commands.Forget("wave")),
         ({"do": "enable", "class": "wave", "on": True}, commands.Enable("wave", on=True)),
-        ({"do": "undo"}, commands.Undo()),
-        ({"do": "list"}, commands.List()),
         ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
         ({"do": "wrong", "performer": "ann"}, commands.Wrong("ann")),
-        ({"do": "hold", "performer": "ann", "class": "bow", "on": True}, commands.Hold("ann", "bow")),
         (
             {"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 5.5},
             commands.Last("ann", 2.0, "wave", 5.5),
@@ -61,22 +56,15 @@ def test_commands_in_json(request_: dict[str, object], command: commands.Command
 @pytest.mark.parametrize(
     ("packet", "told"),
     [
-        (encode_message("/motion/teach", "ann", "x" * 300), "1 to 64 characters, got 300"),
         (encode_message("/motion/teach", "ann", "a/b"), "without /"),
-        (encode_message("/motion/teach", "ann", "a\nb"), "control characters"),
         (encode_message("/motion/teach", "ann", "still"), "another name"),
-        (encode_message("/motion/teach", "ann", ""), "1 to 64 characters, got 0"),
         (encode_message("/motion/teach", "a" * 65, "wave"), "performer"),
         (encode_message("/motion/teach", "ann", 3), "class: expected str, got 3"),
         (encode_message("/motion/teach", "ann", "wave", 0), "repetitions"),
-        (encode_message("/motion/teach", "ann", "wave", 1, float("nan")), "countdown"),
         (encode_message("/motion/teach", "ann", "wave", float("nan")), "repetitions: expected int, got nan"),
         (encode_message("/motion/teach/hold", "ann", "wave", float("inf")), "on: expected bool, got inf"),
         (encode_message("/motion/teach", "ann", "wave", 1, 1, 1), "expected performer, class"),
         (encode_message("/motion/teach/last", "ann", 60.0, "bow"), "seconds"),
-        (encode_message("/motion/teach/last", "ann", 0.0, "bow"), "seconds"),
-        (encode_message("/motion/teach/rename", "a", "b/c"), "without /"),
-        (encode_message("/motion/teach/right", "a" * 65), "performer"),
         (encode_message("/motion/teach/jump"), "expected one of"),
         (b"/motion/teach", "expected OSC"),
         (encode_bundle(*[encode_message("/motion/teach/undo")] * 9), "at most 8 commands, got 9"),
@@ -96,12 +84,9 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
         ({"do": "enable", "class": "wave"}, "enable: expected class, on, got no on"),
         # Half a character, which JSON can write and no transport can send.
         ({"do": "teach", "performer": "\ud800", "class": "bow"}, r"performer: expected str, got '\\ud800'"),
-        ({"do": "forget", "class": "a\udfff"}, "class: expected str"),
         ({"do": "undo", "on": True}, "undo: expected no more, got 'on'"),
         ({"do": "sensitivity", "share": 1.5}, "share: expected 0 to 1, got 1.5"),
-        ({"do": "sensitivity", "share": -0.1}, "share"),
         ({"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": -1.0}, "ago"),
-        ({"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 1e9}, "ago"),
     ],
 )
 def test_bad_requests_are_one_line(request_: dict[str, object], told: str) -> None:
@@ -145,10 +130,7 @@ def test_notices() -> None:
         (Tried(), ""),
         (Tried(4, 0, 300.0), "done not once in your last 5 minutes"),
         (Tried(0, 0, 42.0), "done not once in your last 42 s"),
-        (
-            Tried(0, 1, 42.0),
-            f"done once in your last 42 s; {TOO_OFTEN}",
-        ),
+        (Tried(0, 1, 42.0), f"done once in your last 42 s; {TOO_OFTEN}"),
     ],
 )
 def test_how_often_a_class_would_have_been_said(tried: Tried, words: str) -> None:

@@ -2,20 +2,28 @@
 
 import dataclasses
 import json
+import os
+import stat
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import pytest
+import zmq
 from performed import NAMED
+from programs import LOOPBACK, PATIENCE
+from zmq import Socket
+from zmq.auth import load_certificate
 
-from kinespace.stream import zeromq
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Done, Event, EventKind
+from kinespace.stream import Done, Event, EventKind, Frame, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
+from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, SequenceGaps, ZmqReceiver, ZmqSender
 from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.stream.zeromq.keys import make_keys
+from kinespace.tools.cli.main import main
 
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.
@@ -27,18 +35,14 @@ TOPIC, HEADER, BUFFER = zeromq.encode_frame(Frame("p", 1.5, POSITIONS), 7)
 # --- answers -----------------------------------------------------------------------------------------------------
 
 
-def test_an_event_is_json_under_its_performers_topic() -> None:
-    """A ZeroMQ event is a topic of its own and JSON that says all of it."""
+def test_what_happened_is_json_under_its_performers_topic() -> None:
+    """An event, and a motion that was done, are topics of their own and JSON that says all of them."""
     topic, body = zeromq_answers.encode_event(
         Event("Ada Lovelace/1", EventKind.END, "wäve", 2, 0.125, 1_763_726_400.25)
     )
     assert topic == b"event/Ada Lovelace/1/"
     told = {"v": 1, "performer": "Ada Lovelace/1", "event": "end", "class": "wäve", "index": 2, "score": 0.125}
     assert json.loads(body) == told | {"t": 1_763_726_400.25}
-
-
-def test_a_motion_done_is_json_under_its_performers_topic() -> None:
-    """A motion that was done is a topic of its own and JSON that says all of it."""
     topic, body = zeromq_answers.encode_done(Done("Ada 1", "wäve", 2, 4.5, 1.5, 0.875, 1.25, 0.75, 3))
     assert topic == b"done/Ada 1/"
     told = {"v": 1, "performer": "Ada 1", "class": "wäve", "index": 2, "start": 4.5, "duration": 1.5, "score": 0.875}
@@ -91,15 +95,11 @@ def _missing(numbers: list[int | None]) -> int:
     [
         ([10, 20, 30], 18),
         ([0, 3, 2, 1, 4], 0),
-        ([0, 1, 1, 1, 2], 0),
-        ([0, 4, 4, 5], 3),
-        ([100, 101, 0, 1, 2], 0),
         ([100, 101, 50, 51], 0),
         ([0, 1, 2, 3, 0, 1, 2, 3, 4], 0),
         ([0, 5, 0, 1, 2], 4),
         ([5000, 0, 3], 2),
         ([None, None], 0),
-        ([3, None, 4], 0),
     ],
 )
 def test_gaps_in_the_numbers(numbers: list[int | None], missing: int) -> None:
@@ -127,9 +127,7 @@ def test_made_up_names_do_not_pile_up() -> None:
         ("tcp://127.0.0.1:5556", True, Endpoint("tcp://127.0.0.1:5556", bind=True)),
         ("tcp://127.0.0.1:5556", False, Endpoint("tcp://127.0.0.1:5556", bind=False)),
         ("@tcp://*:5556", False, Endpoint("tcp://*:5556", bind=True)),
-        ("@tcp://*:5556", True, Endpoint("tcp://*:5556", bind=True)),
         (">tcp://host:5556", True, Endpoint("tcp://host:5556", bind=False)),
-        (">ipc:///tmp/feed", False, Endpoint("ipc:///tmp/feed", bind=False)),
     ],
 )
 def test_an_endpoint_says_bind_or_connect(text: str, expected: Endpoint, *, bind: bool) -> None:
@@ -280,3 +278,164 @@ def test_the_health_is_one_word_and_numbers(
     """No performer, answers that come late, and frames that are refused."""
     status = Status(InputCounts(), PerformerCounts(), 0, performers, hop, hop, refused)
     assert status.health.partition(":")[0] == state
+
+
+#: Milliseconds in which a stranger, who must not be let in, is surely refused; the result does not depend on it.
+A_MOMENT = 150
+
+
+def folders(place: Path, *names: str) -> list[Path]:
+    """Make a folder of keys for each name; the first knows all, the others know the first."""
+    made = [place / name for name in names]
+    publics = [make_keys(folder, folder.name)[0] for folder in made]
+    for folder, public in zip(made[1:], publics[1:], strict=True):
+        (made[0] / public.name).write_bytes(public.read_bytes())
+        (folder / publics[0].name).write_bytes(publics[0].read_bytes())
+    return made
+
+
+def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The program makes a folder with both files; no other user reads them, and the pair is one."""
+    assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 0
+    assert "secret, keep it here" in capsys.readouterr().out
+    public, secret = tmp_path / "mine" / "ann.key", tmp_path / "mine" / "ann.key_secret"
+    shown, (known, kept) = load_certificate(public), load_certificate(secret)
+    assert shown == (known, None)
+    assert kept
+    assert zmq.curve_public(kept) == known
+    if os.name == "posix":
+        assert [stat.S_IMODE(each.stat().st_mode) for each in (public, secret)] == [0o600, 0o600]
+        assert stat.S_IMODE((tmp_path / "mine").stat().st_mode) == 0o700
+    before = secret.read_bytes()
+    assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 2
+    assert "there are keys of this name already" in capsys.readouterr().err
+    assert secret.read_bytes() == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="other systems have other rights")
+@pytest.mark.parametrize("name", ["", "ann.key", "stage.key"])
+def test_where_anybody_may_add_keys_nobody_is_let_in(tmp_path: Path, name: str) -> None:
+    """The folder, and every key in it, is its owner's alone to write."""
+    stage, _ = folders(tmp_path, "stage", "ann")
+    (stage / name).chmod(0o777 if not name else 0o666)
+    with pytest.raises(ValueError, match="expected what its owner alone may write to"):
+        Keyring(stage)
+
+
+@pytest.mark.parametrize("name", ["", "../ann", ".ann", "an\nn", "a*"])
+def test_a_name_that_is_no_files_is_refused(tmp_path: Path, name: str) -> None:
+    """Keys are written into the folder, and nowhere else."""
+    with pytest.raises(ValueError, match="expected a name for files"):
+        make_keys(tmp_path, name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    """No secret key, two of them, one that others may read, and a file that holds no key."""
+    with pytest.raises(ValueError, match="expected one file"):
+        Keyring(tmp_path)
+    _, secret = make_keys(tmp_path, "ann")
+    _, other = make_keys(tmp_path, "ben")
+    with pytest.raises(ValueError, match="expected one file"):
+        Keyring(tmp_path)
+    other.unlink()
+    if os.name == "posix":
+        secret.chmod(0o640)
+        with pytest.raises(ValueError, match=r"chmod 600.*got mode 640"):
+            Keyring(tmp_path)
+        secret.chmod(0o600)
+    (tmp_path / "ben.key").write_text("public-key\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"ben\.key: expected public-key = "):
+        Keyring(tmp_path)
+    for key in ("too short", "#" * 40):
+        (tmp_path / "ben.key").write_text(f'curve\n    public-key = "{key}"\n', encoding="utf-8")
+        with pytest.raises(ValueError, match="expected keys of 40 characters"):
+            Keyring(tmp_path)
+
+
+def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:
+    """With several keys beside its own a socket cannot know which one to connect to, and says so."""
+    stage, *_ = folders(tmp_path, "stage", "ann", "ben")
+    with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
+        ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)
+
+
+def heard(publisher: ZmqSender, subscriber: Socket[bytes], *, longest: int) -> bool:
+    """Publish until the subscriber hears something; whether it did, after so many milliseconds at most."""
+    for _ in range(longest // 10):
+        publisher.send([b"hello"])
+        if subscriber.poll(10):
+            return True
+    return False
+
+
+def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
+    """A peer with a known key is heard and hears; a peer with another key, or without one, does neither."""
+    stage, ann = folders(tmp_path, "stage", "ann")
+    _, eve = folders(tmp_path / "elsewhere", "stage", "eve")
+    # Eve knows the stage's public key: that does not let her in.
+    (eve / "stage.key").write_bytes((stage / "stage.key").read_bytes())
+    anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
+    with ExitStack() as opened:
+        ours, anns, eves = (opened.enter_context(Keyring(folder)) for folder in (stage, ann, eve))
+        frames, answers = ZmqReceiver(anywhere, keyring=ours), ZmqSender(anywhere, ours)
+        opened.callback(frames.close)
+        opened.callback(answers.close)
+        frames_to, answers_at = Endpoint(frames.address, bind=False), Endpoint(answers.address, bind=False)
+        for keyring, let_in in ((anns, True), (eves, False), (None, False)):
+            sender, listener = ZmqSender(frames_to, keyring), ZmqReceiver(answers_at, keyring=keyring)
+            longest = int(PATIENCE * 1000) if let_in else A_MOMENT
+            assert heard(sender, frames.socket, longest=longest) is let_in
+            assert heard(answers, listener.socket, longest=longest) is let_in
+            while frames.receive():
+                assert frames.sender
+                assert frames.sender[0] == "key ann"
+            sender.close()
+            listener.close()
+
+
+def test_a_program_with_keys_reaches_known_keys_alone(tmp_path: Path) -> None:
+    """A program with keys connects to the owner of a known key, and to no other listener there."""
+    _, ann = folders(tmp_path, "stage", "ann")
+    impostor = ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
+    with Keyring(ann) as keyring:
+        sender = ZmqSender(Endpoint(impostor.address, bind=False), keyring)
+        assert not heard(sender, impostor.socket, longest=A_MOMENT)
+        sender.close()
+    impostor.close()
+
+
+@pytest.mark.parametrize(
+    ("address", "others"),
+    [
+        ("tcp://127.0.0.1:9320", False),
+        ("tcp://localhost:9320", False),
+        ("ipc:///tmp/feed", False),
+        ("tcp://0.0.0.0:9320", True),
+        ("tcp://*:9320", True),
+        ("tcp://eth0:9320", True),
+        ("tcp://127.0.0.1:1;0.0.0.0:9320", True),
+        ("tcp://localhost.example:9320", True),
+    ],
+)
+def test_addresses_open_to_others_are_detected(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    """Addresses of this machine alone are told from addresses that others reach."""
+    assert Endpoint(address, bind=True).is_open_to_others is others
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "option"),
+    [
+        ("live --zmq-in tcp://*:*", "--zmq-in"),
+        ("live --osc-in 127.0.0.1:0 --teach {}/mine.npz --control tcp://*:*", "--control"),
+        ("replay squat1Reps --listen @tcp://*:*", "--listen"),
+    ],
+)
+def test_programs_refuse_in_one_line(
+    options: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The line names the option, the address, and the three ways to open it."""
+    assert main(options.format(tmp_path).split()) == 2
+    (line,) = [each for each in capsys.readouterr().err.splitlines() if each.startswith("kinespace: ")]
+    assert line.startswith(f"kinespace: {option}: expected --keys, --allow-from or --open with tcp://*:*, because ")

@@ -1,15 +1,25 @@
 """The rules of the house that a reader can count on, checked in the sources themselves."""
 
 import ast
+import os
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
+import figures
 import pytest
-from programs import ROOT
+from figures import Figure
+from programs import LOOPBACK, ROOT
+
+import kinespace.library
+import kinespace.stream
+from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 
 PACKAGES = ("library", "stream", "tools")
 #: The imports of a package: itself and these.
@@ -18,21 +28,8 @@ BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "str
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
 CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
 CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py")
-CORE += (
-    "stream/inputs/decoder.py",
-    "stream/inputs/detection.py",
-    "stream/packet.py",
-    "stream/inputs/takes.py",
-)
-CORE += tuple(
-    f"stream/feeds/{name}.py"
-    for name in (
-        "frame_assembler",
-        "kinematics",
-        "message_reader",
-        "preset",
-    )
-)
+CORE += ("stream/inputs/decoder.py", "stream/inputs/detection.py", "stream/packet.py", "stream/inputs/takes.py")
+CORE += tuple(f"stream/feeds/{name}.py" for name in ("frame_assembler", "kinematics", "message_reader", "preset"))
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "selectors", "multiprocessing", "logging"}
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
@@ -158,3 +155,310 @@ def test_no_source_says_where_it_was_written() -> None:
                 f"{name_of(path)}: {folder}" for folder in MACHINE_FOLDERS if re.search(rf"(?<![\w.]){folder}", text)
             ]
     assert said == []
+
+
+#: Addresses that are on no machine (RFC 5737, RFC 3849), and a name that nobody has (RFC 6761).
+FAR, FAR6, NAME = "192.0.2.77", "2001:db8::1", "stage.invalid"
+
+_TRIED = f"""
+import socket
+def refused(act):
+    try:
+        act()
+    except OSError as error:
+        return "tests ask no network" in str(error)
+    return False
+udp, udp6 = socket.socket(type=socket.SOCK_DGRAM), socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)
+found = [
+    refused(lambda: socket.create_connection(({FAR!r}, 9))),
+    refused(lambda: udp.sendto(b"", ({FAR!r}, 9))),
+    refused(lambda: udp.sendto(b"", ("224.0.0.251", 5353))),
+    refused(lambda: udp.sendto(b"", ("255.255.255.255", 9))),
+    refused(lambda: udp.connect(({NAME!r}, 9))),
+    refused(lambda: udp6.sendto(b"", ({FAR6!r}, 9))),
+    refused(lambda: udp6.sendto(b"", ("ff02::fb", 5353))),
+    refused(lambda: socket.getaddrinfo({NAME!r}, 9)),
+    refused(lambda: socket.gethostbyname({NAME!r})),
+]
+udp.sendto(b"", ({LOOPBACK!r}, 9))
+udp6.sendto(b"", ("::1", 9))
+udp.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton({LOOPBACK!r}))
+udp.sendto(b"", ("224.0.0.251", 5353))
+socket.getaddrinfo("localhost", 9)
+udp.close()
+udp6.close()
+"""
+
+
+def test_this_process_asks_no_network() -> None:
+    """Connections, datagrams, multicast and look-ups of names are refused, but those that stay on this machine."""
+    names: dict[str, list[bool]] = {}
+    exec(_TRIED, names)  # noqa: S102 - the same as in a program
+    assert names["found"] == [True] * 9
+
+
+def test_a_program_asks_no_network() -> None:
+    """The programs that tests start refuse the same."""
+    command = [sys.executable, "-c", f"{_TRIED}\nprint(found)"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str([True] * 9)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("name", figures.QUICK)
+def test_no_figure_falls(name: str, request: pytest.FixtureRequest) -> None:
+    """Each new figure is within its tolerance of the expected one, or better."""
+    arguments, entries = figures.RUNS[name], figures.expected()[name]
+    needs_recordings = any("{data}" in argument for argument in arguments)
+    data = request.getfixturevalue("data_folder") if needs_recordings else None
+    worse = figures.fallen(name, entries, figures.measured(arguments, entries, data))
+    assert not worse, "\n".join(worse)
+
+
+@pytest.mark.slow
+def test_every_evaluation_has_figures() -> None:
+    """Every evaluation is written down, none beyond them; at least one of each experiment."""
+    written = figures.expected()
+    assert list(written) == list(figures.RUNS)
+    assert all(written.values())
+    for figure in (each for entries in written.values() for each in entries.values()):
+        assert figure.direction in {"higher", "lower"}
+        assert 0 < figure.tolerance < (1.0 if figure.direction == "higher" else 10.0)
+    assert {arguments[0] for arguments in figures.RUNS.values()} == set(EXPERIMENTS)
+    assert set(figures.QUICK) < set(figures.RUNS)
+
+
+def test_a_figure_falls_one_way() -> None:
+    """A figure beyond its tolerance in its bad direction, or missing, has fallen; any better one has not."""
+    for direction, held, fallen in (("higher", (0.79, 1.0), (0.77, None)), ("lower", (0.81, 0.0), (0.83, None))):
+        figure = Figure(0.8, 0.02, direction)
+        assert all(map(figure.holds, held))
+        assert not any(map(figure.holds, fallen))
+
+
+HOUSE = Path(__file__).parents[3]
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning_and_has_every_page_and_name(tmp_path: Path) -> None:
+    """Mkdocs takes warnings for errors; each page is in its list, and each public name has an entry."""
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", f"{HOUSE / '.ci' / 'mkdocs.yml'}"]
+    # griffe, which reads the sources, looks for packages by folder, as mypy does.
+    packages = HOUSE / ".venv" / "packages" / "kinespace"
+    packages.mkdir(parents=True, exist_ok=True)
+    for room in ("library", "stream", "tools"):
+        link = packages / room
+        if not link.exists():
+            link.symlink_to(HOUSE / room)
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run([*command, "-d", f"{tmp_path}"], capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    pages = {page.stem for page in (tmp_path / "docs").glob("*.html")}
+    assert pages == {page.stem for page in (HOUSE / ".github" / "docs").glob("*.md")}
+    front, api = ((tmp_path / page).read_text(encoding="utf-8") for page in ("index.html", "docs/api.html"))
+    for page in pages:
+        assert f'href="docs/{page}.html"' in front
+    for package in (kinespace.library, kinespace.stream):
+        # A constant has a comment, no docstring.
+        for name in (each for each in package.__all__ if not each.isupper()):
+            assert f'id="{package.__name__}.{name}"' in api
+
+
+#: The text of each page, by its path.
+PAGES = {
+    path: path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / ".github" / "docs").glob("*.md")))
+}
+README = PAGES[ROOT / "README.md"]
+ALL = "\n".join(PAGES.values())
+_FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+FENCED = _FENCE.findall(ALL)
+PYTHON = [code for language, code in FENCED if language == "python"]
+#: Lines of fenced blocks, and code spans: where commands stand. Docker's options are Docker's.
+CODE = [line for _, code in FENCED for line in code.splitlines() if not line.startswith("docker")]
+CODE += re.findall(r"`([^`\n]+)`", _FENCE.sub("", ALL))
+#: Each command of ours, without the name of the program that it begins with.
+COMMANDS = re.findall(r"(?:^|(?<!from)[ /])kinespace +([a-z][^#&|>\n]*)", "\n".join(CODE), re.MULTILINE)
+ALL_PROGRAMS = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
+
+
+def options_of(program: str, capsys: pytest.CaptureFixture[str]) -> set[str]:
+    """Ask a program which options it has."""
+    with pytest.raises(SystemExit):
+        main([*program.split(), "--help"])
+    return set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", capsys.readouterr().out))
+
+
+@pytest.mark.slow
+def test_every_python_example_runs(tmp_path: Path) -> None:
+    """Each example in Python runs with names of its own, in any folder, without a warning, and prints something."""
+    program = "import sys\nfor code in sys.argv[1:]:\n    exec(code, {})\n    print('=====')"
+    command = [sys.executable, "-W", "error", "-c", program, *PYTHON]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(printed.strip() for printed in done.stdout.split("=====\n")[: len(PYTHON)])
+
+
+@pytest.mark.slow
+def test_every_python_example_passes_a_strict_type_checker(tmp_path: Path) -> None:
+    """Types say as much as the docstrings: texts for signatures, lists for arrays and names."""
+    further = """
+from kinespace import Announcement, Frame, MotionClassifier, MotionLibrary, Settings, Skeleton, read_recordings
+
+clips = list(read_recordings("folder", actor_in="name"))
+skeleton = Skeleton(["a", "b"])
+frame, joints = Frame("ann", 0.0, [[0.0, 0.0, 0.0]] * 31), Announcement("ann", ["root", "head"])
+named = MotionClassifier(skeleton).fit(clips, [clip.class_name for clip in clips]).predict([[[[0.0] * 3] * 2] * 9])
+paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
+"""
+    for number, code in enumerate([*PYTHON, further]):
+        (tmp_path / f"example{number}.py").write_text(code, encoding="utf-8")
+    (tmp_path / "kinespace").symlink_to(ROOT / ".venv/packages/kinespace")
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", *sorted(map(str, tmp_path.glob("*.py")))]
+    command += [
+        "--cache-dir",
+        str(ROOT / ".mypy_cache" / "examples"),
+        "--ignore-missing-imports",
+        "--disable-error-code=import-untyped",
+    ]
+    environment = {**os.environ, "MYPYPATH": str(tmp_path)}
+    checked = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "\n".join(line for line in checked.stdout.splitlines() if line.startswith("example")) == ""
+
+
+def test_every_command_shown_exists(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each command on a page names a program there is, with options it has."""
+    known = {program: options_of(program, capsys) for program in ALL_PROGRAMS}
+    for line in COMMANDS:
+        command = line.split()
+        program = " ".join(command[:2]) if command[0] == "evaluate" else command[0]
+        used = {word.partition("=")[0] for word in command if re.match(r"--?[a-z]", word)}
+        assert used <= known[program], line
+
+
+def test_every_program_with_json_has_a_row_on_its_page(capsys: pytest.CaptureFixture[str]) -> None:
+    """The rows are those of the programs that take `--json`; `test_experiments` compares the evaluations' keys."""
+    rows = re.findall(r"^\| `([a-z ]+)`", PAGES[ROOT / ".github/docs/json.md"], re.MULTILINE)
+    assert set(rows) == {each for each in ALL_PROGRAMS if "--json" in options_of(each, capsys)}
+
+
+def anchors(text: str) -> set[str]:
+    """Give the anchors of a page's headings."""
+    headings = re.findall(r"^#+ (.+)$", _FENCE.sub("", text), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_every_link_within_the_project_leads_somewhere(page: Path) -> None:
+    """Each relative link or picture is a file of the project, each anchor one of that page's headings."""
+    links = re.findall(r"\]\(([^)\s]+)\)", _FENCE.sub("", PAGES[page]))
+    for link in links:
+        if "://" in link or link.startswith("mailto:"):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(PAGES[target]), link
+
+
+def test_the_readme_is_read_in_minutes() -> None:
+    """README has few lines, none of them long; it says how the tests are run."""
+    lines = README.splitlines()
+    assert len(lines) <= 90
+    assert max(map(len, lines)) <= 110
+    assert any(line.startswith("make test ") for line in lines)
+
+
+def test_every_test_that_a_page_cites_is_there() -> None:
+    """A page says which tests hold a promise: files of these names exist."""
+    cited = {name for text in PAGES.values() for name in re.findall(r"\btest_\w+\.py\b", text)}
+    assert len(cited) > 12
+    assert cited <= {path.name for path in (ROOT / "tests").rglob("test_*.py")}
+
+
+def test_the_pages_stay_short() -> None:
+    """All pages together, the method's, which is read beside the code, and the one on strangers."""
+    words = {path.name: len(text.split()) for path, text in PAGES.items() if path.is_relative_to(ROOT / ".github")}
+    assert sum(words.values()) <= 14_000
+    assert words["method.md"] <= 1_000
+    assert words["robustness.md"] <= 1_800
+
+
+#: Each folder that is shipped, and the name it is imported by.
+FOLDERS = {"tools/front": "kinespace"} | {
+    path.parent.relative_to(ROOT).as_posix(): f"kinespace.{path.parent.relative_to(ROOT).as_posix().replace('/', '.')}"
+    for top in ("library", "stream", "tools")
+    for path in sorted((ROOT / top).rglob("__init__.py"))
+    if path.parent != ROOT / "tools" / "front"
+}
+
+#: Folders of files without modules of the product, which count as packages, too.
+FILES = {
+    f"kinespace.{folder.replace('/', '.')}": folder
+    for folder in (
+        "library/naming/conventions",
+        "stream/feeds/presets",
+        "tools/examples",
+        "tools/examples/processing",
+        "tools/examples/unity",
+        "tools/examples/unity/Runtime",
+        "tools/page/static",
+    )
+}
+
+
+def project() -> dict[str, dict[str, Any]]:
+    """Read pyproject.toml."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def package_folder(path: Path) -> Path:
+    """Find the folder of the package that a file belongs to, as its module or as its data."""
+    files = {ROOT / folder for folder in FILES.values()}
+    return next(folder for folder in path.parents if folder in files or (folder / "__init__.py").exists())
+
+
+def test_exactly_the_packages_there_are_are_shipped() -> None:
+    """The packages are named one by one, and they are all the packages the sources have beside the tests."""
+    setuptools = project()["tool"]["setuptools"]
+    assert sorted(setuptools["packages"]) == sorted([*FOLDERS.values(), *FILES])
+    assert len(FOLDERS) > 10
+    assert {find_spec(package).origin for package in FOLDERS.values()} == {  # type: ignore[union-attr]
+        str(ROOT / folder / "__init__.py") for folder in FOLDERS
+    }
+
+
+def test_every_file_in_a_package_is_declared() -> None:
+    """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
+    declared_by = project()["tool"]["setuptools"]["package-data"]
+    for package, folder in ({package: folder for folder, package in FOLDERS.items()} | FILES).items():
+        declared = {path for each in declared_by.get(package, []) for path in (ROOT / folder).glob(each)}
+        within = [path for path in (ROOT / folder).rglob("*") if path.is_file()]
+        within = [path for path in within if not {"__pycache__", "node_modules"} & {*path.parts}]
+        own = {path for path in within if package_folder(path) == ROOT / folder}
+        assert {path for path in own if path.suffix not in (".py", ".so", ".pyd", ".c", ".h")} <= declared <= own
+
+
+@pytest.mark.slow
+def test_modules_of_the_user_do_not_interfere(tmp_path: Path) -> None:
+    """A script beside a `stream.py` and folders `library` and `tools` of its own imports ours and its own."""
+    (tmp_path / "stream.py").write_text("MINE = True\n", encoding="utf-8")
+    for folder in ("library", "tools"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "__init__.py").write_text("MINE = True\n", encoding="utf-8")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import library, stream, tools\n"
+        "from kinespace.library import Clip, MotionLibrary, Skeleton\n"
+        "from kinespace.stream import Frame, Recognizer, Settings\n"
+        "import kinespace.tools.cli.main\n"
+        "assert library.MINE and stream.MINE and tools.MINE\n"
+        "print(len(MotionLibrary.builtin()))\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert int(done.stdout) > 200

@@ -1,63 +1,26 @@
 """Fewer joints, joints without names, and joints in other programs' names."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-import skeletons
-from performed import pushed, shown
 from programs import ghost_cues, live
+from skeletons import names_of
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
+from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings
+from kinespace.stream.recognizer import SentJoints
 from kinespace.tools.cli.main import main
-from kinespace.tools.cli.presets import joints_in_order, joints_of
+from kinespace.tools.cli.presets import joints_in_order
+from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 from kinespace.tools.feeding.feed import Cue
 
 # --- restricted -------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def stranger(builtin: MotionLibrary) -> tuple[Clip, ...]:
-    """Give a motion of each class of the small library by a person that the library lacks."""
-    names = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-    return tuple(next(m for m in builtin.motions if (m.class_name, m.actor) == (name, "bk")) for name in names)
-
-
-def _answers(recognizer: Recognizer, clip: Clip) -> list[Recognition]:
-    order = [clip.skeleton.joints.index(name) for name in recognizer.library.skeleton.joints]
-    return pushed(recognizer, shown(clip.positions[:, order], clip.frame_rate))
-
-
-def _assert_same(first: list[Recognition], second: list[Recognition]) -> None:
-    assert len(first) == len(second) > 20
-    for one, other in zip(first, second, strict=True):
-        assert one.scores == pytest.approx(other.scores, abs=1e-3)
-        assert (one.label, one.best) == (other.label, other.best)
-        assert one.eigenvector_class == other.eigenvector_class
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("joints", ["kinect20", "vrchat"])
-@pytest.mark.parametrize("signature", LiveSignature)
-def test_fewer_joints_are_as_if_there_had_never_been_more(
-    small_library: MotionLibrary, stranger: tuple[Clip, ...], signature: LiveSignature, joints: str
-) -> None:
-    """A library restricted to 20 or 9 joints answers as one built from clips of those joints."""
-    restricted = small_library.restricted_to(joints_of(joints))
-    kept = restricted.skeleton.joints
-    built = MotionLibrary.of_clips(clip.restricted_to(kept) for clip in small_library.motions)
-    assert built.skeleton.joints == kept
-    for clip in stranger:
-        expected = _answers(Recognizer(built, Settings(signature=signature)), clip)
-        _assert_same(_answers(Recognizer(restricted, Settings(signature=signature)), clip), expected)
 
 
 @pytest.mark.slow
@@ -130,13 +93,72 @@ def _answered(library: MotionLibrary, clip: Clip, joints: Sequence[str]) -> str:
     return guesses.most_common(1)[0][0]
 
 
-@pytest.mark.parametrize("naming", ["mixamo", "mediapipe", "kinect2"])
+@pytest.mark.parametrize("naming", ["mixamo", "mediapipe", "kinect 2"])
 def test_feed_of_another_naming_meets_our_library(motions: MotionLibrary, naming: str) -> None:
     """A sender of another convention is compared by the joints it has, and its motions are named."""
-    labels = {"mixamo": skeletons.MIXAMO, "mediapipe": skeletons.MEDIAPIPE, "kinect2": skeletons.KINECT_2}[naming]
+    labels = names_of(naming)
     joints = Naming().read(labels).joints
     there = [place for place, joint in enumerate(joints) if joint in OURS]
     clip = motions.motions[0]
     order = [OURS.index(joints[place]) for place in there]
     sent = replace(clip, skeleton=clip.skeleton.restricted_to(order), positions=clip.positions[:, order])
     assert _answered(motions, sent, [labels[place] for place in there]) == clip.class_name
+
+
+# --- named joints -----------------------------------------------------------------------------------------------------
+
+
+# --- honest feeds -----------------------------------------------------------------------------------------------------
+
+
+def _some(places: list[Path], count: int) -> list[Path]:
+    """Give so many of the recordings at most, from the whole list."""
+    return places[:: -(-len(places) // count)]
+
+
+# --- unlike bodies ----------------------------------------------------------------------------------------------------
+
+
+#: Some takes of each set, and whether the built-in library names motions by its joints: by Kinect 1 and by films it
+#: guesses less than half of the time right (measuring.md), and says so.
+SETS = {
+    "cmu_takes": ("[02]?_0[347].amc", False),
+    "uiprmd": ("takes/*.npz", False),
+    "uiprmd_kinect": ("takes/*.npz", False),
+    "kindergator": ("takes/[ac]*_*3.npz", True),
+    "utkinect": ("joints_s*_e01.txt", True),
+    "camera": ("p[1-4]*_1.npz", True),
+}
+#: Seconds after which the line stands, at most, and seconds between answers.
+SOON, HOP = 10.0, 1 / 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETS)
+def test_it_is_said_within_ten_seconds_whether_the_library_fits(
+    name: str, data_folder: Path, builtin_index: WindowIndex
+) -> None:
+    """All but one of the takes that are long enough are judged as their whole set is."""
+    pattern, unlike = SETS[name]
+    places = _some(sorted((data_folder / name).glob(pattern)), 7)
+    takes = read_takes(Sources(places) if name == "utkinect" else Sources(unknown=places), Reading())
+    found = [each for take in takes if (each := _decided(take, builtin_index)) is not None]
+    assert len(found) >= 5
+    assert found.count(unlike) >= len(found) - 1
+
+
+def _decided(take: Take, index: WindowIndex) -> bool | None:
+    """Play the first seconds of a take; None where it is too short to decide."""
+    shared = tuple(name for name in index.library.skeleton.joints if name in take.clip.skeleton.joints)
+    view = index if len(shared) == len(index.library.skeleton.joints) else index.by_joints(shared)
+    recognizer, clip = Recognizer(view, Settings(hop=HOP)), take.clip.restricted_to(shared).as_of(view.library.skeleton)
+    shown = range(clip.frames) if take.delivered is None else take.delivered.tolist()
+    step = max(1, round(clip.frame_rate / 60))
+    some = [frame for frame in shown if clip.times[frame] < SOON][::step]
+    _pushed(recognizer, clip.times[some], clip.positions[some])
+    return recognizer.unlike
+
+
+def _pushed(recognizer: Recognizer, times: Iterable[float], positions: Iterable[np.ndarray]) -> None:
+    for time, each in zip(times, positions, strict=True):
+        recognizer.push(Frame("p", float(time), each))

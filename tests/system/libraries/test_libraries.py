@@ -14,15 +14,9 @@ from performed import pushed, shown
 from programs import LOOPBACK, PATIENCE, builtin_library, started, wait_until_read
 from synthetic import STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import NOTHING, MotionLibrary
-from kinespace.library.windows.index import opened
-from kinespace.stream.frame import Frame
-from kinespace.stream.osc import OscReceiver, OscSender
-from kinespace.stream.osc.frames import encode_frame
-from kinespace.stream.osc.packet import decode_packet, encode_message
-from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings
+from kinespace.library import NOTHING, Clip, MotionLibrary, opened
+from kinespace.stream import Frame, LiveSignature, Outcome, Recognition, Recognizer, Settings
+from kinespace.stream.osc import OscReceiver, OscSender, decode_packet, encode_frame, encode_message
 from kinespace.tools.teaching.lessons import open_taught
 
 pytestmark = pytest.mark.slow

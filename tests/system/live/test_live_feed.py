@@ -1,6 +1,8 @@
-"""`kinespace live --feed`: another product's packets into a real process, answers out in several layouts."""
+"""Every program ends soon on any signal and with any feed, in one line and with end events."""
 
+import itertools
 import re
+import signal
 import socket
 import time
 from contextlib import ExitStack
@@ -8,15 +10,72 @@ from pathlib import Path
 
 import pytest
 from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, started
+from programs import (
+    LOOPBACK,
+    PATIENCE,
+    builtin_library,
+    free_udp_port,
+    ghost_cues,
+    live,
+    motion_cues,
+    started,
+    summary_counts,
+)
 
 from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
-from kinespace.stream.osc import OscReceiver
-from kinespace.stream.osc.packet import Message, decode_packet
+from kinespace.stream.osc import OscReceiver, decode_packet
+from kinespace.stream.osc.packet import Message
 from kinespace.tools.programs.live.program import fitted
 
 pytestmark = pytest.mark.slow
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+_UNCLOSED = re.compile(r"Exception ignored in: <_io.*\nTraceback .*\n( .*\n)*ResourceWarning: unclosed file .*\n")
+PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
+    "replay": (("replay", "squat1Reps", "--loop", "--osc", f"{LOOPBACK}:{free_udp_port()}"), ""),
+    "listen": (("listen", f"{LOOPBACK}:0", "--seconds", 100), "listening"),
+    "demo": (("demo",), ""),
+    "latency": (("latency", "--transport", "osc", "--seconds", 100), ""),
+}
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
+@pytest.mark.parametrize(("name", "number"), list(zip(PROGRAMS, itertools.cycle(SIGNALS), strict=False)))
+def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.Signals) -> None:
+    """At any moment, and with any child processes, a program prints only its report.
+
+    All signals go the same way; each program gets one of them.
+    """
+    arguments, said = PROGRAMS[name]
+    with started(*arguments) as program:
+        program.expect(said)
+        # Somewhere in its work; where does not matter.
+        time.sleep(1.0)
+        program.process.send_signal(number)
+        # On a busy machine it has not even begun, and the system ends it; or the interrupt comes inside an `exec`, with
+        # which dataclasses are made: then Python ends by SIGINT, although the interrupt was caught.
+        assert program.wait() in (0, 1, -number, -signal.SIGINT)
+        # An interrupt within an import leaves the module's file to the collector, and `-W error` reports the file.
+        assert _UNCLOSED.sub("", program.errors) == ""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
+@pytest.mark.parametrize("number", SIGNALS)
+def test_every_signal_ends_live_with_end_events(number: signal.Signals) -> None:
+    """The motion that is going on is ended for the listeners, and the counts are printed."""
+    with live("--plain") as stage:
+        stage.play(motion_cues("kickLFront1Reps", 2.0))
+        stage.program.expect("start: ")
+        stage.program.process.send_signal(number)
+        assert (stage.program.wait(), stage.program.errors) == (0, "")
+        assert summary_counts(stage.program.output)["frames"] == 240
+        heard = [packet.packet for packet in stage._listener.listen_until(time.perf_counter() + 0.2)]  # noqa: SLF001 - events too
+    events = [
+        message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
+    ]
+    assert [event.arguments[0] for event in events][-1] == "end"
 
 
 def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:

@@ -1,23 +1,22 @@
-"""A feed changed in a way that must not matter gets the same answers, bit for bit or but for rounding."""
+"""Kept answers to whole feeds; and a feed that is changed as must not matter gets the same answers."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from answers import FEEDS, RECORDED, differing, kept, summed_up
 from performed import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.library import Clip, MotionLibrary
+from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
 from kinespace.tools.feeding.feed import resampled
+
+pytestmark = pytest.mark.slow
 
 Feed = list[Frame]
 
-pytestmark = pytest.mark.slow
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 
@@ -96,42 +95,6 @@ def test_a_mirror_image_has_the_samepushed(small_library: MotionLibrary, feed: F
 
 
 @SIGNATURES
-@pytest.mark.parametrize("rate", [30.0, 120.0, 240.0])
-def test_any_frame_rate_is_answered_alike(
-    small_library: MotionLibrary, clips: list[Clip], signature: LiveSignature, rate: float
-) -> None:
-    """At 30 to 240 frames a second as many answers come, and nearly all name the same."""
-    apart, same = list[float](), list[bool]()
-    for clip in clips:
-        first, second = (
-            pushed(Recognizer(small_library, _settings(signature)), _shown([clip], each)) for each in (60.0, rate)
-        )
-        assert len(second) == pytest.approx(len(first), abs=1)
-        for one in first:
-            other = min(second, key=lambda each: abs(each.time - one.time))
-            assert abs(other.time - one.time) < 1.1 / 30
-            apart.append(float(np.abs(one.scores - other.scores).max()))
-            same.append(one.label == other.label)
-    assert np.mean(same) > 0.85
-    assert np.median(apart) < 0.05
-
-
-@SIGNATURES
-def test_the_hop_does_not_change_what_is_seen(
-    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
-) -> None:
-    """Answered at every frame or twelve times a second, distances at a time are the same."""
-    every, some = (
-        {each.time: each for each in pushed(Recognizer(small_library, _settings(signature, hop=hop)), feed)}
-        for hop in (0.0, 1 / 12)
-    )
-    assert some.keys() < every.keys()
-    for time, answer in some.items():
-        np.testing.assert_allclose(answer.scores, every[time].scores, atol=1e-3)
-        assert answer.movement == pytest.approx(every[time].movement, rel=1e-6)
-
-
-@SIGNATURES
 def test_what_is_asked_twice_is_answered_twice(
     small_library: MotionLibrary, feed: Feed, signature: LiveSignature
 ) -> None:
@@ -196,3 +159,10 @@ def test_interleaved_performers_get_the_answers_they_get_alone(small_library: Mo
             assert done == [answer.done for answer in alone[name]]
             events = [[replace(event, performer="ann") for event in answer.events] for answer in answers]
             assert events == [list(answer.events) for answer in alone[name]]
+
+
+@pytest.mark.parametrize("feed", FEEDS | RECORDED)
+def test_feeds_are_answered_as_ever(feed: str, request: pytest.FixtureRequest) -> None:
+    """Words, events and the means of the numbers are the kept ones."""
+    found = FEEDS[feed]() if feed in FEEDS else RECORDED[feed](request.getfixturevalue("data_folder"))
+    assert not differing(kept()[feed], summed_up(found))

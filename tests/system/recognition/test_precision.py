@@ -6,10 +6,8 @@ import naive_windows
 import numpy as np
 import pytest
 
-from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
+from kinespace.library import Clip, Skeleton, distance_rows
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.library.skeleton import Skeleton
 from kinespace.stream.recognizer.window import Window
 
 #: Everything holds of the compiled loops and of numpy.

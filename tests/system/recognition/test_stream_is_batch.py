@@ -12,12 +12,8 @@ from naive_stream import NaiveFeed, NaiveHop
 from naive_windows import evidence, logit
 from twins import Twin
 
-from kinespace.library import MotionLibrary
-from kinespace.library.clip import Clip
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.library import Clip, MotionLibrary, WindowIndex
+from kinespace.stream import Frame, Outcome, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.decision import LEAD
 from kinespace.tools.feeding.feed import resampled
 

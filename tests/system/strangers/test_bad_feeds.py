@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import closing
 
 import numpy as np
@@ -9,15 +10,18 @@ import pytest
 import wrong
 import zmq
 from fuzzfeeds import run, run_messages
+from golden import LAYOUTS, Moment
+from numpy.typing import NDArray
 from performed import assert_same, pushed, shown
-from programs import LOOPBACK, PATIENCE
+from programs import LOOPBACK, PATIENCE, ghost_cues
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.stream import Frame, osc, zeromq
-from kinespace.stream.feeds import builtin_names, builtin_preset
+from kinespace.library import Clip, MotionLibrary
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.library.signature.landmark_body import LandmarkBody
+from kinespace.stream import Announcement, Frame, Performers, Recognizer, Settings, osc, zeromq
+from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
+from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.recognizer import Performers, Recognizer, Settings
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 
 # --- bad feed ---------------------------------------------------------------------------------------------------------
@@ -109,3 +113,68 @@ def test_no_message_raises_and_all_are_counted() -> None:
     assert counts.received == PACKETS
     assert min(counts.malformed, counts.foreign) > 0
     assert counts.malformed + counts.foreign < PACKETS
+
+
+#: Seconds by which a frame's time may be wrong where a sender rounds it: Xsens to whole milliseconds.
+_TIME = {"xsens": 6e-4}
+#: Layouts in which a body stands elsewhere: OSCeleton's shares do not tell from where.
+_ELSEWHERE = ("osceleton", "osceleton -q")
+#: The performers that layouts name.
+_NAMED = {"native": "jan", "kinectv2": "72057594037928017", "captury": "John-Doe", "rokoko": "Dimitris", "xsens": "0"}
+_NAMED |= {"qtm": "Jan", "natnet2osc": "Jan", "zigsim": "iPhone", "zigsim osc": "B8-27", "mediapipe": "webcam"}
+#: Microseconds between two packets of one frame.
+_APART = 1e-6
+
+
+def sent(layout: str, positions: NDArray[np.floating], rate: float) -> Iterator[tuple[bytes, float]]:
+    """Send positions (frames, 31, 3) as a product would: datagrams and when they arrive."""
+    _, packets = LAYOUTS[layout]
+    for number, joints in enumerate(positions):
+        time = 1.0 + number / rate
+        places = dict(zip(SKELETON.joints, joints, strict=True))
+        for place, packet in enumerate(packets(Moment(places, time, number))):
+            yield packet, time + place * _APART
+
+
+def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tuple[FrameAssembler, list[Frame]]:
+    """Make frames of a product's packets."""
+    preset = builtin_preset(LAYOUTS[layout][0])
+    assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
+    events: list[Frame | Announcement] = []
+    arrival = 0.0
+    for packet, arrival in sent(layout, positions, rate):
+        events += assembler.push(unpack(packet), arrival, bundle=preset.packing not in LOOSE or packet.startswith(b"#"))
+    events += assembler.expire(arrival + 1.0)
+    announced = [event for event in events if isinstance(event, Announcement)]
+    assert announced == [Announcement(announced[0].performer, assembler.preset.joints)]
+    return assembler, [event for event in events if isinstance(event, Frame)]
+
+
+def ghost(class_name: str, seconds: float = 1.5) -> NDArray[np.float32]:
+    """Give a ghost's positions at 120 Hz."""
+    return np.array([cue.frame.positions for cue in ghost_cues(class_name, seconds)])
+
+
+def test_every_preset_has_golden_packets() -> None:
+    """Each preset has a layout that feeds it."""
+    assert {preset for preset, _ in LAYOUTS.values()} == set(builtin_names())
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_sent_frame_is_made(layout: str) -> None:
+    """In each layout every frame comes out once, whole, in time, with the performer and the positions sent."""
+    positions = ghost("squat1Reps", 0.25)
+    assembler, frames = assembled(layout, positions, 120.0)
+    counts, preset = assembler.counts, assembler.preset
+    assert len(frames) == len(positions)
+    assert (counts.malformed, counts.incomplete, counts.late, counts.held, counts.absurd) == (0, 0, 0, 0, 0)
+    kept = positions[:, [SKELETON.joints.index(joint) for joint in preset.sent]]
+    if preset.guessed:
+        kept = np.array([LandmarkBody(preset.sent).of(frame) for frame in kept])
+    made = np.array([frame.positions for frame in frames])
+    if layout in _ELSEWHERE:
+        made, kept = (each - each.mean(axis=1, keepdims=True) for each in (made, kept))
+    np.testing.assert_allclose(made, kept, atol=4e-6)
+    assert {frame.performer for frame in frames} == {_NAMED.get(layout, frames[0].performer)}
+    times = np.array([frame.time for frame in frames])
+    np.testing.assert_allclose(times, 1.0 + np.arange(len(positions)) / 120.0, atol=_TIME.get(layout, 1e-4))

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from programs import started
 
 FAULTS = Path(__file__).with_name("faults")
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -26,3 +27,41 @@ def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
     assert {name: each["wrong"] for name, each in found.items()} == {name: [] for name in found}
     # The faults reach the calls.
     assert all(each["calls"] >= 3 for each in found.values())
+
+
+#: What makes each program start processes or threads, and import what it needs, and a line after which it is ended; the
+#: others show their options.
+ARGUMENTS = {
+    "live": (
+        "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
+        "listening on(.|\n)*WebSocket",
+    ),
+    "record": ("a.kinerec --osc-in 127.0.0.1:0", "recording"),
+    "demo": ("squat1Reps", ""),
+    "listen": ("127.0.0.1:0 --seconds 0.5", ""),
+    "latency": ("--transport osc --seconds 0.5", ""),
+    "info": ("", ""),
+    "feeds": ("", ""),
+    "keys": ("ann", ""),
+    "examples": ("", ""),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", ARGUMENTS)
+def test_nothing_of_the_current_folder_runs(program: str, tmp_path: Path) -> None:
+    """Modules of the names of Python's own and of packages that we use lie there; none is imported."""
+    ran = tmp_path / "ran"
+    for name in {*sys.stdlib_module_names, "numpy", "zmq", "scipy", "websockets", "kinespace", "sitecustomize"}:
+        # The tests' own network guard is a sitecustomize, too.
+        text = f"open({str(ran)!r}, 'a').write({name!r} + ' ')\nraise SystemExit('ran')\n"
+        (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+    command = [Path(sys.executable).with_name("kinespace")]
+    arguments, said = ARGUMENTS.get(program, ("--help", ""))
+    with started(program, *arguments.split(), at=tmp_path, begins=command) as running:
+        if said:
+            running.expect(said)
+            running.interrupt()
+        # On a machine without an extra a program says so.
+        assert running.wait() in (0, 1, 2)
+    assert not ran.exists(), ran.read_text(encoding="utf-8")

@@ -29,9 +29,9 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.windows import remembered
 from kinespace.library.windows.taught import usual_weighing
-from kinespace.stream.feeds.preset import builtin_preset
+from kinespace.stream import Outcome, Recognition
+from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import kinerec
-from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.annotations import write_annotations
@@ -177,14 +177,8 @@ KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]
         lambda folder: _made("amc")(folder).with_suffix(".asf"),
         lambda path: ["info", str(path.with_name("take.amc")), "--asf", str(path), "--json"],
     ),
-    "labels": (
-        _text("labels.csv", "start_s,end_s,label,performer\n0,0.03,a,\n0.03,0.06,b,\n"),
-        _built,
-    ),
-    "exported labels": (
-        _text("labels.txt", "0.00\t0.03\ta\n0.03\t0.06\tb\n"),
-        _built,
-    ),
+    "labels": (_text("labels.csv", "start_s,end_s,label,performer\n0,0.03,a,\n0.03,0.06,b,\n"), _built),
+    "exported labels": (_text("labels.txt", "0.00\t0.03\ta\n0.03\t0.06\tb\n"), _built),
     "annotations of ELAN": (_annotated("labels.eaf"), _built),
     "events of BORIS": (_annotated("labels.boris"), _built),
     "names": (

@@ -1,7 +1,5 @@
 """`python tests/tools/bench/against.py COMMIT`: costs of `bench stages` over another version's, by turns."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

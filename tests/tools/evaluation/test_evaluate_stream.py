@@ -11,8 +11,7 @@ from takes import write_take
 
 from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.stream_score import Course
@@ -58,15 +57,6 @@ def _replayed(asking: Take, library_of: Sequence[Take]) -> Course:
     return course(asking, library, CLASSES, Settings())
 
 
-# --- protocols ---------------------------------------------------------------------------------------------------
-
-
-# --- takes without known motions, and takes whose labels have no times -------------------------------------------
-
-
-# --- sensors that skip frames ------------------------------------------------------------------------------------
-
-
 def test_a_sensors_frames_come_at_their_own_times(takes: list[Take]) -> None:
     """Of a take whose sensor skipped frames only the frames that it delivered are replayed, at their times."""
     delivered = np.flatnonzero(np.random.default_rng(1).random(takes[0].clip.frames) < 0.6)
@@ -81,9 +71,6 @@ def test_a_sensors_frames_come_at_their_own_times(takes: list[Take]) -> None:
         guesses.append(guess)
     np.testing.assert_array_equal(played.times, clip.times[delivered])
     assert played.guess.tolist() == guesses
-
-
-# --- labels and names --------------------------------------------------------------------------------------------
 
 
 def test_answers_and_segments_are_tables(folder: Path, takes: list[Take], library: Path, tmp_path: Path) -> None:

@@ -6,15 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from recorded import write_takes
 from takes import write_take
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation import evaluate_teach
-from kinespace.tools.evaluation.evaluate_teach import stood
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -161,16 +158,6 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pyte
     *_, said = printed.err.splitlines()
     assert REFUSED[line] in said
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
-
-
-def test_the_share_of_standing_still_that_begins_a_lesson(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Times of two seconds count, one a second, in which no joint goes far; where it may go far, motions begin some."""
-    motion = max(MotionLibrary.builtin().motions, key=lambda each: each.duration)
-    still = replace(motion, positions=np.repeat(motion.positions[:1], round(4 * motion.frame_rate), axis=0), gaps=())
-    assert stood([motion]) == {"stood_begins": None, "stood": 0}
-    assert stood([motion, still]) == {"stood_begins": 0.0, "stood": 2}
-    monkeypatch.setattr(evaluate_teach, "_STAYS", 9.0)
-    assert stood([motion]) == {"stood_begins": 1.0, "stood": int(motion.duration) - 1}
 
 
 @pytest.mark.parametrize("options", [["retrieval", "--picture"], ["stream", "--answers"], ["show", "--answers"]])

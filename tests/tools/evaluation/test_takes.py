@@ -1,18 +1,29 @@
-"""Takes to be recognised: labelled, unknown, listed in tables, whole clips, and takes with a sensor's gaps."""
+"""Takes and shows that are evaluated, gestures that teach, and peers."""
 
+import argparse
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from recorded import SWINGS, write_takes
+from synthetic import stick_clip
 from takes import write_take
 
-from kinespace.library import NOTHING, Reading
-from kinespace.library.recordings import ActorIn, RecordingError
+from kinespace.library import NOTHING, MotionLibrary, Reading
+from kinespace.library.recordings import ActorIn
 from kinespace.library.recordings.formats.labels import LabelError, Segment
+from kinespace.stream import Settings
+from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation import evaluate_show
+from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
+from kinespace.tools.evaluation.evaluate_peers import _elsewhere, _even
+from kinespace.tools.evaluation.evaluate_show import JOINED, joined, lengths_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes
+from kinespace.tools.teaching.lessons import open_taught
 
 BY_NAME = Reading(actor_in=ActorIn.NAME)
 
@@ -113,14 +124,6 @@ def test_a_table_lists_the_classes_in_takes(folder: Path) -> None:
     ]
 
 
-def test_a_tables_takes_are_chosen_before_they_are_read(folder: Path) -> None:
-    """Takes of unwanted persons need not exist."""
-    rows = "gone.amc,7,1,clap,\nben_01.amc,8,1,hail,\n"
-    assert _names(read_takes(Sources(tables=[_table(folder, HEADER + rows)], persons=["8"]), BY_NAME)) == ["ben_01"]
-    with pytest.raises((OSError, RecordingError), match="gone"):
-        read_takes(Sources(tables=[_table(folder, HEADER + rows)]), BY_NAME)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -133,3 +136,121 @@ def test_a_table_that_says_nothing_is_refused(folder: Path, text: str, message: 
     """Missing columns and missing names are reported with the file."""
     with pytest.raises(LabelError, match=re.escape(message)):
         read_takes(Sources(tables=[_table(folder, text)]), Reading())
+
+
+SEGMENTS = tuple(
+    Segment(float(place), place + 1.0, label)
+    for place, label in enumerate(["repeated", "bow", "nothing", "bow", "jump"])
+)
+
+
+def test_the_first_segment_of_each_class_teaches() -> None:
+    """Over all of a person's takes; a repeated command and nothing teach nothing."""
+    first, second = (Take(stick_clip("bow", frames=301, rate=60.0), segments) for segments in (SEGMENTS[:3], SEGMENTS))
+    lessons = first_of([first, second])
+    assert {name: (of is first, segment) for name, (of, segment) in lessons.items()} == {
+        "bow": (True, SEGMENTS[1]),
+        "jump": (False, SEGMENTS[4]),
+    }
+
+
+@pytest.mark.parametrize("rate", [30.0, 120.0])
+def test_a_segment_is_cut_to_its_movement(rate: float) -> None:
+    """A second of movement in five of standing is kept, with an eighth of a second before and a sixth behind it."""
+    times = np.arange(round(6 * rate)) / rate
+    gone = np.clip(times - 3.0, 0.0, 1.0)
+    positions = np.zeros((len(times), 6, 3)) + gone[:, None, None]
+    clip = replace(stick_clip("bow", frames=len(times), rate=rate), positions=positions + np.eye(6, 3))
+    first, last = moved(clip, Segment(1.0, 6.0, "bow"))
+    assert first / rate == pytest.approx(3.0 - 0.13, abs=0.08)
+    assert last / rate == pytest.approx(4.0 + 0.17, abs=0.08)
+    assert example_of(Take(clip, ()), Segment(1.0, 6.0, "bow")).frames == last - first
+    assert moved(clip, Segment(5.0, 6.0, "bow")) == (round(5 * rate), round(6 * rate))
+
+
+def test_segments_that_teach_do_not_ask() -> None:
+    """A squat is asked behind the one that teaches: words in the first and in a repeated command count neither way."""
+    squat, arms, other = (
+        next(each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (name, "bd"))
+        for name in ("squat1Reps", "rotateArmsBothBackward1Reps", "kickLFront1Reps")
+    )
+    order = [squat, arms, other, arms, squat]
+    labels = ["squat", "arms", "kick", "repeated", "squat"]
+    ends = np.cumsum([each.duration for each in order]).tolist()
+    segments = tuple(map(Segment, [0.0, *ends[:-1]], ends, labels))
+    clip = replace(squat, positions=np.concatenate([each.positions for each in order]), rotations=np.zeros((0, 0)))
+    take = Take(clip, segments)
+    lessons = first_of([take])
+    index = open_taught(MotionLibrary.of_clips([example_of(*each) for each in lessons.values()]))
+    heard = listened(take, index, lessons, Settings())
+    assert (heard.segments, heard.asked, heard.person) == ([segments[4]], 1, "bd")
+    assert heard.seconds == pytest.approx(squat.duration)
+    assert heard.right("start") == 1
+    assert {each.right for each in heard.verdicts["start"] if each.said.at < segments[4].start - 0.001} == {None}
+
+
+LIBRARY = MotionLibrary.builtin()
+PARENTS = LIBRARY.skeleton.parents
+RATE = 60.0
+
+
+def motion_of(actor: str, class_name: str) -> np.ndarray:
+    """Give the positions of an actor's first motion of a class."""
+    return next(each for each in LIBRARY.motions if (each.actor, each.class_name) == (actor, class_name)).positions
+
+
+def test_no_step_is_larger_than_a_motions_own_or_a_join_allows() -> None:
+    """Between two pieces a joint goes the way between both postures, at most by a sixteenth of it a frame."""
+    pieces = [motion_of(actor, name) for actor, name in (("bd", "lieDownFloor"), ("tr", "throwBasketball"))]
+    walk, begins = joined(pieces, 0, RATE)
+    between = round(JOINED * RATE)
+    assert begins == [0, len(pieces[0]) + between]
+    assert len(walk) == sum(map(len, pieces)) + between
+    steps = np.linalg.norm(np.diff(walk, axis=0), axis=2).max(axis=1)
+    own = max(np.linalg.norm(np.diff(each, axis=0), axis=2).max() for each in pieces)
+    far = np.linalg.norm(walk[begins[1]] - walk[begins[1] - between - 1], axis=1).max()
+    assert steps[begins[1] - between - 1 : begins[1]].max() <= far / 16
+    assert steps.max() <= max(own, far / 16) + 1e-6
+    np.testing.assert_array_equal(walk[: begins[1] - between], pieces[0])
+
+
+def options(**changed: object) -> argparse.Namespace:
+    """Give the program's usual options, some of them changed."""
+    return argparse.Namespace(**{"seed": 0, "gestures": 3, "examples": 1, "minutes": 2.0, **changed})
+
+
+def test_a_show_is_drawn_again_alike() -> None:
+    """The same seed gives the same show, another one another; examples are not asked, gestures come every 25 s."""
+    show, again = (evaluate_show.drawn(LIBRARY, [], options(), 1) for _ in range(2))
+    np.testing.assert_array_equal(show.positions, again.positions)
+    assert show.segments == again.segments
+    other = evaluate_show.drawn(LIBRARY, [], options(seed=1), 1)
+    assert [each.name for each in other.examples] != [each.name for each in show.examples]
+    assert show.performer == LIBRARY.actors[1] == show.examples[0].actor
+    assert len({each.class_name for each in show.examples}) == len(show.examples) == 3
+    assert len(show.segments) == 4
+    assert {each.label for each in show.segments} <= {each.class_name for each in show.examples}
+    ends = [0.0, *(each.end for each in show.segments)]
+    pauses = [each.start - end for each, end in zip(show.segments, ends, strict=False)]
+    assert min(pauses) >= 25.0
+    for segment in show.segments:
+        first, last = round(segment.start * RATE), round(segment.end * RATE)
+        shown = lengths_of(show.positions[first:last], PARENTS)
+        np.testing.assert_allclose(shown, lengths_of(show.examples[0].positions, PARENTS), atol=0.02)
+
+
+def test_peers_get_a_body_wherever_it_stands() -> None:
+    """A turned body that stands elsewhere is the same to a peer; another motion is not."""
+    first, second = (MotionLibrary.builtin().motions[place] for place in (0, 100))
+    seen = _even([first, _elsewhere(first, np.random.default_rng(3)), second], 16)
+    assert seen.shape == (3, 93, 16)
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
+    assert np.abs(seen[0] - seen[2]).max() > 0.1
+
+
+def test_a_peer_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without the extra the program says what to install."""
+    monkeypatch.setitem(sys.modules, "aeon", ModuleType("aeon"))
+    monkeypatch.delitem(sys.modules, "aeon.classification", raising=False)
+    assert main(["evaluate", "peers"]) == 2
+    assert capsys.readouterr().err == "kinespace: aeon cannot be loaded: pip install 'kinespace[peers]'\n"

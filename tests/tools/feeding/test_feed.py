@@ -1,21 +1,22 @@
 """A fake live feed: the times of its frames, faults on request, and the two senders."""
 
+import multiprocessing
+import time
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from programs import LOOPBACK
 from synthetic import STICK, stick_clip
 
-from kinespace.stream import Announcement, Frame, zeromq
+from kinespace.stream import Announcement, Frame, osc, zeromq
+from kinespace.stream.recognition import Answer
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.feeding.feed import (
-    Cue,
-    Pace,
-    ZmqFrameSender,
-    clip_cues,
-    without_pause,
-)
+from kinespace.tools.feeding.feed import Cue, Pace, ZmqFrameSender, clip_cues, without_pause
+from kinespace.tools.feeding.service import AnswerMatcher, BackgroundService, Expected, Listener
 
 POSITIONS = np.zeros((6, 3))
 
@@ -94,3 +95,56 @@ def test_a_zmq_sender_tells_the_joints_with_the_next_frame_only() -> None:
     decoded = [zeromq.decode(parts, 0.0) for parts in (before, *after)]
     assert [each.seq for each in decoded] == [0, 1, 2]
     assert [each.announcement for each in decoded] == [None, Announcement("me", STICK.joints), None]
+
+
+def test_every_packet_is_received_in_order_with_its_moment(stage: osc.OscReceiver) -> None:
+    """Datagrams that wait are all collected, in order, each with the receiver it came in on and when it was taken."""
+    listener, before = Listener(stage), time.perf_counter()
+    with closing(osc.OscSender(*stage.address)) as sender:
+        for number in range(20):
+            sender.send(b"%d" % number)
+        received = listener.listen_until(before + 0.02)
+        after = time.perf_counter()
+        assert [each.packet for each in received] == [b"%d" % number for number in range(20)]
+        assert all(each.receiver is stage for each in received)
+        arrivals = [each.arrival for each in received]
+        assert [before, *arrivals, after] == sorted([before, *arrivals, after])
+        # A moment that is past is not waited for, but what waits is taken.
+        assert listener.listen_until(0.0) == []
+        sender.send(b"late")
+        assert [each.packet for each in listener.listen_until(0.0)] == [b"late"]
+
+
+def answer(label: str, score: float) -> Answer:
+    """Make a received answer."""
+    return Answer("me", 0, score, 0.1, label)
+
+
+@given(st.lists(st.booleans(), max_size=40))
+def test_answers_find_their_frames_and_the_missing_are_counted(arrived: list[bool]) -> None:
+    """Whichever answers get lost, each that arrives is paired with its own frame, and the rest is lost or waiting."""
+    expected = [Expected(3 * index, "wave", 0.5 + index / 1000) for index in range(len(arrived))]
+    matcher = AnswerMatcher(expected)
+    for each, has_arrived in zip(expected, arrived, strict=True):
+        if has_arrived:
+            assert matcher.match(answer(each.label, each.score + 4e-6)) == each
+    assert matcher.lost + matcher.waiting == arrived.count(False)
+
+
+@pytest.mark.slow
+def test_an_error_in_the_process_is_raised_here() -> None:
+    """An error in the other process is raised in this one, and no process or socket stays behind."""
+    with (
+        pytest.raises(ChildProcessError, match="most: expected 1 to 10000 performers, got 0"),
+        BackgroundService("osc", performers=0),
+    ):
+        pytest.fail("started without room for anybody")
+    assert multiprocessing.active_children() == []
+
+
+@pytest.mark.slow
+def test_an_error_inside_the_block_stops_the_child() -> None:
+    """A program that fails while the service runs takes it down with it."""
+    with pytest.raises(RuntimeError, match="ours"), BackgroundService("osc"):
+        raise RuntimeError("ours")
+    assert multiprocessing.active_children() == []

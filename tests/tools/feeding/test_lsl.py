@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from programs import PATIENCE
 
-from kinespace.stream import Announcement, Frame, osc
+from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
 from kinespace.stream.outputs.lsl_sink import FURTHER, LslSink
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.tools.feeding.lsl_feed import Layout, LslFeed
 
 pylsl = pytest.importorskip("pylsl", reason="pylsl finds no library of LSL", exc_type=(ImportError, RuntimeError))

@@ -2,19 +2,41 @@
 
 import asyncio
 import json
+import os
+import signal
 import socket
+import threading
 import time
+import urllib.error
+import urllib.request
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
 from contextlib import asynccontextmanager
+from dataclasses import replace
+from importlib import resources
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from programs import PATIENCE
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
+from websockets.http11 import Response
 
-from kinespace.tools.page.server import MAX_PAGES, Gate, PageServer
+from kinespace.library import Skeleton
+from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.teaching import State, Step, Taught
+from kinespace.stream.teaching.wire import as_json
+from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.stream.zeromq.answers import encode_body
+from kinespace.tools.page.board import MAX_SHOWN, Board
+from kinespace.tools.page.process import PagePlan, PageProcess
+from kinespace.tools.page.server import MAX_MESSAGE, MAX_PAGES, Gate, PageServer, read_message
+from kinespace.tools.terminal.live_table import COUNTERS, counts
 
-PATIENCE = 60.0
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.
 SILENCE = 0.15
 
@@ -176,7 +198,6 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
         *(f"GET / HTTP/1.1\r\nHost: {host}" for host in ("[", "[::1", "[]", "127.0.0.1; script-src *")),
         "GET /live?token=\xff HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://127.0.0.1",
         "GET /%00.js HTTP/1.1\r\nHost: 127.0.0.1",
-        "GET /../a\0.js HTTP/1.1\r\nHost: 127.0.0.1",
     ],
 )
 def test_an_odd_request_leaves_no_traceback(request_line: str, caplog: pytest.LogCaptureFixture) -> None:
@@ -213,3 +234,284 @@ def test_strangers_and_crowds_are_refused() -> None:
                 await page.close()
 
     run(test())
+
+
+CLASSES = ("bow", "wave")
+STICK = Skeleton(("hip", "neck", "head"), (-1, 0, 1))
+POSE = np.array([[0.0, 1.0, 0.0], [0.0, 1.5, 0.0], [0.0, 1.7, 0.0]])
+
+
+def _answer(performer: str, class_name: str = "bow", score: float = 0.8) -> list[bytes]:
+    place = CLASSES.index(class_name)
+    scores = np.array([score if index == place else 0.2 for index in range(len(CLASSES))])
+    return zeromq.encode_recognition(Recognition(performer, 1.0, Outcome.NAMED, CLASSES, scores, 0.1, guess=place))
+
+
+def _event(performer: str, kind: EventKind, class_name: str, time: float) -> list[bytes]:
+    return zeromq_answers.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, time))
+
+
+def _notice(notice: State | Taught) -> list[bytes]:
+    return [b"teach/", json.dumps(as_json(notice)).encode()]
+
+
+def _status(**fields: Any) -> list[bytes]:  # noqa: ANN401 - a status has fields of all kinds
+    known: dict[str, Any] = {"inputs": InputCounts(), "outcomes": PerformerCounts(), "unsent": 0, "performers": {}}
+    return zeromq_answers.encode_status(Status(**(known | {"hop_p50": 0.001, "hop_p99": 0.002} | fields)))
+
+
+def _told(board: Board, seen: int = 0, now: float = 0.0) -> tuple[dict[str, Any], bytes]:
+    """Read what a page reads: the JSON, and the bodies behind it."""
+    message = board.news(seen, now)
+    size = int.from_bytes(message[:4], "little")
+    assert size % 4 == 0
+    return json.loads(message[4 : 4 + size]), message[4 + size :]
+
+
+def _board(*messages: list[bytes], now: float = 0.0) -> Board:
+    board = Board()
+    for message in messages:
+        board.take(message, now)
+    assert board.unread == 0
+    return board
+
+
+def test_motions_that_were_done_are_shown_once() -> None:
+    """A page gets each with its count, and with its span on our clock."""
+    done = Done("ann", "bow", 0, 7.0, 1.5, 0.9, 1.0, 1.0, 4)
+    board = _board(_answer("ann"), zeromq_answers.encode_done(done), now=10.0)
+    told, _ = _told(board)
+    assert told["done"] == [["ann", "bow", 4, 8.5, 10.0]]
+    assert "done" not in _told(board, seen=told["number"])[0]
+
+
+def test_bodies_and_answers_are_the_newest() -> None:
+    """A page that looks after three bodies and two answers gets the last of each, and then nothing until more comes."""
+    poses = [POSE + shift for shift in (0.0, 1.0, 2.0)]
+    board = _board(
+        *(encode_body(Frame("ann", 1.0, pose), STICK) for pose in poses), _answer("ann"), _answer("ann", "wave")
+    )
+    told, bodies = _told(board)
+    assert told["bodies"] == [["ann", 3]]
+    assert np.array_equal(np.frombuffer(bodies, "<f4").reshape(-1, 3), poses[-1].astype(np.float32))
+    assert told["skeleton"] == {"ann": {"names": ["hip", "neck", "head"], "parents": [-1, 0, 1]}}
+    assert (told["answer"]["ann"]["label"], told["answer"]["ann"]["scores"]) == ("wave", [0.2, 0.8])
+    assert [guess for _, _, guess in told["guesses"]] == ["bow", "wave"]
+    again, none = _told(board, told["number"])
+    assert (set(again), none) == ({"number", "now"}, b"")
+    board.take(_answer("ann", score=0.5), 1.0)
+    later, _ = _told(board, told["number"])
+    assert later["answer"]["ann"]["score"] == 0.5
+    assert "skeleton" not in later
+
+
+def test_motions_are_kept_for_a_minute_with_their_beginnings_and_ends() -> None:
+    """A page that wakes up gets every motion of the last minute, as long as the sender's clock says; no older ones."""
+    board = Board()
+    for second in range(0, 200, 10):
+        board.take(_event("ann", EventKind.START, "bow", 1.0 + second), float(second))
+        # The end is told late: no frames came for two seconds.
+        board.take(_event("ann", EventKind.END, "bow", 5.0 + second), second + 6.0)
+    board.take(_event("ann", EventKind.START, "wave", 0.0), 200.0)
+    motions = _told(board)[0]["motions"]
+    assert [(name, begin, end) for _, _, name, begin, end, _ in motions][-2:] == [
+        ("bow", 190, 194),
+        ("wave", 200, None),
+    ]
+    assert min(end for *_, end, _ in motions if end is not None) >= 200 - 70
+    assert len(motions) == 7
+
+
+def test_a_lesson_becomes_a_bar() -> None:
+    """What is kept of a lesson stands on the timeline, marked as taught, as long as the table says."""
+    board = _board(_answer("ann"))
+    for moment, notice in (
+        (5.0, State("ann", Step.COUNTDOWN, 3.0)),
+        (8.0, State("ann", Step.RECORDING)),
+        (10.0, State("ann", Step.CHECKING, 1.8)),
+        (10.5, Taught("wave", 1, 1.8, "good")),
+    ):
+        board.take(_notice(notice), moment)
+    told = _told(board)[0]
+    assert told["motions"][0][2:6] == ["wave", 8.0, 9.8, "taught"]
+    assert [each["state"] for each in told["notices"]] == ["countdown", "recording", "checking", ""]
+
+
+def test_performers_come_and_go() -> None:
+    """Eight are shown, more are counted; who has gone, or was silent for long, is no longer told."""
+    board = Board()
+    for number in range(MAX_SHOWN + 2):
+        board.take(_answer(f"p{number}"), 0.0)
+    board.take(_status(), 0.0)
+    told = _told(board)[0]
+    assert told["here"] == [f"p{number}" for number in range(MAX_SHOWN)]
+    assert told["status"]["further"] == 2
+    board.take(zeromq_answers.encode_gone("p0"), 1.0)
+    board.take(_answer("p1"), 12.0)
+    board.take(_status(), 12.0)
+    assert _told(board)[0]["here"] == ["p1"]
+
+
+def test_the_counters_have_the_words_of_the_table() -> None:
+    """The page counts with the words that `live` prints, in the same order, and the same numbers."""
+    inputs = InputCounts(received=9, malformed=8, foreign=7, overrun=6, missing=5)
+    status = Status(inputs, PerformerCounts(no_room=3, other_joints=2), 0, {}, 0.001, 0.002)
+    told = _told(_board(zeromq_answers.encode_status(status)))[0]
+    assert counts(status) == ", ".join(f"{words} {count}" for words, count in told["status"]["counters"])
+    everything = Status(
+        InputCounts(*[4] * 8), PerformerCounts(1, 1), 1, {}, 0.0, 0.0, notes=("a note",), refused={"ann": "3 joints"}
+    )
+    everything = replace(everything, listening=("OSC 127.0.0.1:9310",))
+    told = _told(_board(zeromq_answers.encode_status(everything)))[0]
+    shown = dict(told["status"]["counters"])
+    assert shown["incomplete"] == 4
+    assert all(words in counts(everything) for words in shown if words != "answers not sent")
+    assert set(shown) <= {words for words, _ in COUNTERS}
+    assert "ann" in told["status"]["notes"][0]
+    assert told["status"]["notes"][1] == "a note"
+    assert told["status"]["listening"] == ["OSC 127.0.0.1:9310"]
+
+
+@pytest.mark.slow
+@given(
+    st.sampled_from([b"class/a/", b"event/", b"classes/", b"status/", b"teach/", b"body/a/", b"other/", b""]),
+    st.binary(max_size=60),
+)
+def test_rubbish_is_counted(topic: bytes, rest: bytes) -> None:
+    """A message that cannot be read changes nothing but the count."""
+    board = _board(_answer("ann"))
+    before = _told(board)[0]["here"]
+    board.take([topic, rest], 1.0)
+    assert _told(board)[0]["here"] == before
+
+
+#: An endpoint at which nobody publishes: a page waits for it without complaint.
+NOBODY = "tcp://127.0.0.1:9"
+
+
+def _wait(true: Callable[[], bool]) -> None:
+    until = time.monotonic() + PATIENCE
+    while not true() and time.monotonic() < until:
+        time.sleep(0.02)
+    assert true()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has other signals")
+def test_a_page_whose_process_died_is_started_again_once() -> None:
+    """At its address; both deaths are said, and nothing is left when it ends."""
+    said: list[str] = []
+    with PageProcess(PagePlan("127.0.0.1:0", NOBODY), said.append) as page:
+        address, again = page.address, f"page: {page.address}"
+        os.kill(page._child.process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as the system does when memory is short
+        _wait(lambda: again in said)
+        assert said == ["page: its process died (-9) and is started again", again]
+        with urllib.request.urlopen(address) as reply:  # noqa: S310 - our own
+            assert reply.status == 200
+        os.kill(page._child.process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as above
+        _wait(lambda: len(said) > 2)
+        assert said[2:] == ["page: its process died again; kinespace goes on without it"]
+    with PageProcess(PagePlan("127.0.0.1:0", NOBODY), said.append):
+        pass
+    assert len(said) == 3
+    assert "kinespace page" not in {each.name for each in threading.enumerate()}
+
+
+_ELSEWHERE = ("http://", "https://")
+
+
+def _reply_status(gate: Gate, target: str, **headers: str) -> int:
+    reply = gate.answer(target, headers)
+    return 101 if reply is None else reply.status_code
+
+
+# --- the gate ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"host": "127.0.0.1:8010"},
+        {"host": "127.0.0.1:8010", "origin": "http://evil.example"},
+        {"host": "127.0.0.1:8010", "origin": "null"},
+        {"host": "evil.example:8010", "origin": "http://evil.example:8010"},
+        {"host": "127.0.0.1.evil.example", "origin": "http://127.0.0.1.evil.example"},
+        {"host": "evil@127.0.0.1:8010", "origin": "http://evil@127.0.0.1:8010"},
+        *({"host": f"{odd}", "origin": f"http://{odd}"} for odd in ("[", "[::1", "[]", "127.0.0.1:1; script-src *")),
+        {"origin": "http://127.0.0.1:8010"},
+    ],
+)
+def test_foreign_origins_and_hosts_are_refused(headers: dict[str, str]) -> None:
+    """A page of another site, or one that calls this machine by a name of its own, opens no WebSocket."""
+    assert _reply_status(Gate.for_host("127.0.0.1"), "/live", **headers) == 403
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.0.7", "stage.local", "::"])  # noqa: S104 - nothing is bound
+def test_other_machines_need_the_token(host: str) -> None:
+    """Where others can reach us, only the token in the address opens a WebSocket, and two gates have different ones."""
+    gate = Gate.for_host(host)
+    assert len(gate.token) >= 20
+    assert gate.token != Gate.for_host(host).token
+    headers = {"host": "192.168.0.7:8010", "origin": "http://192.168.0.7:8010"}
+    assert _reply_status(gate, "/live", **headers) == 401
+    assert _reply_status(gate, f"/live?token={gate.token[:-1]}", **headers) == 401
+    assert _reply_status(gate, "/live?token=é", **headers) == 401
+    assert _reply_status(gate, f"/live?token={gate.token}", **headers) == 101
+
+
+@pytest.mark.parametrize(
+    "target", ["/../requests.py", "/static/page.js", "/%2e%2e/requests.py", "/page.py", "/..", "/.", "//x", "/a\\b.js"]
+)
+def test_only_the_pages_own_files_are_given(target: str) -> None:
+    """No path leads out of the page's folder."""
+    assert _reply_status(Gate(), target, host="localhost") == 404
+
+
+_STATIC = resources.files("kinespace.tools.page") / "static"
+
+
+def _given(name: str, gate: Gate | None = None) -> Response:
+    reply = (gate or Gate()).answer(f"/{name}", {"host": "localhost:8010"})
+    assert reply is not None
+    return reply
+
+
+def test_everything_that_is_given_is_guarded() -> None:
+    """Every file comes with a policy that lets in nothing from elsewhere, and the page asks for nothing else."""
+    for file in _STATIC.iterdir():
+        text = file.read_text()
+        assert "innerHTML" not in text
+        assert not any(scheme in text.replace("http://www.w3.org/2000/svg", "") for scheme in _ELSEWHERE)
+        reply = _given(file.name)
+        assert reply.status_code == 200
+        assert reply.body == file.read_bytes()
+        policy = reply.headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert reply.headers["X-Content-Type-Options"] == "nosniff"
+
+
+# --- messages of a page ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        b"{}",
+        '{"ack": -1}',
+        '{"ack": 1, "ask": {"do": "undo"}}',
+        '{"ack": 1, "body": {}}',
+        '{"ask": {"do": ["undo"]}}',
+        '{"hello": 1}',
+        json.dumps({"ask": {"do": "x" * 300}}),
+        json.dumps({"ask": {f"k{n}": n for n in range(20)}}),
+        json.dumps({"ask": {"do": "x"}}) + " " * MAX_MESSAGE,
+        "[" * 4000,
+    ],
+)
+def test_rubbish_of_a_page_is_refused(text: str | bytes) -> None:
+    """Anything else raises ValueError, for which the page is closed."""
+    with pytest.raises(ValueError, match=r"."):
+        read_message(text)

@@ -57,13 +57,7 @@ def test_a_recogniser_that_knows_other_names_is_not_right(
 
     monkeypatch.setattr(demo, "BackgroundService", service)
     assert main(["demo", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out) == {
-        "played": 2,
-        "answered": 0,
-        "right": 0,
-        "late": 0,
-        "p99_ms": None,
-    }
+    assert json.loads(capsys.readouterr().out) == {"played": 2, "answered": 0, "right": 0, "late": 0, "p99_ms": None}
 
 
 @pytest.mark.usefixtures("small")

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-import skeletons
 from golden import LAYOUTS, Moment, bundle, message
 from programs import LOOPBACK, finished, free_udp_port, ghost_cues
+from skeletons import names_of
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
@@ -161,7 +161,11 @@ def test_a_sender_of_some_joints_lacks_none(known: int) -> None:
 
 @pytest.mark.parametrize(
     ("joints", "title", "ours"),
-    [(skeletons.MIXAMO, "Mixamo", 29), (skeletons.SMPL, "SMPL", 22), (builtin_preset("native").joints[:12], "", 12)],
+    [
+        (names_of("mixamo"), "Mixamo", 29),
+        (names_of("smpl"), "SMPL", 22),
+        (builtin_preset("native").joints[:12], "", 12),
+    ],
 )
 def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], title: str, ours: int) -> None:
     """A feed with known names, or with some of our joints, needs no change."""

@@ -6,55 +6,30 @@ from contextlib import closing
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import zmq
+from fakes import FakeSink
+from programs import PATIENCE
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.motion_library import library_file
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.frame import Admitted, Announcement, Frame
+from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, Recognition, Settings
+from kinespace.stream.frame import Admitted
 from kinespace.stream.inputs import commands as requests
 from kinespace.stream.inputs.commands import RequestSource
-from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Event, EventKind, Recognition
-from kinespace.stream.recognizer import Performers, SentJoints, Settings
-from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
+from kinespace.stream.recognizer import SentJoints
+from kinespace.stream.teaching import Asked, Command, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.zeromq import Endpoint
+from kinespace.tools.teaching.keys import HINT, Keys
 from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, open_lessons
 
-PATIENCE = 60.0
 #: Endings of the names of joints that a body of 20 joints lacks.
 FURTHER_JOINTS = ("fingers", "thumb", "wrist", "clavicle", "upperback", "upperneck", "thorax")
-
-
-class Heard(Sink):
-    """Keeps everything it gets."""
-
-    def __init__(self) -> None:
-        self.notices: list[Notice] = []
-        self.classes: list[tuple[str, ...]] = []
-        self.events: list[Event] = []
-
-    def publish_notice(self, notice: Notice) -> None:
-        """Keep a notice."""
-        self.notices.append(notice)
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Keep the classes."""
-        self.classes.append(tuple(classes))
-
-    def publish_event(self, event: Event) -> None:
-        """Keep an event."""
-        self.events.append(event)
-
-    def steps(self) -> list[Step]:
-        """List the states told so far."""
-        return [each.step for each in self.notices if isinstance(each, State)]
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +48,7 @@ class Stage:
         def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
             return Performers(index, classes=classes, joints=SentJoints())
 
-        self.lessons, self.heard = open_lessons(file, library, joints, performers), Heard()
+        self.lessons, self.heard = open_lessons(file, library, joints, performers), FakeSink()
         self.lessons.sinks = [self.heard]
 
     def push(self, event: Admitted) -> Recognition | None:
@@ -92,7 +67,7 @@ class Stage:
         """The classes of the answers."""
         return self.lessons.classes
 
-    def until(self, enough: Callable[[Heard], bool]) -> Heard:
+    def until(self, enough: Callable[[FakeSink], bool]) -> FakeSink:
         """Wait until the listener has heard enough."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:
@@ -355,3 +330,41 @@ def test_a_stranger_at_the_control_learns_nothing(
     assert ("classes" in reply, len(reply) == 1) == (may, not may)
     assert control.counts.foreign == (not may)
     stage.lessons.close()
+
+
+def test_the_commands_of_keys() -> None:
+    """New motions are numbered, held ones too; the last name was right, or wrong; a number chooses who is taught."""
+    lessons = SimpleNamespace(classes=["squat", "motion 1"], performers=SimpleNamespace(names=("ann", "bob")))
+    shown = SimpleNamespace(hint=HINT)
+    keys = Keys(lessons, shown)  # type: ignore[arg-type]  # as read
+    assert keys.command_of("t") == commands.Teach("", "motion 2")
+    lessons.classes.append("motion 2")
+    assert keys.command_of("a") == commands.Teach("", "motion 2")
+    held = [keys.command_of("h") for _ in range(2)]
+    assert held == [commands.Hold("", "motion 3"), commands.Hold("", "motion 3", on=False)]
+    assert [keys.command_of(key) for key in "ynmu?9"] == [
+        commands.Right(),
+        commands.Wrong(),
+        commands.Teach("", "nothing"),
+        commands.Undo(),
+        *(None, None),
+    ]
+    assert keys.command_of("2") is None
+    assert shown.hint.startswith("bob is taught")
+    assert keys.command_of("n") == commands.Wrong("bob")
+    assert keys.command_of("a") == commands.Teach("bob", "motion 3")
+
+
+def test_a_motion_is_named_by_keys() -> None:
+    """Letters are its name until Enter, then examples go on by it; Escape leaves the old one."""
+    lessons = SimpleNamespace(classes=["motion 1"], performers=SimpleNamespace(names=("ann",)))
+    shown = SimpleNamespace(hint=HINT)
+    keys = Keys(lessons, shown)  # type: ignore[arg-type]  # as read
+    assert keys.command_of("=") is None
+    keys.command_of("t")
+    assert [keys.command_of(key) for key in "=hix\x7f t"] == [None] * 7
+    assert shown.hint == "motion 2 is called: hi t"
+    assert keys.command_of("\n") == commands.Rename("motion 2", "hi t")
+    assert (shown.hint, keys.command_of("a")) == (HINT, commands.Teach("", "hi t"))
+    assert [keys.command_of(key) for key in "=x\x1b"] == [None] * 3
+    assert keys.command_of("a") == commands.Teach("", "hi t")

@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 from programs import PATIENCE
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, Skeleton
 from kinespace.library.motion_library import library_file
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import Step
 from kinespace.tools.teaching.roster_file import RosterFile

@@ -14,14 +14,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from kinespace.stream import Outcome, Recognition
-from kinespace.stream.recognition import Done, Event, EventKind
+from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
+from kinespace.tools.cli.main import main
 from kinespace.tools.terminal import live_table
-from kinespace.tools.terminal.console import log_as, note, say
+from kinespace.tools.terminal.console import console, csv_text, log_as, note, printable, say, table_of
+from kinespace.tools.terminal.files import require_place_for
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, summary
 
 CLASSES = ("bow", "jump", "wave")
@@ -40,9 +41,7 @@ def status(*performers: str) -> Status:
     return Status(
         inputs=InputCounts(received=101, malformed=2, foreign=3, overrun=4, missing=5),
         outcomes=PerformerCounts(
-            no_room=6,
-            other_joints=7,
-            recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20),
+            no_room=6, other_joints=7, recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20)
         ),
         unsent=10,
         performers=dict.fromkeys(performers, 119.6),
@@ -106,32 +105,21 @@ def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """Clocks, joints and refused frames stand below the table, and in a line that is printed once."""
+    """Clocks, refused frames, and addresses that are not as the name: below the table, and in lines printed once."""
+    named = status("me", "佐藤", "Actor 1")
     noticed = replace(
-        status("me"), clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5:4000"}
+        named, clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5"}
     )
     table, lines = LiveTable(CLASSES), PlainLines()
     for sink in (table, lines, lines):
         sink.publish_status(noticed)
     printed = capsys.readouterr().out
-    for told in ("performer me: times are milliseconds: scaled", "you: frames refused: 2 joints, from 10.0.0.5:4000"):
-        assert told in shown(table)
-        assert printed.count(told) == 1
-
-
-def test_addresses_of_names_of_any_script_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """A name that OSC writes otherwise, or that is not in ASCII, has its address beside it; others need none."""
-    named = replace(status(), performers={"me": 30.0, "佐藤": 30.0, "Actor 1": 30.0})
-    table, lines = LiveTable(CLASSES), PlainLines()
-    for sink in (table, lines):
-        sink.publish_status(named)
-    printed = capsys.readouterr().out
     for told in (
-        "performer 佐藤: OSC answers at /motion/佐藤/",
-        "performer Actor 1: OSC answers at /motion/Actor%201/",
+        *("performer me: times are milliseconds", "you: frames refused: 2 joints, from 10.0.0.5"),
+        *("performer 佐藤: OSC answers at /motion/佐藤/", "performer Actor 1: OSC answers at /motion/Actor%201/"),
     ):
         assert told in shown(table)
-        assert told in printed
+        assert printed.count(told) == 1
     assert "performer me: OSC" not in printed
 
 
@@ -228,3 +216,56 @@ def test_a_log_that_cannot_be_written_is_an_error_without_a_traceback(
         with suppress(OSError):
             full.close()
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", ["[/]", "[bold]me[/bold]", ":smile:", "[link=x]"])
+def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Markup and emoji codes in a name are printed character for character."""
+    console.print(f"<{name}>")
+    assert capsys.readouterr().out == f"<{name}>\n"
+
+
+def test_names_cannot_steer_the_terminal() -> None:
+    """Control characters, line ends and half pairs in a name are replaced, everything printable is kept."""
+    assert printable("Zoë 舞 🕺") == "Zoë 舞 🕺"
+    replaced = printable("a\x1b[2Jb\nc\rd\u202e\ud800")
+    assert replaced == "a\N{REPLACEMENT CHARACTER}[2Jb\ufffdc\ufffdd\ufffd\ufffd"
+
+
+def test_other_columns_give_way_before_a_name_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Headings wrap between words to make room for names; only names longer than all there is are folded, not cut."""
+    monkeypatch.setattr(console, "width", 80)
+    for longest, lines in ((40, 1), (70, 2)):
+        name, terminal = "abcdefghij" * (longest // 10), Console(file=StringIO(), width=80)
+        terminal.print(table_of("", ("name", *["a rather long heading"] * 3), [(name, "1", "2", "3")]))
+        assert isinstance(terminal.file, StringIO)
+        found = [word for word in terminal.file.getvalue().split() if word in name and len(word) > 4]
+        assert len(found) == lines
+        assert "".join(found) == name
+
+
+@pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("-head", "'-head"), ("head", "head")])
+def test_no_cell_is_computed(text: str, cell: str) -> None:
+    """A name that a spreadsheet would take for a formula has an apostrophe before it."""
+    assert csv_text(text) == cell
+
+
+@pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--answers")], ids=" ".join)
+def test_a_table_without_a_place_is_refused_before_the_work(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A missing folder, or a folder in the table's place, is one line, before any file is read."""
+    assert main([*command, str(tmp_path / "missing" / "a.csv")]) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'missing'}: No such file or directory\n"
+    assert main([*command, str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"kinespace: {tmp_path}: Is a directory\n"
+
+
+def test_an_existing_file_is_kept_unless_overwrite(tmp_path: Path) -> None:
+    """A file may be written over only with the option; a new file always."""
+    path = tmp_path / "a"
+    require_place_for(path, overwrite=False)
+    path.touch()
+    require_place_for(path)
+    with pytest.raises(FileExistsError, match="exists already; --overwrite writes over it"):
+        require_place_for(path, overwrite=False)

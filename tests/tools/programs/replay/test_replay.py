@@ -14,8 +14,7 @@ import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port
 from recorded import write_take, write_takes
 
-from kinespace.library import Clip, MotionLibrary, Reading, read_recordings
-from kinespace.library.windows.index import opened
+from kinespace.library import Clip, MotionLibrary, Reading, opened, read_recordings
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.outputs import LayoutSink, NativeLayout

@@ -1,22 +1,40 @@
 """The examples in other languages: each that can run here sends its squat to a recogniser and gets its class."""
 
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from golden import message
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
-from kinespace.stream import Frame, Recognizer
-from kinespace.stream.recognition import EventKind
+from kinespace.library.naming import Naming, hdm05
+from kinespace.stream import (
+    Announcement,
+    Done,
+    Event,
+    EventKind,
+    Frame,
+    Outcome,
+    Progress,
+    Recognition,
+    Recognizer,
+    osc,
+)
+from kinespace.stream.feeds import builtin_preset, load_preset
+from kinespace.stream.inputs.decoder import FeedDecoder
+from kinespace.stream.outputs import NativeLayout
+from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
-
-pytestmark = pytest.mark.slow
 
 EXAMPLES = ROOT / "tools" / "examples"
 #: The class that the examples' motion is of.
@@ -59,6 +77,7 @@ def _printed_by(run: Sequence[str], layout: str, environment: dict[str, str] | N
     return printed
 
 
+@pytest.mark.slow
 def test_the_squat_is_named_by_default() -> None:
     """The built-in library's default signature names it in most answers, and says once that it starts."""
     recognizer = Recognizer(builtin_library())
@@ -69,6 +88,7 @@ def test_the_squat_is_named_by_default() -> None:
     assert [(event.kind, event.label) for each in answers for event in each.events] == [(EventKind.START, SQUAT)]
 
 
+@pytest.mark.slow
 def test_pure_data_printed_by() -> None:
     """The patch runs without a window, sends its frames and prints the class that is answered, and when it starts."""
     pd = _require("pd")
@@ -93,6 +113,7 @@ with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
 """
 
 
+@pytest.mark.slow
 def test_node_printed_by(tmp_path: Path) -> None:
     """The script sends its frames, prints the class that is answered, and meets no type that node-osc does not know."""
     node, modules = _require("node"), _node_modules()
@@ -107,6 +128,7 @@ def test_node_printed_by(tmp_path: Path) -> None:
     assert f"node: {SQUAT} starts at" in printed
 
 
+@pytest.mark.slow
 def test_supercollider_printed_by() -> None:
     """The language sends its frames from the file beside it and posts the class that is answered."""
     sclang = _require("sclang")
@@ -120,6 +142,7 @@ def test_supercollider_printed_by() -> None:
     assert f"sc: {SQUAT}" in printed
 
 
+@pytest.mark.slow
 def test_python_printed_by() -> None:
     """The sender and the listener, in two processes, as in two terminals."""
     run = [sys.executable, "-c", _PYTHON, "{listens}", "{answers}"]
@@ -153,6 +176,7 @@ with subprocess.Popen(listening, stdout=subprocess.PIPE, text=True) as listener:
 """
 
 
+@pytest.mark.slow
 def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
     """The keyed client is let in and gets the class of its own motion; no other client gets the answers."""
     stage, client = tmp_path / "stage", tmp_path / "client"
@@ -177,6 +201,7 @@ def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
     assert f"python: {SQUAT} starts" in done.stdout.decode()
 
 
+@pytest.mark.slow
 def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) -> None:
     """`kinespace examples` lists every file, prints one as it is, and says which names there are."""
     assert main(["examples"]) == 0
@@ -187,3 +212,112 @@ def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) 
     assert main(["examples", "node"]) == 2
     error = capsys.readouterr().err
     assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in error
+
+
+PACKAGE = ROOT / "tools" / "examples" / "unity"
+#: A name with a character that addresses cannot hold, and one that is two in C#.
+PERFORMER, CLASSES = "Ada 🕺 L", ("bow", "squat1Reps")
+
+
+def _stage(folder: Path) -> Path:
+    """Compile the package with the types that stand for Unity's; skip the test where there is no compiler."""
+    if not (shutil.which("mcs") and shutil.which("mono")):
+        pytest.skip("mono is not installed")
+    program = folder / "stage.exe"
+    sources = [*Path(__file__).parent.glob("*.cs"), *(PACKAGE / "Runtime").glob("*.cs")]
+    command = ["mcs", "-langversion:7", "-warnaserror+", f"-out:{program}", *map(str, sources)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return program
+
+
+def _answers() -> list[bytes]:
+    """Encode a squat's answers: an answer with progress, start, end and done; packets that are none come between."""
+    layout = NativeLayout()
+    progress = Progress(CLASSES[1], 0.5, 0.5, 1.25, 0.75, sure=1.0, cycles=0)
+    scores = np.array([0.25, 0.75], dtype=np.float32)
+    answer = Recognition(PERFORMER, 4.0, Outcome.NAMED, CLASSES, scores, movement=0.2, progress=progress)
+    named = layout.recognition(answer)
+    start, end = (layout.event(Event(PERFORMER, kind, CLASSES[1], 1, 0.75, 4.0)) for kind in EventKind)
+    of_another = layout.event(Event("ann", EventKind.START, "bow", 0, 0.75, 4.0))
+    broken = [b"", b"#bundle\0", named[:-2], named[:16] + b"\x7f\xff\xff\xff" + named[20:], b"/motion/a/label\0,b\0\0"]
+    done = layout.done(Done(PERFORMER, CLASSES[1], 1, 6.0, 1.5, 0.875, 1.25, 0.75, 3))
+    return [*broken, of_another, start, named, end, done]
+
+
+@pytest.mark.slow
+def test_a_humanoid_is_sent_and_its_motions_are_heard(tmp_path: Path) -> None:
+    """Names, times and places are read as they were sent, z turned; start, end, done and label come to the scene."""
+    answers, frames, joints = free_udp_port(), list[Frame](), ()
+    with ExitStack() as opened:
+        receiver = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
+        sender = opened.enter_context(closing(osc.OscSender(LOOPBACK, answers)))
+        command = ["mono", str(_stage(tmp_path)), PERFORMER, str(receiver.address[1]), str(answers)]
+        stage = opened.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        opened.callback(stage.kill)
+        receiver.socket.settimeout(PATIENCE)
+        while len(frames) < 70:
+            received = osc.decode(receiver.receive() or b"", 0.0)
+            assert received.malformed == received.foreign == 0
+            for event in received.events:
+                if isinstance(event, Frame):
+                    frames.append(event)
+                elif isinstance(event, Announcement):
+                    joints = event.joints
+        for packet in _answers():
+            sender.send(packet)
+        printed, _ = stage.communicate(timeout=PATIENCE)
+    assert len({*Naming().read(joints).joints} & {*hdm05.SKELETON.joints}) >= 15
+    assert joints[:2] == ("Hips", "LeftUpperLeg")
+    places = np.array([[0.25 * n, 0.5 * n, -0.75 * n] for n in (*range(19), 54)], dtype=np.float32)
+    for number, frame in enumerate(frames, start=1):
+        assert (frame.performer, frame.time) == (PERFORMER, 0.25 + (number - 1) / 64)
+        np.testing.assert_array_equal(frame.positions, places)
+    assert printed.splitlines() == [
+        f"started {CLASSES[1]}",
+        f"ended {CLASSES[1]}",
+        f"done {CLASSES[1]}",
+        f"label {CLASSES[1]} phase 0.5 speed 1.25 amplitude 0.75",
+    ]
+
+
+def test_the_package_is_whole() -> None:
+    """The package names itself as Unity wants it and is of kinespace's version; it needs nothing else."""
+    package = json.loads((PACKAGE / "package.json").read_text(encoding="utf-8"))
+    assert package["name"] == package["name"].lower()
+    assert "dependencies" not in package
+    assert f'version = "{package["version"]}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert json.loads((PACKAGE / "Runtime" / "Kinespace.asmdef").read_text(encoding="utf-8"))["name"] == "Kinespace"
+
+
+PAGE = (ROOT / ".github" / "docs" / "unreal.md").read_text(encoding="utf-8")
+ANSWERS, JOINTS = re.findall(r"```toml\n(.+?)```", PAGE, re.DOTALL)
+
+
+def test_the_answers_have_the_addresses_of_the_nodes(tmp_path: Path) -> None:
+    """The table is read, and sends to the addresses that the page lists, no others."""
+    (tmp_path / "unreal-answers.toml").write_text(ANSWERS, encoding="utf-8")
+    assert WrittenLayout(tmp_path / "unreal-answers.toml").port == 8000
+    sent = {each["address"].replace("{performer}", "ann") for each in tomllib.loads(ANSWERS)["message"]}
+    assert sent == {*re.findall(r"`(/motion/ann/\w+)`", PAGE)}
+
+
+def test_what_the_nodes_send_is_a_body(tmp_path: Path) -> None:
+    """The mannequin's bones in Unreal's axes and centimetres become the library's joints, each at its place."""
+    axes, names = JOINTS.split("[joints]\n")
+    preset = builtin_preset("joints").text.replace("[frame]", f"{axes}[frame]") + names
+    (tmp_path / "unreal.toml").write_text(preset, encoding="utf-8")
+    decoder, bones = FeedDecoder(load_preset(tmp_path / "unreal.toml")), tomllib.loads(JOINTS)["joints"]
+    library = builtin_library()
+    places = dict(zip(library.skeleton.joints, library.motions[0].positions[0], strict=True))
+    events = []
+    for number in range(60):
+        for bone, joint in bones.items():
+            x, y, z = places[joint]
+            packet = message(f"/ann/{bone}", "fff", -100 * z, 100 * x, 100 * y)
+            events += decoder.decode(packet, 1.0 + number / 30, ("127.0.0.1", 5))
+    frame = next(each for each in reversed(events) if isinstance(each, Frame))
+    joints = next(each.joints for each in reversed(events) if isinstance(each, Announcement))
+    assert (frame.performer, sorted(joints)) == ("ann", sorted(bones.values()))
+    centred = np.array([places[each] - places["root"] for each in joints])
+    np.testing.assert_allclose(frame.positions - frame.positions[joints.index("root")], 100 * centred, atol=1e-3)

@@ -1,0 +1,214 @@
+"""Answers as MIDI: what a port is sent, and a file that mido reads."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import mido
+import numpy as np
+import pytest
+from synthetic import STICK, stick_clip
+
+from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, zeromq
+from kinespace.stream.outputs import ZmqSink
+from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
+from kinespace.stream.outputs.zeromq_sink import BodySink
+from kinespace.stream.recognizer.carried import Carried
+from kinespace.stream.recognizer.performers import PerformerCounts
+from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.teaching import State, Step
+from kinespace.stream.zeromq import answers as zeromq_answers
+
+START = Event("ann", EventKind.START, "jump", 1, 0.75, 4.0)
+END = Event("ann", EventKind.END, "jump", 1, 0.75, 5.0)
+DONE = Done("bob", "bow", 0, 6.0, 1.5, 0.875, 1.25, 0.75, 3)
+
+
+class _Port:
+    """A port that keeps what it is sent, or is unplugged."""
+
+    def __init__(self) -> None:
+        self.sent: list[str] = []
+        self.unplugged = False
+
+    def send(self, message: Any) -> None:  # noqa: ANN401 - mido's class
+        """Keep a message."""
+        if self.unplugged:
+            raise KeyError("unplugged")
+        self.sent.append(str(message))
+
+    def reset(self) -> None:
+        """End all notes."""
+        self.sent.append("reset")
+
+    def close(self) -> None:
+        """Say so."""
+        self.sent.append("closed")
+
+
+@pytest.fixture
+def port(monkeypatch: pytest.MonkeyPatch) -> _Port:
+    """Stand in for the machine's ports."""
+    made = _Port()
+    monkeypatch.setattr(mido, "get_output_names", lambda: ["Synth 1", "Loop 2"])
+    monkeypatch.setattr(mido, "open_output", {"Synth 1": None, "Loop 2": made}.__getitem__)
+    return made
+
+
+def _answer(performer: str, score: float) -> Recognition:
+    scores = np.array([1 - score, score], dtype=np.float32)
+    progress = Progress("jump", 0.5, 0.5, 1.25, 3.0, sure=1.0, cycles=0)
+    return Recognition(performer, 4.0, Outcome.NAMED, ("bow", "jump"), scores, movement=0.2, progress=progress)
+
+
+def test_a_port_is_sent_notes_and_controllers(port: _Port) -> None:
+    """Each performer has a channel, each class a note; a controller is sent when it changes."""
+    sink = MidiSink("Loop")
+    assert str(sink) == "MIDI Loop 2"
+    for performer, score in (("ann", 0.75), ("ann", 0.75), ("bob", 1.0)):
+        sink.publish(_answer(performer, score))
+    controls = [(SCORE, 95), (PHASE, 64), (SPEED, 80), (AMPLITUDE, 127)]
+    first = [f"control_change channel=0 control={control} value={value} time=0" for control, value in controls]
+    controls[0] = SCORE, 127
+    second = [f"control_change channel=1 control={control} value={value} time=0" for control, value in controls]
+    assert port.sent == [*first, *second]
+    port.sent.clear()
+    sink.publish_event(START)
+    sink.publish_event(END)
+    sink.publish_done(DONE)
+    assert port.sent == [
+        "note_on channel=0 note=61 velocity=95 time=0",
+        "note_off channel=0 note=61 velocity=95 time=0",
+        "note_on channel=1 note=36 velocity=111 time=0",
+        "note_off channel=1 note=36 velocity=111 time=0",
+    ]
+    sink.publish_gone("ann")
+    port.unplugged = True
+    sink.publish_event(Event("cy", EventKind.START, "bow", 0, 0.5, 9.0))
+    assert sink.failed == 1
+    port.unplugged = False
+    sink.publish_event(Event("cy", EventKind.START, "bow", 0, 0.5, 9.0))
+    assert port.sent[-1].startswith("note_on channel=0 note=60")
+    sink.close()
+    assert port.sent[-2:] == ["reset", "closed"]
+
+
+def test_a_port_that_is_not_there_is_said_with_those_that_are(port: _Port) -> None:
+    """The message names the ports."""
+    with pytest.raises(OSError, match="no port 'Piano'; there are: Synth 1, Loop 2"):
+        MidiSink("Piano")
+    assert not port.sent
+
+
+def test_a_file_holds_the_notes(tmp_path: Path) -> None:
+    """Mido reads them back, with the time between them."""
+    sink = MidiSink(f"{tmp_path / 'take.mid'}")
+    sink.publish(_answer("ann", 0.75))
+    for event in (START, END):
+        sink.publish_event(event)
+    sink.close()
+    notes = [each for each in mido.MidiFile(tmp_path / "take.mid") if not each.is_meta]
+    assert [(each.type, each.note, each.velocity) for each in notes] == [("note_on", 61, 95), ("note_off", 61, 95)]
+    assert all(0 <= each.time < 5 for each in notes)
+
+
+def test_a_program_that_is_killed_leaves_the_notes_until_then(tmp_path: Path) -> None:
+    """The file is whole after every note."""
+    path = tmp_path / "take.mid"
+    sink = MidiSink(f"{path}")
+    for number in range(1, 40):
+        sink.publish_event(START)
+        path.with_name("killed.mid").write_bytes(path.read_bytes())
+        assert len([each for each in mido.MidiFile(tmp_path / "killed.mid") if not each.is_meta]) == number
+    sink.close()
+
+
+POSE = stick_clip("bow").positions[0]
+CARRIED = Carried((1.0, *[0.0] * (len(POSE) - 1)), ((0, 1), (0, 2)))
+
+
+class Sender:
+    """Keeps what is sent."""
+
+    failed = 3
+
+    def __init__(self) -> None:
+        self.sent: list[list[bytes]] = []
+        self.closed = False
+
+    def __str__(self) -> str:
+        return "ZeroMQ here"
+
+    def send(self, parts: list[bytes]) -> None:
+        """Keep a message."""
+        self.sent.append(parts)
+
+    def close(self) -> None:
+        """Note it."""
+        self.closed = True
+
+
+#: Performers of whom everything is known.
+ANYBODY: Any = SimpleNamespace(skeleton_of=lambda _: STICK, carried=lambda _: CARRIED)
+
+
+def test_everything_is_published() -> None:
+    """Answers, events, classes, notices and the status are sent as they are encoded, with names unless told not to."""
+    sender, open_to_all = Sender(), Sender()
+    sink = ZmqSink(sender)  # type: ignore[arg-type]  # not all of a sender is used
+    answer = Recognition("ann", 1.0, Outcome.NAMED, ("bow",), np.ones(1), 0.1)
+    event = Event("ann", EventKind.START, "bow", 0, 0.5, 1.0)
+    done = Done("ann", "bow", 0, 0.0, 1.0, 0.9, 1.0, 1.0, 2)
+    status = Status(InputCounts(), PerformerCounts(), 0, {"ann": 30.0}, 0.0, 0.0)
+    sink.publish(answer)
+    sink.publish_event(event)
+    sink.publish_done(done)
+    sink.publish_gone("ann")
+    sink.publish_classes(("bow",))
+    sink.publish_status(status)
+    sink.publish_notice(State("ann", Step.WAITING))
+    assert sender.sent == [
+        zeromq.encode_recognition(answer),
+        zeromq_answers.encode_event(event),
+        zeromq_answers.encode_done(done),
+        zeromq_answers.encode_gone("ann"),
+        zeromq_answers.encode_classes(("bow",)),
+        zeromq_answers.encode_status(status),
+        [b"teach/", b'{"performer": "ann", "state": "waiting", "seconds": 0.0}'],
+    ]
+    ZmqSink(open_to_all, named=False).publish_status(status)  # type: ignore[arg-type]  # as above
+    assert open_to_all.sent == [zeromq_answers.encode_status(status, named=False)]
+    sink.close()
+    assert (str(sink), sink.failed, sender.closed) == ("ZeroMQ here", 3, True)
+
+
+@pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 60.0, 119.88, 240.0])
+def test_at_most_thirty_bodies_are_sent_a_second(rate: float) -> None:
+    """Of any feed at most thirty frames a second, more than twenty; the second and every thirtieth with the joints."""
+    sender = Sender()
+    sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
+    for index in range(round(3 * rate)):
+        sink.publish_frame(Frame("ann", 1.0 + index / rate, POSE))
+    assert 3 * 20 <= len(sender.sent) <= 3 * 30 + 1
+    headers = [json.loads(parts[1]) for parts in sender.sent]
+    assert ["names" in header for header in headers] == [number % 30 == 1 for number in range(len(headers))]
+    assert ["carried" in header for header in headers] == [number % 5 == 0 for number in range(len(headers))]
+    assert str(sink) == "ZeroMQ here (bodies)"
+
+
+def test_a_sender_that_begins_anew_is_shown_at_once() -> None:
+    """When the times go back, and when a performer has left or was forgotten among many, the next frame is sent."""
+    sender = Sender()
+    sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
+    for moment, count in ((100.0, 1), (1.0, 2), (1.001, 2), (1.05, 3)):
+        sink.publish_frame(Frame("ann", moment, POSE))
+        assert len(sender.sent) == count
+    sink.publish_gone("ann")
+    sink.publish_frame(Frame("ann", 1.051, POSE))
+    assert len(sender.sent) == 4
+    for number in range(255):
+        sink.publish_frame(Frame(f"{number}", 1.0, POSE))
+    for name in ("ann", "one more", "ann"):
+        sink.publish_frame(Frame(name, 1.052, POSE))
+    assert len(sender.sent) == 4 + 255 + 2

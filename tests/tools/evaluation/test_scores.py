@@ -1,0 +1,672 @@
+"""How what was said is scored: counted by hand, and of random courses against a naive count."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import NoReturn
+from xml.etree import ElementTree as ET
+
+import naive_score
+import naive_words
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive_score import Moment
+from synthetic import STICK_CLASSES, stick_clip
+
+from kinespace.library import NOTHING, MotionLibrary, Skeleton
+from kinespace.library.recordings.formats.labels import Segment
+from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
+from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
+from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
+from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
+from kinespace.tools.evaluation.harness import Feed, Fold, Protocol, folds_of
+from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, counted_in, course_of, score_courses
+from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.words import (
+    KINDS,
+    DoneTake,
+    Heard,
+    Said,
+    Span,
+    by_class,
+    score_done,
+    score_words,
+    word_rows,
+)
+
+CLASSES = ("bow", "jump", "wave")
+BOW, JUMP, WAVE = range(3)
+#: Eight frames a second, whose times are whole in binary.
+RATE = 8
+TIMES = np.arange(64) / RATE
+SECONDS = 7.875
+SEGMENTS = (Segment(0, 2, "bow"), Segment(2.5, 5, "jump"), Segment(5, 7.5, "juggle"), Segment(7.5, 9, "wave"))
+#: From when on which class is the guess, is published, has its event.
+GUESSES = {0.5: BOW, 0.625: WAVE, 0.875: BOW, 2.75: JUMP, 3.5: BOW, 3.625: JUMP, 5.25: WAVE, 7.5: BOW}
+HELD_BACK = ((4.0, 4.5), (6.0, 6.5), (7.0, 8.0))
+EVENTS = {1.0: BOW, 3.0: JUMP, 6.625: WAVE}
+SCORES = {0.5: 0.9, 2.5: 0.8, 6.75: 0.95}
+
+
+def _held(values: Mapping[float, float], before: float, times: np.ndarray = TIMES) -> np.ndarray:
+    """Lay out values that each hold until the next."""
+    return np.array([([before] + [value for since, value in values.items() if since <= time])[-1] for time in times])
+
+
+def _segment(times: np.ndarray, segments: Sequence[Segment]) -> np.ndarray:
+    inside = [[index for index, each in enumerate(segments) if each.start <= time < each.end] for time in times]
+    return np.array([found[0] if found else -1 for found in inside])
+
+
+def _course() -> Course:
+    """Write a course by hand."""
+    segment = _segment(TIMES, SEGMENTS)
+    guess = _held(GUESSES, NONE)
+    published = guess.copy()
+    for begin, end in HELD_BACK:
+        published[(begin <= TIMES) & (end > TIMES)] = NONE
+    return Course(
+        name="take",
+        times=TIMES,
+        segments=SEGMENTS,
+        truth=np.array([BOW, JUMP, NONE, WAVE, NONE])[segment],
+        segment=segment,
+        guess=guess,
+        published=published,
+        event=_held(EVENTS, NONE),
+        score=_held(SCORES, np.nan),
+    )
+
+
+def _figures(courses: Sequence[Course], window: float = 1.0) -> dict[str, float | None]:
+    return score_courses(courses, CLASSES, window).values
+
+
+# --- a course with known answers ---------------------------------------------------------------------------------
+
+
+def test_classes_counted_by_hand() -> None:
+    """Each class has its seconds, the share guessed right, and of that the share with the last second inside."""
+    expected = {"bow": (16, 10 / 16, 1.0), "jump": (20, 17 / 20, 11 / 12), "wave": (4, 0.0, 0.0)}
+    scores = score_courses([_course()], CLASSES, 1.0).classes
+    assert list(scores) == list(CLASSES)
+    for name, (frames, right, right_inside) in expected.items():
+        exact = {"seconds": frames / RATE, "right": right, "right_inside": right_inside}
+        assert scores[name] == pytest.approx(exact)
+
+
+# --- bases of the figures ---------------------------------------------------------------------------------------
+
+
+def _basis(seconds: float, segments: int, persons: int | None) -> dict[str, object]:
+    return {"seconds": pytest.approx(seconds), "segments": segments, "persons": persons}
+
+
+def test_a_class_is_found_that_is_named_at_some_time() -> None:
+    """Of the classes that takes contain the share counts that was named, if only once; guesses do not count."""
+    still = np.full(64, NONE)
+    once = still.copy()
+    once[40] = WAVE
+    empty = replace(_course(), segments=(), segment=still, truth=still, guess=np.full(64, BOW))
+    takes = [
+        replace(empty, name="one", published=once, contains=(WAVE, BOW), person="ann"),
+        replace(empty, name="two", published=still, contains=(WAVE,), person="ann"),
+        replace(empty, name="three", published=once),
+    ]
+    score = score_courses(takes, CLASSES, 1.0)
+    assert score.values["takes_found"] == pytest.approx(1 / 3)
+    assert score.containing == _basis(2 * SECONDS, 2, 1)
+    assert (score.known["segments"], score.unknown["segments"]) == (0, 0)
+    assert score.values["frame_accuracy"] is None
+
+
+# --- against the twin --------------------------------------------------------------------------------------------
+
+
+def _random_course(generator: np.random.Generator, frames: int, most_apart: int = 1) -> Course:
+    """Make a course whose frames are a thirtieth of a second apart, or up to so many."""
+    times = np.cumsum(generator.integers(1, most_apart + 1, frames)) / 30
+    edges = np.sort(generator.choice(times, size=12, replace=False)) + 0.01 * (most_apart - 1)
+    stretches = [pair for pair, there in zip(pairwise(edges), generator.random(11), strict=True) if there > 0.2]
+    names = (*CLASSES, "juggle", "sleep")
+    segments = tuple(Segment(float(a), float(b), names[generator.integers(5)]) for a, b in stretches)
+    segment = _segment(times, segments)
+    known = np.array([CLASSES.index(each.label) if each.label in CLASSES else NONE for each in segments])
+    truth = np.where(segment >= 0, known[segment], NONE)
+
+    def flickering(right: float) -> np.ndarray:
+        wrong = np.repeat(generator.integers(-1, 3, frames), generator.integers(1, 12, frames))[:frames]
+        is_right = np.repeat(generator.random(frames) < right, generator.integers(1, 30, frames))[:frames]
+        return np.where(is_right, truth, wrong)
+
+    score = np.round(generator.random(frames) + 0.1 * (truth >= 0), 2)
+    score[:10] = np.nan
+    return Course("random", times, segments, truth, segment, flickering(0.7), flickering(0.6), flickering(0.8), score)
+
+
+def _moments(course: Course) -> list[Moment]:
+    untils = [*course.times[1:].tolist(), course.times[-1] + course.seconds / (len(course.times) - 1)]
+    tracks = (course.times, course.segment, course.truth, course.guess, course.published, course.event, course.score)
+    moments = list[Moment]()
+    for until, time, place, *answered in zip(untils, *(track.tolist() for track in tracks), strict=True):
+        segment = course.segments[place]
+        lasts = min(until, segment.end if place >= 0 else np.inf) - time
+        moments.append(Moment(time, lasts, place, segment.start, segment.end, *answered))
+    return moments
+
+
+@pytest.mark.slow
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    takes=st.integers(1, 3),
+    window=st.sampled_from([0.0, 0.5, 1.0]),
+    most_apart=st.sampled_from([1, 6]),
+)
+@settings(max_examples=30)
+def test_any_course_is_scored_as_a_walk_through_its_moments(
+    seed: int, takes: int, window: float, most_apart: int
+) -> None:
+    """Every figure of random courses is the one that walking through them moment by moment gives."""
+    generator = np.random.default_rng(seed)
+    courses = [_random_course(generator, int(generator.integers(100, 400)), most_apart) for _ in range(takes)]
+    exact = naive_score.stream_score([_moments(course) for course in courses], window, LASTING)
+    figures = _figures(courses, window)
+    assert figures.keys() == exact.keys()
+    for name, value in exact.items():
+        assert figures[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
+
+
+# --- answers over time --------------------------------------------------------------------------------------------
+
+
+def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcome.NAMED) -> Recognition:
+    scores = np.full(3, 0.01)
+    scores[best] = score
+    return Recognition(
+        performer="p", time=time, outcome=outcome, classes=CLASSES, scores=scores, guess=best, movement=0.1
+    )
+
+
+def test_a_course_holds_each_answer_until_the_next() -> None:
+    """Answers of hops and events hold from their time until the next, at every frame."""
+    changes = sorted({*GUESSES, *SCORES, *(edge for stretch in HELD_BACK for edge in stretch)} - {2.5, 8.0})
+    hand = _course()
+    recognitions = [
+        _recognition(
+            time,
+            hand.guess[round(time * RATE)],
+            hand.score[round(time * RATE)],
+            Outcome.NAMED if hand.published[round(time * RATE)] >= 0 else Outcome.UNKNOWN,
+        )
+        for time in [*changes, 2.5]
+    ]
+    recognitions.sort(key=lambda each: each.time)
+    events = [Event("p", EventKind.START, "bow", BOW, 0.9, 1.0)]
+    for time, index in list(EVENTS.items())[1:]:
+        events.append(Event("p", EventKind.END, events[-1].label, events[-1].index, 0.9, time))
+        events.append(Event("p", EventKind.START, CLASSES[index], index, 0.9, time))
+    recognitions[0] = replace(recognitions[0], events=tuple(events))
+    course = _laid_out(recognitions)
+    assert course.answers is recognitions
+    for name in Course.__dataclass_fields__.keys() - {"answers"}:
+        assert np.array_equal(getattr(course, name), getattr(hand, name), equal_nan=name == "score"), name
+
+
+def _laid_out(
+    recognitions: Sequence[Recognition], known: Sequence[str] = CLASSES, segments: Sequence[Segment] = SEGMENTS
+) -> Course:
+    clip = replace(stick_clip("bow", frames=len(TIMES)), name="take", actor="")
+    take = Take(clip, tuple(segments), contains=() if segments else ("wave", "bow"))
+    return course_of(take, TIMES, recognitions, classes=CLASSES, known=known)
+
+
+def test_still_is_no_guess_and_unknown_is_one() -> None:
+    """A still body has no guess; an unknown motion has a guess that is not named; an implausible one is doubted."""
+    outcomes = (Outcome.STILL, Outcome.UNKNOWN, Outcome.IMPLAUSIBLE)
+    course = _laid_out(
+        [_recognition(time, BOW, 0.9, each) for time, each in zip((1.0, 2.0, 6.0), outcomes, strict=True)]
+    )
+    assert set(course.guess[:16]) == {NONE}
+    assert set(course.guess[16:48]) == {BOW}
+    assert set(course.published) == {NONE}
+    assert course.doubted == 0.25
+
+
+def test_classes_that_the_library_lacks_are_unknown() -> None:
+    """A class of another take's library that this one's does not know is unknown here, in a segment or in a take."""
+    course = _laid_out([], known=("bow", "wave"))
+    assert set(course.truth[course.segment == 1]) == {NONE}
+    assert set(course.truth[course.segment == 3]) == {WAVE}
+    course = _laid_out([_recognition(1.0, BOW, 0.9)], known=("bow",), segments=())
+    assert set(course.segment) == set(course.truth) == {NONE}
+    assert (course.contains, course.seconds) == ((BOW,), SECONDS)
+    assert set(course.published[8:]) == {BOW}
+
+
+COMMANDS, SHOW = Span(commands=True), Span(early=0.125, late=1.0)
+GESTURES = (Segment(0.0, 4.0, "jab"), Segment(4.0, 8.0, "kick"), Segment(9.0, 12.0, "jab"))
+#: Words on a grid that is whole in binary, between the edges of segments: an edge is off by a thousandth.
+WORDS = st.lists(
+    st.tuples(st.integers(0, 60).map(lambda each: each / 4 + 0.0625), st.sampled_from(["jab", "kick", "duck"])),
+    max_size=25,
+    unique=True,
+)
+#: Edges of segments that follow each other, with or without a gap, and the labels between.
+EDGES = st.lists(st.integers(0, 50), min_size=2, max_size=9, unique=True).map(sorted)
+LABELS = st.lists(st.sampled_from(["jab", "kick", "nothing", ""]), min_size=8, max_size=8)
+
+
+def said(*words: naive_words.Word) -> list[Said]:
+    """Give words as the product has them."""
+    return [Said(name, time, time, time) for time, name in words]
+
+
+def heard(words: list[Said], segments: tuple[Segment, ...], span: Span, person: str = "ann") -> Heard:
+    """Let both kinds say the same words in a minute."""
+    ends = {each: each.end for each in segments}
+    return Heard(
+        person, 60.0, segments, dict.fromkeys(KINDS, words), dict.fromkeys(KINDS, span), dict.fromkeys(KINDS, ends)
+    )
+
+
+def counts(take: Heard) -> tuple[int, int, int]:
+    """Give right words, false words and missed gestures."""
+    return take.right("done"), take.false("done"), take.missed("done")
+
+
+def test_commands_counted_by_hand() -> None:
+    """The first jab is right, the second false; a wrong word misses the kick; a word between counts neither way."""
+    words = said((1.0, "jab"), (2.0, "jab"), (5.0, "duck"), (6.0, "kick"), (8.5, "duck"))
+    take = heard(words, GESTURES, COMMANDS)
+    assert [each.right for each in take.verdicts["start"]] == [True, False, False, True, None]
+    assert counts(take) == (2, 2, 2)
+    score = score_words([take])["start"]
+    assert (score["found"], score["right"], score["f1"]) == (0.5, 0.5, 0.5)
+    assert score["false_per_hour"] == 120.0
+    assert score["delay_s"] == pytest.approx(-2.5)
+    assert score["intervals"]["f1"] == (0.5, 0.5)
+    rows = [(each["kind"], each["verdict"], each["segment"]) for each in word_rows([take])]
+    assert rows[:5] == [
+        ("done", "right", "jab"),
+        ("done", "false", "jab"),
+        ("done", "false", "kick"),
+        ("done", "right", "kick"),
+        ("done", "", ""),
+    ]
+
+
+def test_a_label_may_be_off_by_its_rounding() -> None:
+    """A label of thousandths is the frame that it was written for, at its start and at its end."""
+    segments = (Segment(9.967, 14.5, "jab"), Segment(14.5, 20.933, "kick"))
+    words = said((299 / 30, "jab"), (628 / 30, "kick"))
+    assert [each.right for each in heard(words, segments, COMMANDS).verdicts["done"]] == [True, None]
+
+
+@given(edges=EDGES, labels=LABELS, words=WORDS)
+def test_random_words_are_counted_as_the_twin_counts(
+    edges: list[int], labels: list[str], words: list[naive_words.Word]
+) -> None:
+    """By both rules, for gestures that follow each other with or without gaps."""
+    gestures = [(a / 4, b / 4, label) for (a, b), label in zip(pairwise(edges), labels, strict=False) if label]
+    segments = tuple(Segment(*each) for each in gestures)
+    assert counts(heard(said(*words), segments, COMMANDS)) == naive_words.of_commands(gestures, words)
+    asked = [each for each in gestures if each[2] != "nothing"]
+    segments = tuple(Segment(*each) for each in asked)
+    assert counts(heard(said(*words), segments, SHOW)) == naive_words.in_a_show(asked, words, 0.125, 1.0)
+
+
+#: A take of ten seconds.
+CLIP = stick_clip("bow", frames=601, rate=60.0)
+PERFORMED = (Segment(1.0, 3.0, "bow"), Segment(4.0, 6.0, "wave"), Segment(6.0, 7.0, "spin"))
+
+
+def test_a_take_counted_by_hand() -> None:
+    """A bow said half a second late belongs to its segment, twice said too; a wave in its place is false.
+
+    A motion of which less than half lies in its segment is false. The library does not know spins.
+    """
+    right, again = Said("bow", 1.5, 3.4, 3.6), Said("bow", 1.0, 2.0, 2.2)
+    false = [Said("wave", 1.0, 3.0, 3.2), Said("bow", 2.5, 4.0, 4.2), Said("bow", 5.0, 6.0, 6.2)]
+    take = DoneTake(Take(CLIP, PERFORMED), {"bow", "wave"}, [again, right, *false], broken=[True, False])
+    (bow, of_bow), (wave, of_wave) = take.shared()[0]
+    assert (bow, of_bow, wave, of_wave, take.shared()[1]) == (*(PERFORMED[0], [again, right], PERFORMED[1], []), false)
+    score = score_done([take])
+    assert (score["found"], score["takes_found"], score["counted_right"], score["broken_done"]) == (
+        0.5,
+        None,
+        None,
+        0.5,
+    )
+    assert score["delay_s"] == pytest.approx(0.6)
+    assert score["unknown_hours"] == pytest.approx((CLIP.duration - 4) / 3600)
+    assert score["false_per_hour"] == pytest.approx(3 * 3600 / CLIP.duration)
+    counts = {"bow": (1.0, 1.0, 2.0), "wave": (1.0, 0.0, 1.0)}
+    assert {name: tuple(each.values()) for name, each in by_class([take]).items()} == counts
+
+
+def test_what_a_take_contains_somewhere_is_not_false() -> None:
+    """A contained motion is found where it is said; in a take of nothing whatever is said is false."""
+    said = [Said("bow", 1.0, 3.0, 3.2)]
+    contains, nothing = Take(CLIP, (), ("bow",)), Take(CLIP, (Segment(0.0, CLIP.duration, NOTHING),))
+    first, second = (score_done([DoneTake(take, {"bow", NOTHING}, said)]) for take in (contains, nothing))
+    assert (first["takes_found"], first["false_per_hour"], first["unknown_hours"]) == (1.0, 0.0, 0.0)
+    assert second["takes_found"] is None
+    assert second["unknown_hours"] == pytest.approx(CLIP.duration / 3600)
+    assert second["false_per_hour"] == pytest.approx(3600 / CLIP.duration)
+
+
+@pytest.mark.parametrize(("count", "right"), [(3, 0.0), (4, 1.0), (6, 1.0), (7, 0.0)])
+def test_five_of_a_class_are_counted(count: int, right: float) -> None:
+    """Of five bows the count may be off by one."""
+    segments = tuple(Segment(float(place), place + 1.0, "bow") for place in range(5))
+    said = [Said("bow", place * 0.7, place * 0.7 + 0.5, 5.0) for place in range(count)]
+    assert score_done([DoneTake(Take(CLIP, segments), {"bow"}, said)])["counted_right"] == right
+
+
+B, J, OF = "bow", "jump", Outcome
+#: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.
+ANSWERS = (
+    (0.2, OF.NAMED, J),
+    (0.6, OF.NAMED, B),
+    (0.8, OF.UNKNOWN, B),
+    (1.6, OF.STILL, J),
+    (1.7, OF.IMPLAUSIBLE, J),
+    (1.8, OF.NAMED, B),
+    (2.6, OF.NAMED, B),
+    (2.8, OF.UNKNOWN, J),
+    (3.5, OF.NAMED, B),
+)
+
+
+def _answers() -> list[Recognition]:
+    classes = (B, J)
+    return [Recognition("p", time, each, classes, np.ones(2), 0.1, guess=classes.index(g)) for time, each, g in ANSWERS]
+
+
+def test_answers_counted_by_hand() -> None:
+    """Answers count by what is performed then; those at a segment's beginning, and outside of all, do not count."""
+    take = Take(stick_clip("bow"), (Segment(0, 1, B), Segment(1, 2, J), Segment(2, 3, "juggle")))
+    counts = counted_in(take, (B, J), _answers(), inside=0.5)
+    expected = {"answers": 5, "right": 1, "guessed": 2, "wrong": 1, "implausible": 1, "unknown": 2, "unknown_named": 1}
+    assert counts == expected
+    assert not counted_in(take, (B, J), [])
+
+
+def _played(fault: str) -> tuple[Feed, Feed]:
+    clip = MotionLibrary.builtin().motions[0]
+    feed = Feed.of(clip, clip.skeleton)
+    return feed, FAULTS[fault](feed, np.random.default_rng(0))
+
+
+def test_each_fault_does_what_its_name_says() -> None:
+    """Frozen joints stay, exchanged joints are exchanged, lost joints are NaN; other joints do not change."""
+    feed, frozen = _played("left arm frozen")
+    joints = feed.skeleton.joints
+    arm = [joints.index(name) for name in LEFT_ARM]
+    assert (frozen.positions[:, arm] == feed.positions[0, arm]).all()
+    np.testing.assert_array_equal(*(np.delete(each.positions, arm, axis=1) for each in (frozen, feed)))
+    sides = _played("sides exchanged")[1].positions
+    np.testing.assert_array_equal(sides[:, joints.index("lfoot")], feed.positions[:, joints.index("rfoot")])
+    np.testing.assert_array_equal(sides[:, 0], feed.positions[:, 0])
+    lost = np.isnan(_played("head and hand lost")[1].positions).any(axis=2)
+    assert set(np.flatnonzero(lost.any(axis=0))) == {joints.index("head"), joints.index("rhand")}
+    assert len(_played("half the frames dropped")[1].times) < 0.7 * len(feed.times)
+    assert len(np.unique(_played("two postures, 1/4 s")[1].positions, axis=0)) == 2
+    unsided = feed._replace(skeleton=Skeleton(tuple(f"joint {place}" for place in range(len(joints)))))
+    with pytest.raises(ValueError, match="--fault: expected joints whose names say left or right"):
+        FAULTS["sides exchanged"](unsided, np.random.default_rng(0))
+
+
+def _annotated() -> Course:
+    """Give a take of which a bow was said twice, once to the take's end, and done once."""
+    answers = [Recognition("p", time, Outcome.NAMED, ("bow",), np.ones(1), 0.1) for time in (0.05, 0.2, 0.3)]
+    kinds = (EventKind.START, EventKind.END, EventKind.START)
+    answers = [
+        replace(each, events=(Event("p", kind, "bow", 0, 0.9, each.time),))
+        for each, kind in zip(answers, kinds, strict=True)
+    ]
+    answers[1] = replace(answers[1], done=Done("p", "bow", 0, 0.02, 0.13, 0.8, 1.0, 1.0))
+    take = Take(replace(stick_clip("bow"), actor="ann"), (Segment(0, 0.35, "bow"),))
+    return course_of(take, take.clip.times, answers, classes=("bow",), known=("bow",))
+
+
+def test_elan_reads_what_was_said(tmp_path: Path) -> None:
+    """Starts, done motions and labels stand in three tiers of their person, in milliseconds."""
+    path, course = tmp_path / "events.eaf", _annotated()
+    assert is_annotation(path, 1)
+    write_annotations(path, [course])
+    root = ET.parse(path).getroot()  # noqa: S314 - we wrote it
+    slots = {each.attrib["TIME_SLOT_ID"]: int(each.attrib["TIME_VALUE"]) for each in root.iter("TIME_SLOT")}
+    tiers = {
+        tier.attrib["TIER_ID"]: [
+            (slots[each.attrib["TIME_SLOT_REF1"]], slots[each.attrib["TIME_SLOT_REF2"]], each.findtext("*"))
+            for each in tier.iter("ALIGNABLE_ANNOTATION")
+        ]
+        for tier in root.iter("TIER")
+    }
+    last = round(1000 * float(course.times[-1]))
+    assert tiers == {
+        "started": [(50, 200, "bow"), (300, last, "bow")],
+        "done": [(20, 150, "bow")],
+        "performed": [(0, 350, "bow")],
+    }
+    assert {tier.attrib["PARTICIPANT"] for tier in root.iter("TIER")} == {"ann"}
+    # A motion that begins and ends at once is none, and no name makes another file than XML.
+    at_once = replace(course.answers[0], events=[Event("p", kind, "bow", 0, 0.9, 0.05) for kind in EventKind])
+    odd = replace(course, answers=[at_once], segments=(Segment(0, 0.35, "b\bow"),))
+    write_annotations(path, [odd])
+    assert [each.text for each in ET.parse(path).iter("ANNOTATION_VALUE")] == ["b\ufffdow"]  # noqa: S314 - as above
+    with pytest.raises(ValueError, match="expected one take in a file of ELAN, got 2"):
+        is_annotation(path, 2)
+
+
+def test_boris_reads_what_was_said(tmp_path: Path) -> None:
+    """Of several takes each is an observation; each state event begins with a row and ends with the next."""
+    path, course = tmp_path / "events.boris", _annotated()
+    assert is_annotation(path, 2)
+    assert not is_annotation(Path("rows.csv"), 2)
+    write_annotations(path, [course, replace(course, name="again")])
+    project = json.loads(path.read_text(encoding="utf-8"))
+    codes = {each["code"]: each["type"] for each in project["behaviors_conf"].values()}
+    assert codes == dict.fromkeys(("done bow", "performed bow", "started bow"), "State event")
+    assert set(project["observations"]) == {course.name, "again"}
+    events = project["observations"]["again"]["events"]
+    assert [time for time, *_ in events] == sorted(time for time, *_ in events)
+    assert [time for time, person, code, *_ in events if (person, code) == ("ann", "done bow")] == [0.02, 0.15]
+
+
+FIRST, SECOND = 2012, 2013
+
+
+def _repeated(values: list[list[float]], counts: list[int]) -> list[float]:
+    return [value for each, count in zip(values, counts, strict=True) for value in each * count]
+
+
+# --- shares and rates --------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
+def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
+    """A share of drawn units is the quotient of the two sums over them."""
+    generator = np.random.default_rng(seed)
+    among = generator.integers(0, 20, units).tolist()
+    counted = [int(generator.integers(0, each + 1)) for each in among]
+    figure = Ratio(counted, among, 60.0)
+    shares = [
+        60 * sum(np.multiply(counts, counted)) / below if (below := sum(np.multiply(counts, among))) else None
+        for counts in naive_score.drawn_again(units, FIRST)
+    ]
+    assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
+    expected = naive_score.middle(shares)
+    assert figure.interval() == (expected and pytest.approx(expected))
+
+
+# --- percentiles -------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([50.0, 90.0]))
+def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
+    """A percentile of drawn units is the percentile of all their values; a unit without values adds none."""
+    generator = np.random.default_rng(seed)
+    values = [generator.random(generator.integers(0, 3)).tolist() for _ in range(6)]
+    figure = Percentile(values, percent)
+    assert figure.value() == _approx(naive_score.percentile([each for unit in values for each in unit], percent))
+    drawn = [naive_score.percentile(_repeated(values, counts), percent) for counts in naive_score.drawn_again(6, FIRST)]
+    expected = naive_score.middle(drawn)
+    assert figure.interval() == (expected and pytest.approx(expected))
+
+
+def _approx(value: float | None) -> object:
+    return None if value is None else pytest.approx(value)
+
+
+# --- ROC area ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
+    """Both kinds are drawn again, each by itself, and every pair of values is compared; ties count half."""
+    generator = np.random.default_rng(seed)
+    kinds = [
+        [(generator.integers(0, 6, generator.integers(0, 4)) + shift).astype(float) for _ in range(4)]
+        for shift in (1, 0)
+    ]
+    figure = RocArea(*kinds)
+    higher, lower = ([each.tolist() for each in kind] for kind in kinds)
+    flat = [[value for each in kind for value in each] for kind in (higher, lower)]
+    assert figure.value() == pytest.approx(naive_score.roc_area(*flat))
+    areas = [
+        naive_score.roc_area(_repeated(higher, first), _repeated(lower, second))
+        for first, second in zip(naive_score.drawn_again(4, FIRST), naive_score.drawn_again(4, SECOND), strict=True)
+    ]
+    assert figure.interval() == pytest.approx(naive_score.middle(areas))
+
+
+# --- persons -----------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=25)
+@given(st.lists(st.tuples(st.sampled_from("abcd"), st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=12))
+def test_a_ratio_is_drawn_by_persons(units: list[tuple[str, int, int]]) -> None:
+    """A person is drawn with all units, as often as persons alone would be drawn."""
+    persons, counted, among = zip(*units, strict=True)
+    everyone = sorted(set(persons))
+    shares = []
+    for times in naive_score.drawn_again(len(everyone), FIRST):
+        drawn = [everyone[place] for place, count in enumerate(times) for _ in range(count)]
+        above, below = (sum(sum(each[at] for each in units if each[0] == person) for person in drawn) for at in (1, 2))
+        shares.append(above / below if below else None)
+    expected = naive_score.middle(shares)
+    assert Ratio(counted, among, persons=(persons,)).interval(by_person=True) == (expected and pytest.approx(expected))
+
+
+# --- nothing to take a figure of ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "figure",
+    [
+        Ratio([], []),
+        Ratio([0.0, 0.0], [0.0, 0.0]),
+        Percentile([[], []], 50),
+        RocArea([np.ones(3)], []),
+        RocArea([np.zeros(0)], [np.ones(2)]),
+        RocArea([np.ones(3)], [], persons=(["ann"], [])),
+    ],
+    ids=lambda figure: f"{figure}"[:30],
+)
+def test_of_nothing_there_is_no_figure(figure: Figure) -> None:
+    """Without units, or with empty ones, there is neither a figure nor an interval: None, not zero."""
+    assert figure.value() is None
+    assert figure.interval(by_person=bool(figure.persons)) is None
+
+
+def _take(person: str, number: int, label: str = "") -> Take:
+    """Make a take of half a second of each of two classes, or of one thing throughout."""
+    clip = replace(stick_clip("wave", seed=number, frames=120, actor=person), class_name="", name=f"{person}{number}")
+    if label:
+        return Take(clip, (Segment(0.0, clip.duration, label),))
+    first, second = STICK_CLASSES[number % 3], STICK_CLASSES[(number + 1) % 3]
+    return Take(clip, (Segment(0.0, 0.5, first), Segment(0.5, 1.0, second)))
+
+
+@pytest.fixture
+def takes() -> list[Take]:
+    """Give two takes each of ann and ben, one of cid."""
+    return [_take(*each) for each in (("ann", 1), ("ann", 2), ("ben", 3), ("ben", 4), ("cid", 5))]
+
+
+def _unused() -> NoReturn:
+    raise AssertionError
+
+
+def _names(fold: Fold) -> list[str]:
+    return [take.clip.name for take in fold.takes]
+
+
+def _sources(fold: Fold) -> set[str]:
+    """Name the takes that a fold's library was cut from."""
+    return {motion.take for motion in fold.library.motions}
+
+
+def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:
+    """Leaving one take out its library is cut from all others, the same person's among them."""
+    folds = folds_of(takes, Protocol.LEAVE_ONE_TAKE_OUT, _unused)
+    everybody = {take.clip.name for take in takes}
+    assert [_names(fold) for fold in folds] == [[take.clip.name] for take in takes]
+    assert [_sources(fold) for fold in folds] == [everybody - {take.clip.name} for take in takes]
+    assert {fold.person for fold in folds} == {""}
+    assert len(folds[0].library) == 8
+
+
+@pytest.mark.parametrize("protocol", [Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON])
+def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol: Protocol) -> None:
+    """Each person is recognised by all others together, or recognises all others: one library for a whole fold."""
+    own = {"ann": ["ann1", "ann2"], "ben": ["ben3", "ben4"], "cid": ["cid5"]}
+    folds = {fold.person: fold for fold in folds_of(takes, protocol, _unused)}
+    assert list(folds) == list(own)
+    for person, fold in folds.items():
+        others = [name for each in own if each != person for name in own[each]]
+        asking, library = (others, own[person]) if protocol is Protocol.ONE_PERSON else (own[person], others)
+        assert (_names(fold), _sources(fold)) == (asking, set(library))
+
+
+def test_unlabelled_takes_are_asked_of_other_persons_libraries(takes: list[Take]) -> None:
+    """A take without labels is recognised by every library without motions of its person."""
+    unlabelled = [_take("ann", 6, NOTHING), _take("zoe", 7, NOTHING), replace(_take("", 8), segments=())]
+    everything = [*takes, *unlabelled]
+    asked = {
+        protocol: {
+            fold.person: {*_names(fold)} & {"ann6", "zoe7", "8"} for fold in folds_of(everything, protocol, _unused)
+        }
+        for protocol in (Protocol.LEAVE_ONE_TAKE_OUT, Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON)
+    }
+    assert asked[Protocol.LEAVE_ONE_TAKE_OUT] == {"": {"ann6", "zoe7", "8"}}
+    assert asked[Protocol.LEAVE_ONE_PERSON_OUT] == {"ann": {"ann6"}, "ben": set(), "cid": set(), "": {"zoe7", "8"}}
+    strangers = {"zoe7", "8"}
+    assert asked[Protocol.ONE_PERSON] == {"ann": strangers, "ben": {"ann6"} | strangers, "cid": {"ann6"} | strangers}
+    for protocol in asked:
+        assert all("ann6" not in _sources(fold) for fold in folds_of(everything, protocol, _unused))
+
+
+@pytest.mark.parametrize(
+    ("kept", "protocol", "message"),
+    [
+        (slice(0, 1), Protocol.LEAVE_ONE_TAKE_OUT, "leave-one-take-out: expected at least two labelled takes, got 1"),
+        (slice(0, 0), Protocol.LEAVE_ONE_TAKE_OUT, "expected at least two labelled takes, got none"),
+        (slice(0, 2), Protocol.ONE_PERSON, "--protocol one-person: expected at least two labelled persons, got 1"),
+        (slice(4, 5), Protocol.LEAVE_ONE_PERSON_OUT, "expected at least two labelled persons, got 1"),
+    ],
+)
+def test_a_protocol_without_motions_is_an_error(
+    takes: list[Take], kept: slice, protocol: Protocol, message: str
+) -> None:
+    """One take, or one person, leaves no motion for a library; unlabelled takes do not help."""
+    with pytest.raises(ValueError, match=message):
+        folds_of([*takes[kept], _take("zoe", 7, NOTHING)], protocol, _unused)

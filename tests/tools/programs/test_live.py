@@ -1,0 +1,217 @@
+"""`kinespace live`: a real process that is fed over real sockets, and stopped as a person stops it."""
+
+import json
+import signal
+import socket
+import time
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from golden import LAYOUTS, Moment, message
+from programs import LOOPBACK, PATIENCE, builtin_library, free_udp_port, ghost_cues, live, started
+
+from kinespace.library import MotionLibrary
+from kinespace.library.naming.hdm05 import SKELETON
+from kinespace.stream import Announcement, Frame, Settings, osc
+from kinespace.stream.feeds import builtin_preset
+from kinespace.stream.inputs import Source
+from kinespace.stream.inputs.decoder import FeedDecoder
+from kinespace.tools.cli.main import main
+from kinespace.tools.feeding.feed import Cue
+from kinespace.tools.feeding.service import Program, expected_answers
+from kinespace.tools.programs.live.program import OSC_OUT
+from kinespace.tools.programs.live.unread import Unread, _lacking
+
+
+def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[str]:
+    """Give the labels that will be answered."""
+    return [each.label for each in expected_answers(cues, builtin_library(), settings or Settings())]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "answering"),
+    [
+        ("--osc-in 127.0.0.1:0", f"native {OSC_OUT}"),
+        (
+            "--osc-in 127.0.0.1:0 --osc-out 9 --zmq-in tcp://127.0.0.1:* --zmq-out tcp://127.0.0.1:*",
+            r"native 127.0.0.1:9, ZeroMQ tcp://127\.0\.0\.1:\d+",
+        ),
+        (
+            "--osc-in 127.0.0.1:0 --out vrchat,puredata --out max=127.0.0.2:7401",
+            "vrchat .*, puredata .*, max 127.0.0.2:7401",
+        ),
+        (
+            "--feed vmc --sender 10.0.0.2 --osc-in 127.0.0.1:0 --zmq-out tcp://127.0.0.1:*",
+            r"ZeroMQ tcp://127\.0\.0\.1:\d+",
+        ),
+    ],
+)
+def test_it_says_where_it_listens_and_answers(options: str, answering: str) -> None:
+    """With an input alone answers go where they always go, else where they were asked for; the line says so."""
+    with started("live", "--plain", *options.split()) as program:
+        program.expect(rf"listening on (OSC|vmc) 127\.0\.0\.1:[1-9].*; answering to {answering}; Ctrl-C ends\n")
+        assert (program.interrupt(), program.errors) == (0, "")
+
+
+@pytest.mark.slow
+def test_every_frame_is_answered_that_is_due() -> None:
+    """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
+    cues = ghost_cues("squat1Reps", 2.0)
+    expected = expected_of(cues)
+    with live("--plain", "--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies") as stage:
+        stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
+        stage.play(cues)
+        answers = stage.answers(len(expected))
+        counts = stage.stopped()
+    assert [answer.label for answer in answers] == expected
+    assert {answer.performer for answer in answers} == {"ghost"}
+    lost = {name: 0 for name in counts if name not in ("received", "frames", "answers")}
+    assert counts == {"received": 241, "frames": 240, "answers": len(expected), **lost}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("listening", [LOOPBACK, "0.0.0.0"])  # noqa: S104 - all networks include this machine
+@pytest.mark.parametrize("target", ["--osc-out {0}:{1}", "--out max={0}:{1}", "--out native=sender:{1}"])
+def test_answers_to_our_own_port_are_refused(listening: str, target: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Answers that would come in again as frames are refused, wherever they would come in."""
+    port = free_udp_port()
+    options = target.format(LOOPBACK, port).split()
+    assert main(["live", "--osc-in", f"{listening}:{port}", "--signature", "paper", *options]) == 2
+    assert f"expected another place than {listening}:{port}, where frames come in" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", ["--teach {0} --record {0}", "--library {0} --record {0}"])
+def test_a_file_has_one_purpose(options: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--overwrite` is no leave to write over the library that is read or taught."""
+    library = tmp_path / "mine.npz"
+    library.write_bytes(b"mine")
+    given = options.format(library).split()
+    assert main(["live", "--osc-in", "127.0.0.1:0", "--overwrite", *given]) == 2
+    assert "expected a file for each purpose, got one for several" in capsys.readouterr().err
+    assert library.read_bytes() == b"mine"
+
+
+def _said(notified: socket.socket, until: str) -> list[str]:
+    """Collect what is said to systemd until a line comes."""
+    said = list[str]()
+    while until not in "\n".join(said):
+        said += notified.recv(4096).decode().splitlines()
+    return said
+
+
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="systemd is Linux's")
+@pytest.mark.slow
+def test_live_keeps_a_log_and_speaks_to_systemd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """READY once, WATCHDOG with each status, STOPPING at the end; each line of the log is one JSON object."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notified:
+        notified.bind(f"{tmp_path / 'notify'}")
+        notified.settimeout(60.0)
+        monkeypatch.setenv("NOTIFY_SOCKET", f"{tmp_path / 'notify'}")
+        with Program("live", "--log", "json", "--osc-in=127.0.0.1:0", "--osc-out=127.0.0.1:9") as program:
+            (port,) = program.expect(r"listening on OSC 127.0.0.1:(\d+)").groups()
+            begun = _said(notified, "STATUS=")
+            assert begun[:2] == ["READY=1", "WATCHDOG=1"]
+            assert begun[2].startswith("STATUS=waiting: 0 performers")
+            kick = next(each for each in MotionLibrary.builtin().motions if each.class_name == "kickLFront1Reps")
+            sender = osc.OscSender("127.0.0.1", int(port))
+            for moment, positions in zip(kick.times.tolist(), kick.positions, strict=True):
+                sender.send(osc.encode_frame(Frame("ann", 1.0 + moment, positions)))
+                time.sleep(1 / 120)
+            sender.close()
+            later = _said(notified, ": 1 performers")
+            assert "READY=1" not in later
+            program.process.send_signal(signal.SIGTERM)
+            _said(notified, "STOPPING=1")
+            program.process.wait(60.0)
+            lines = [json.loads(line) for line in program.printed.splitlines()]
+    assert {"time", "level", "text"} <= set.intersection(*map(set, lines))
+    starts = [line for line in lines if line.get("what") == "start"]
+    assert {(line["performer"], line["class"], line["level"]) for line in starts} == {
+        ("ann", "kickLFront1Reps", "info")
+    }
+    assert abs(datetime.fromisoformat(starts[0]["time"]) - datetime.now(UTC)) < timedelta(minutes=5)
+
+
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="systemd is Linux's")
+@pytest.mark.slow
+def test_without_systemd_a_log_in_text_has_levels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A time, a level and the line."""
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    with Program("live", "--log", "text", "--osc-in=127.0.0.1:0", "--osc-out=127.0.0.1:9") as program:
+        program.expect(r"(?m)^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z info    listening on OSC")
+
+
+PLACE = "127.0.0.1", 9310
+
+
+def packets_of(layout: str) -> Iterator[tuple[bytes, float]]:
+    """Give two seconds of a product's packets with their arrivals."""
+    cues = ghost_cues("squat1Reps", 0.5)[::4]
+    for number in range(60):
+        places = dict(zip(SKELETON.joints, cues[number % len(cues)].frame.positions, strict=True))
+        for packet in LAYOUTS[layout][1](Moment(places, 1 + number / 30, number)):
+            yield packet, 1 + number / 30
+
+
+def note_of(unread: Unread, now: float) -> str:
+    """Wait for a note: it is made in a thread."""
+    until = time.monotonic() + PATIENCE
+    while not (note := unread.note(now)) and time.monotonic() < until:
+        time.sleep(0.01)
+    return note
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("layout", "run"), [("vmc", "--feed vmc"), ("osceleton", "--feed osceleton")])
+def test_a_known_feed_is_named_with_the_command_that_reads_it(layout: str, run: str) -> None:
+    """As `listen` says it, with the port that the packets come to; after a silence nothing is said."""
+    unread = Unread(PLACE, None)
+    for packet, arrival in packets_of(layout):
+        unread.keep(packet, arrival, ("127.0.0.1", 5000))
+    assert f"end this and run: kinespace live {run} --osc-in 127.0.0.1:9310" in note_of(unread, 3.0)
+    assert unread.note(60.0) == ""
+
+
+class _Receiver:
+    """Gives a packet each time."""
+
+    sender, waited, kernel_drops, packet = ("127.0.0.1", 5000), 0.0, 0, b""
+
+    def receive(self) -> bytes:
+        return self.packet
+
+
+class _Asked:
+    """Counts what it is asked to look at."""
+
+    kept = 0
+
+    def keep(self, *_: object) -> None:
+        self.kept += 1
+
+    def note(self, now: float) -> str:
+        del now
+        return "looks like another"
+
+
+def test_a_frame_that_time_completes_is_a_frame() -> None:
+    """Where a body's joints come one by one, packets make no frames themselves; they are not looked at all the same."""
+    receiver, asked = _Receiver(), _Asked()
+    source = Source(receiver, FeedDecoder(builtin_preset("joints")))  # type: ignore[arg-type] # all that is used
+    source.unread = asked
+    for number in range(40):
+        receiver.packet = message("/Head", "fff", 0.0, 1.0, number / 100)
+        source.take(10 + number / 20)
+        source.tend(10 + number / 20 + 0.04)
+    # Until the first frame nothing is known.
+    assert asked.kept <= 1
+
+
+def test_joints_that_wait_for_a_coordinate_are_named() -> None:
+    """A sender that sends only what changes may never send a coordinate that stands still."""
+    came = ["/p#/knee_l:ty", "/p#/knee_l:tz", *(f"/p#/head:t{axis}" for axis in "xyz"), "/p#/hand_l/x", "/p#/id"]
+    assert _lacking(came) == ["/p#/knee_l waits for x", "/p#/hand_l waits for y and z"]

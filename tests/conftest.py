@@ -26,10 +26,10 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.recordings import find_recordings, read_recordings
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.osc import OscReceiver, udp
-from kinespace.tools.bench import crowd
 from kinespace.tools.camera import models
 from kinespace.tools.camera.joints import require_extra
 from kinespace.tools.feeding.feed import resampled
+from kinespace.tools.programs import bench
 from kinespace.tools.terminal.console import console
 
 # The same examples in every run, therefore few, and no deadline: a slow machine is not a failure.
@@ -217,7 +217,7 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
 @pytest.fixture(scope="session")
 def played() -> NDArray[np.float32]:
     """Give the bench's positions: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
-    return crowd.positions()
+    return bench.positions()
 
 
 @pytest.fixture(autouse=True)

@@ -20,7 +20,7 @@ import msgspec
 
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
-from kinespace.stream.osc.answers import address_part
+from kinespace.stream.osc.messages import address_part
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet
 
 #: Joints whose numbers are known, at most; a sender that makes up names fills the memory, and empties it.

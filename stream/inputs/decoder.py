@@ -15,12 +15,12 @@ from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.preset import Preset
 from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
 from kinespace.stream.frame import Input
-from kinespace.stream.osc.frames import decode as decode_datagram
+from kinespace.stream.osc.messages import decode as decode_datagram
 from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, parts_of
 from kinespace.stream.status import InputCounts, Refusals
-from kinespace.stream.zeromq.frames import FormatError, NumberedFrame, SequenceGaps, decode_packed
-from kinespace.stream.zeromq.frames import decode as decode_message
+from kinespace.stream.zeromq.messages import FormatError, NumberedFrame, SequenceGaps, decode_packed
+from kinespace.stream.zeromq.messages import decode as decode_message
 
 #: First bytes of OSC packets, which some programs send unchanged: a map begins with another byte.
 _OSC = (b"/", b"#bundle\0")

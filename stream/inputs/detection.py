@@ -19,7 +19,7 @@ from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS, Unpacker
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder
-from kinespace.stream.osc.frames import SKELETON, decode
+from kinespace.stream.osc.messages import SKELETON, decode
 from kinespace.stream.osc.packet import Message, PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, sender_name
 

@@ -22,7 +22,7 @@ from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder
 from kinespace.stream.inputs.detection import Survey
 from kinespace.stream.inputs.kinerec import Recorder
-from kinespace.stream.osc.frames import beginning_of
+from kinespace.stream.osc.messages import beginning_of
 from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
 from kinespace.stream.packet import Packet, Receiver, Sender, sender_name

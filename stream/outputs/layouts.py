@@ -1,6 +1,6 @@
 """Answers in the layouts that other programs understand, as OSC packets, and the sinks that send them.
 
-native         the messages of `stream.osc.answers`: class, guess, label, scores and events
+native         the messages of `stream.osc.messages`: class, guess, label, scores and events
 max, puredata, supercollider
                the same on the ports on which these usually listen
 touchdesigner  numbers only, because the OSC In CHOP takes nothing else
@@ -30,15 +30,15 @@ from pythonosc.osc_message_builder import BuildError
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.inputs.admission import Admission
-from kinespace.stream.osc import answers
-from kinespace.stream.osc.answers import address_part
+from kinespace.stream.osc import messages as answers
+from kinespace.stream.osc.messages import address_part
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.osc.udp import OscReceiver, OscSender
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import GONE, Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import Notice
+from kinespace.stream.teaching.commands import encode as encode_notice
 
 _Last = TypeVar("_Last", int, float)
 #: The largest whole number of a VRChat parameter.
@@ -122,7 +122,7 @@ class NativeLayout(Layout):
 
     def notice(self, notice: Notice) -> bytes | None:
         """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i i f`."""
-        return wire.encode(notice)
+        return encode_notice(notice)
 
 
 class TouchDesignerLayout(NativeLayout):

@@ -37,8 +37,7 @@ from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, Pe
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
 from kinespace.stream.service.background import signals_held
-from kinespace.stream.service.wire import Orders, Report, SentFrame, decode_answers, encode
-from kinespace.stream.service.worker import Terms, work
+from kinespace.stream.service.worker import Orders, Report, SentFrame, Terms, decode_answers, encode, work
 from kinespace.stream.status import InputCounts
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.

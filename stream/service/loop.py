@@ -17,7 +17,7 @@ from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.inputs.source import APART, TENDING, Source
-from kinespace.stream.osc.answers import address_part
+from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Performers

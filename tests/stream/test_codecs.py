@@ -26,13 +26,12 @@ from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
-from kinespace.stream.osc import answers as osc_answers
+from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError, decode_packet
 from kinespace.stream.recognition import Answer, Done, Event, EventKind, Outcome, Progress, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
-from kinespace.stream.zeromq import answers as zeromq_answers
-from kinespace.stream.zeromq.answers import decode_body, encode_body
-from kinespace.stream.zeromq.frames import decode_packed
+from kinespace.stream.zeromq import messages as zeromq_answers
+from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)

@@ -21,7 +21,7 @@ from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_ud
 
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement
-from kinespace.stream.osc.frames import encode_frame
+from kinespace.stream.osc.messages import encode_frame
 from kinespace.tools.evaluation.evaluate_show import facing
 
 if TYPE_CHECKING:

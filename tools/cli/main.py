@@ -23,7 +23,7 @@ Programs = Mapping[str, tuple[str, str]]
 #: `evaluate` has no module: its experiments are programs.
 PROGRAMS: Programs = {
     "demo": ("programs.demo", "play motions into a recogniser on this machine, with the built-in library alone"),
-    "live": ("programs.live.program", "recognise a feed"),
+    "live": ("programs.live", "recognise a feed"),
     "camera": ("programs.camera", "find bodies in a camera's or a film's pictures, and send their joints"),
     "replay": ("programs.replay", "send recordings, or the built-in library's motions, as a fake live feed"),
     "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
@@ -35,7 +35,7 @@ PROGRAMS: Programs = {
     "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
     "info": ("programs.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
-    "bench": ("bench.run", "measure the cost of every step"),
+    "bench": ("programs.bench", "measure the cost of every step"),
     "keys": ("programs.keys", "make keys, so that only known programs connect by ZeroMQ"),
     "feeds": ("programs.feeds", "list the products whose feeds kinespace understands, and their settings"),
     "examples": ("programs.examples", "list programs and tables of joint names to copy, or print one"),

@@ -27,8 +27,7 @@ from kinespace.tools.evaluation.stream_score import rests_on, write_rows
 from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
-from kinespace.tools.terminal.console import print_scores, progress
-from kinespace.tools.terminal.files import require_place_for_report
+from kinespace.tools.terminal.console import print_scores, progress, require_place_for_report
 
 #: Each class's first segment, and the take that it lies in.
 Lessons = Mapping[str, tuple[Take, Segment]]

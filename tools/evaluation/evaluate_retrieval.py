@@ -25,8 +25,15 @@ from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import print_json, shared_joints
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
 from kinespace.tools.evaluation.takes import Sources, distinct, read_takes
-from kinespace.tools.terminal.console import console, counted, print_scores, progress, shortened, table_of
-from kinespace.tools.terminal.files import require_place_for_report
+from kinespace.tools.terminal.console import (
+    console,
+    counted,
+    print_scores,
+    progress,
+    require_place_for_report,
+    shortened,
+    table_of,
+)
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),

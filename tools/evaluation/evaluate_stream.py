@@ -33,8 +33,7 @@ from kinespace.tools.evaluation.stream_score import (
     write_rows,
 )
 from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.files import require_place_for_report
+from kinespace.tools.terminal.console import progress, require_place_for_report
 
 _Values = dict[str, float | None]
 

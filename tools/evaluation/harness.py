@@ -22,7 +22,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.presets import joints_of
+from kinespace.tools.cli.arguments import joints_of
 from kinespace.tools.evaluation.takes import Sources, Take, read_takes, takes_of
 from kinespace.tools.terminal.console import note
 

@@ -24,9 +24,8 @@ from kinespace.library.recordings.formats.labels import (
     read_labels,
     renamed,
 )
-from kinespace.tools.cli.presets import joints_of
-from kinespace.tools.terminal.console import note, progress
-from kinespace.tools.terminal.files import NameNotes
+from kinespace.tools.cli.arguments import joints_of
+from kinespace.tools.terminal.console import NameNotes, note, progress
 
 _COLUMNS = ("file", "subject", "contains", "perhaps")
 

@@ -25,7 +25,7 @@ from websockets.http11 import Request, Response
 
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
-from kinespace.stream.zeromq.frames import VERSION
+from kinespace.stream.zeromq.messages import VERSION
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.process import Plan, Subscription
 from kinespace.tools.page.server import ClientServer, Gate, refusal

@@ -40,8 +40,7 @@ from kinespace.tools.cli.arguments import (
     reading_of,
     several,
 )
-from kinespace.tools.terminal.console import counted, progress, say
-from kinespace.tools.terminal.files import NameNotes, require_place_for
+from kinespace.tools.terminal.console import NameNotes, counted, progress, require_place_for, say
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0

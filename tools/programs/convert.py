@@ -26,10 +26,8 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.takes import events_of, ordered_frames, seen_in
-from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
-from kinespace.tools.cli.presets import preset_named
-from kinespace.tools.terminal.console import csv_text, printable, progress, say
-from kinespace.tools.terminal.files import NameNotes, require_place_for
+from kinespace.tools.cli.arguments import add_reading, add_shared, preset_named, reading_of
+from kinespace.tools.terminal.console import NameNotes, csv_text, printable, progress, require_place_for, say
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]

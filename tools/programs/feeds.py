@@ -7,7 +7,7 @@ import argparse
 from rich.text import Text
 
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.cli.arguments import preset_named
 from kinespace.tools.terminal.console import say
 
 

@@ -25,10 +25,16 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.joints.fitting import TITLES, kinds_of
-from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
-from kinespace.tools.cli.presets import preset_named
-from kinespace.tools.terminal.console import print_scores, progress, say
-from kinespace.tools.terminal.files import read_with_notes
+from kinespace.tools.cli.arguments import (
+    BUILT_IN,
+    add_reading,
+    add_shared,
+    class_at,
+    library_at,
+    preset_named,
+    reading_of,
+)
+from kinespace.tools.terminal.console import print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")

@@ -22,8 +22,7 @@ from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
-from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
-from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.terminal.console import console, say, table_of
 

@@ -40,8 +40,7 @@ from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
 from kinespace.tools.feeding.service import Listener
 from kinespace.tools.programs.exchange import Exchange
-from kinespace.tools.terminal.console import console, counted, progress, progress_console, say
-from kinespace.tools.terminal.files import NameNotes
+from kinespace.tools.terminal.console import NameNotes, console, counted, progress, progress_console, say
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5

@@ -27,7 +27,7 @@ from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
-from kinespace.stream.teaching.memory import Remembered
+from kinespace.stream.teaching.teacher import Remembered
 from kinespace.tools.teaching.roster_file import RosterFile
 from kinespace.tools.terminal.console import say
 

@@ -17,8 +17,7 @@ from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice, State, Step
-from kinespace.stream.teaching.wire import as_line
+from kinespace.stream.teaching.commands import Notice, State, Step, as_line
 from kinespace.tools.terminal.console import console, printable, say, shortened, table_of
 
 #: Characters of a score's bar.

@@ -19,7 +19,7 @@ from kinespace.library.windows.comparison import ACROSS_LABORATORIES, WITHIN_LAB
 from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.index import Measured, WindowIndex, opened, teacher_of
 from kinespace.library.windows.rejection import RATES, Rejection, learned_rejection
-from kinespace.tools.cli.presets import joints_of
+from kinespace.tools.cli.arguments import joints_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -13,7 +13,7 @@ from performed import NAMED
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import osc
-from kinespace.stream.osc import answers as osc_answers
+from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc import udp
 from kinespace.stream.osc.packet import Message, decode_packet
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp

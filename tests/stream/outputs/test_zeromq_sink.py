@@ -16,7 +16,7 @@ from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
-from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.stream.zeromq import messages as zeromq_answers
 
 POSE = stick_clip("bow").positions[0]
 CARRIED = Carried((1.0, *[0.0] * (len(POSE) - 1)), ((0, 1), (0, 2)))

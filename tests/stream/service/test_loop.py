@@ -18,7 +18,7 @@ from kinespace.stream.recognizer import Performers, Recognizer
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.loop import LATE, MAX_AGE, Service
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import Asked, State, Step, commands, wire
+from kinespace.stream.teaching import Asked, State, Step, commands
 from kinespace.stream.zeromq import Endpoint
 
 LOOPBACK = "127.0.0.1"
@@ -157,7 +157,7 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
 
     def reset(address: str) -> None:
         bench.sources[0].waiting.append(
-            [Asked(each) for each in wire.decode(wire.said_in(osc.encode_message(address))[0])]
+            [Asked(each) for each in commands.decode(commands.said_in(osc.encode_message(address))[0])]
         )
         bench.step()
 

@@ -12,7 +12,7 @@ from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
 
 if TYPE_CHECKING:
-    from kinespace.stream.service.wire import SentFrame
+    from kinespace.stream.service.worker import SentFrame
 
 CLASSES = ("squat", "jog")
 JOINTS = ("a", "b", "c")

@@ -3,7 +3,7 @@ from test_teacher import Stage
 
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.teaching import State, Step, commands
-from kinespace.stream.teaching.memory import NamedMotions
+from kinespace.stream.teaching.teacher import NamedMotions
 
 
 def _event(kind: EventKind, time: float, label: str = "squat1Reps", performer: str = "ann") -> Event:

@@ -15,7 +15,7 @@ from kinespace.stream.recognition import Done, Event, EventKind
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, SequenceGaps, ZmqReceiver, ZmqSender
-from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.stream.zeromq import messages as zeromq_answers
 
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.

@@ -17,8 +17,8 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
+from kinespace.tools.cli.arguments import joints_in_order, joints_of
 from kinespace.tools.cli.main import main
-from kinespace.tools.cli.presets import joints_in_order, joints_of
 from kinespace.tools.feeding.feed import Cue
 
 # --- restricted -------------------------------------------------------------------------------------------------------

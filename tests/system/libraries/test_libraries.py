@@ -19,7 +19,7 @@ from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.windows.index import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.osc import OscReceiver, OscSender
-from kinespace.stream.osc.frames import encode_frame
+from kinespace.stream.osc.messages import encode_frame
 from kinespace.stream.osc.packet import decode_packet, encode_message
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.stream.recognizer import LiveSignature, Recognizer, Settings

@@ -14,7 +14,7 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.packet import Message, decode_packet
-from kinespace.tools.programs.live.program import fitted
+from kinespace.tools.programs.live import fitted
 
 pytestmark = pytest.mark.slow
 

@@ -15,10 +15,9 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching.commands import State, Step, Taught
-from kinespace.stream.teaching.wire import as_json
-from kinespace.stream.zeromq import answers as zeromq_answers
-from kinespace.stream.zeromq.answers import encode_body
+from kinespace.stream.teaching.commands import State, Step, Taught, as_json
+from kinespace.stream.zeromq import messages as zeromq_answers
+from kinespace.stream.zeromq.messages import encode_body
 from kinespace.tools.page.board import MAX_SHOWN, Board
 from kinespace.tools.terminal.live_table import COUNTERS, counts
 

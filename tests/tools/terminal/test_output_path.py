@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from kinespace.tools.cli.main import main
-from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.terminal.console import require_place_for
 
 
 @pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--answers")], ids=" ".join)

@@ -7,7 +7,7 @@ import pytest
 
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import ZmqDecoder
-from kinespace.stream.zeromq import answers
+from kinespace.stream.zeromq import messages as answers
 from kinespace.tools.page.websocket import as_text, packed
 
 

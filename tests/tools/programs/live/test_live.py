@@ -18,7 +18,7 @@ from kinespace.stream import Announcement, Settings, osc
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.feeding.service import expected_answers
-from kinespace.tools.programs.live.program import OSC_OUT
+from kinespace.tools.programs.live import OSC_OUT
 
 pytestmark = pytest.mark.slow
 

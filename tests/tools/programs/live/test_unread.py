@@ -11,7 +11,7 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.inputs.source import Source
-from kinespace.tools.programs.live.unread import Unread, _lacking
+from kinespace.tools.programs.ends import Unread, _lacking
 
 PLACE = "127.0.0.1", 9310
 

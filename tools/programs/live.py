@@ -44,17 +44,18 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     add_shared,
     count,
+    joints_in_order,
     library_at,
     names,
     naming_of,
     positive,
+    preset_named,
     settings_of,
 )
 from kinespace.tools.cli.entry import stop_on_signals
-from kinespace.tools.cli.presets import joints_in_order, preset_named
 from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
-from kinespace.tools.programs.live.endpoints import (
+from kinespace.tools.programs.ends import (
     Served,
     open_controls,
     open_ends,
@@ -64,8 +65,7 @@ from kinespace.tools.programs.live.endpoints import (
 )
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
-from kinespace.tools.terminal.console import console, log_as, say
-from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.terminal.console import console, log_as, require_place_for, say
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 
 #: A library, perhaps opened already.

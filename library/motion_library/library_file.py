@@ -5,8 +5,6 @@ millimetres from each motion's first root position; `starts` holds those first p
 around at the integers' range, so nothing is lost. Zip's checksums show whether a file is damaged.
 """
 
-from __future__ import annotations
-
 import errno
 import io
 import math

@@ -1,7 +1,5 @@
 """The names of HDM05's files, its licence, and its skeleton, which CMU's recordings share."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

@@ -11,8 +11,6 @@ timeout is half of the time between two frames, if that is less than the preset'
 shows where a frame begins.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

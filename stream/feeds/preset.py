@@ -4,8 +4,6 @@ A preset lists messages: an address in which `{joint}` and `{performer}` stand f
 `{any}` for anything, and the role of each argument. `native.toml` and its neighbours are examples.
 """
 
-from __future__ import annotations
-
 import re
 from enum import StrEnum
 from functools import lru_cache

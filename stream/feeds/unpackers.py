@@ -8,8 +8,6 @@ zigsim    ZIG SIM's JSON: `/zigsim/<device>/<joint> x y z`; its OSC as it is
 xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Commands among the packets of a feed, and the senders that may give them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

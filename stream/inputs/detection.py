@@ -1,7 +1,5 @@
 """Detection: kinds of messages on a port, rates, senders, gaps, and the preset that fits best."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -10,8 +10,6 @@ product's feed, `presets` (their TOML by name; older recordings lack it). Every 
 its parts. Records are only ever appended, so a recorder that is killed leaves whole records and at most one torn one.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import threading

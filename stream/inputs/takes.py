@@ -1,7 +1,5 @@
 """Raw recordings decoded again, as the live sources decode them, and read as takes of each performer."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace

@@ -23,8 +23,6 @@ guess is not near enough to the library, "gone" once when the performer has left
 belong to the guess. No number is larger than a float, because Pure Data and many libraries know no double.
 """
 
-from __future__ import annotations
-
 import struct
 import sys
 from collections.abc import Sequence

@@ -13,8 +13,6 @@ Where 0 has to mean "nothing", as in Wekinator and in VRChat's parameters, class
 class" when no class is named, and once when a performer has left.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import string

@@ -1,7 +1,5 @@
 """Answers as MIDI, to a port or into a file: a note for each class, controllers for score and progress."""
 
-from __future__ import annotations
-
 import errno
 import os
 import struct

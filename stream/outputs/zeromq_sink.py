@@ -1,7 +1,5 @@
 """Answers as ZeroMQ messages, and bodies for programs that draw them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import Protocol

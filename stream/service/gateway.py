@@ -5,8 +5,6 @@ and goes on: no worker knows that there are others. They talk by ZeroMQ, on an e
 a name that nobody else knows.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import multiprocessing

@@ -1,7 +1,5 @@
 """The loop: frames from sources, through one recogniser per performer, to sinks; in overload by turns."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter, deque

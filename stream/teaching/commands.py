@@ -6,8 +6,6 @@ A command is called by the name of its class in small letters, and has its field
 performers.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -8,8 +8,6 @@ There is no socket, clock or thread in here. Frames and commands come in with th
 by `checked`. The caller may take any time for it: lessons go on meanwhile.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Collection, Sequence

@@ -18,8 +18,6 @@ Answers as ZeroMQ messages: a topic and a JSON object.
 `[b"classes/"][JSON]`, `[b"status/"][JSON]`. NaN and infinity are null, because JSON has neither.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache

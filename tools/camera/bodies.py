@@ -4,8 +4,6 @@ The detector looks at a whole picture only while a body is missing; a body that 
 landmarks say (Bazarevsky et al., BlazePose, 2020, section 3.1).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol

@@ -4,8 +4,6 @@ The constants are those of MediaPipe's graph `pose_detection_cpu.pbtxt`; Bazarev
 the averaging over overlapping boxes, BlazeFace (2019).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

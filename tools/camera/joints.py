@@ -1,7 +1,5 @@
 """The joints of a body that a camera sees, and a film read as a recording of them."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import replace
 from importlib import import_module

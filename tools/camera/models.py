@@ -1,7 +1,5 @@
 """The files of BlazePose's networks: fetched by the machine's own package client, checked, kept in the user's cache."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """BlazePose's two networks: the bodies in a picture, and the landmarks of one body."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ As MediaPipe's graphs `pose_detection_to_roi.pbtxt`, `pose_landmarks_to_roi.pbtx
 do it; Bazarevsky et al., BlazePose (2020), figure 2.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Arguments that several programs share: groups of options; numbers, names, presets and joints in the command line."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Callable, Sequence

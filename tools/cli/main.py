@@ -5,8 +5,6 @@ returns the exit status. Its `--help` prints the module's docstring below the fi
 that is asked for is imported.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys

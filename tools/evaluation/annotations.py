@@ -1,7 +1,5 @@
 """Events of an evaluation as annotations that ELAN (`.eaf`) and BORIS (`.boris`) open beside the film."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ drawn together, because they are not independent. Nor are the segments of one pe
 other persons, persons are drawn in place of units, each with all that is theirs.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

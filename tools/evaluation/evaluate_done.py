@@ -4,8 +4,6 @@ Takes are replayed through the recogniser that runs live, and the motions said t
 Every motion that was said once is also played to its half only, and must not be done then.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

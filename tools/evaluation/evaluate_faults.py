@@ -4,8 +4,6 @@ Plays takes into the live recogniser with joints frozen, lost, exchanged or out 
 two postures; counts answers with the last second inside the segment, and seconds of alarm.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -6,8 +6,6 @@ the gesture; a second right word is false. Segments that teach, segments labelle
 count neither way; in segments labelled `nothing` every word is false.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

@@ -8,8 +8,6 @@ the hips in the middle, turned to face one way in the first frame, of one size a
 motions cut at the same share as the motions that ask.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections import defaultdict

@@ -7,8 +7,6 @@ it (`done`: one and a half), once; every other word is false. Without --movement
 classes are the everyday movement.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Sequence

@@ -4,8 +4,6 @@ Replays takes through the very recogniser that runs live, at full speed and with
 each moment with the movement performed at that moment.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ Draws examples of one person's motions, makes a library of them, and replays wha
 same person and of others, through the live recogniser.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

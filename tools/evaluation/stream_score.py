@@ -1,7 +1,5 @@
 """How right a stream of answers was: the answer at each moment against the motion performed at that moment."""
 
-from __future__ import annotations
-
 import csv
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

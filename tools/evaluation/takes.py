@@ -1,7 +1,5 @@
 """Takes to be recognised, and the labels of the motions in them."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

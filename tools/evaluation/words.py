@@ -1,7 +1,5 @@
 """How rightly motions were found that were done: found, counted, false alarms an hour, the delay after the end."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence

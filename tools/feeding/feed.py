@@ -1,7 +1,5 @@
 """A fake live feed: frames with the time at which each is sent."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterable, Iterator, Sequence

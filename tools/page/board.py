@@ -5,8 +5,6 @@ grows with each message, so that a page that has seen everything up to a number 
 and answers the newest, of motions and notices all of the last minute.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field

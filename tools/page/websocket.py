@@ -6,8 +6,6 @@ when they change); or binary, the msgpack map of ZeroMQ. An answer is text: Zero
 error is, too, for the client whose frame cannot be read.
 """
 
-from __future__ import annotations
-
 import asyncio
 import ipaddress
 from collections import deque

@@ -5,8 +5,6 @@ in its name (HDM05) or is its folder's name. A file of labels next to a take, wi
 .tsv or .txt, cuts it into motions.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame.
 """
 
-from __future__ import annotations
-
 import argparse
 import codecs
 import csv

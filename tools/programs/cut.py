@@ -5,8 +5,6 @@ classes; kinespace build --labels makes a library of them. Motions that follow o
 second stay one row, to be divided by hand.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 from pathlib import Path

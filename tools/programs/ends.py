@@ -3,8 +3,6 @@
 Of packets of which no frame comes it says the feed they look like, by the same survey as `kinespace listen`.
 """
 
-from __future__ import annotations
-
 import argparse
 import ipaddress
 import math

@@ -1,7 +1,5 @@
 """`kinespace feeds`: lists the products whose messages kinespace understands, and their settings."""
 
-from __future__ import annotations
-
 import argparse
 
 from rich.text import Text

@@ -4,8 +4,6 @@ Counts the motions of a library, or of a folder of recordings, by class and by p
 a .kinerec.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -4,8 +4,6 @@ Makes a pair of keys (CURVE) in a folder. Copy NAME.key into the folders of prog
 NAME.key_secret stays here. live, replay and record use the folder with --keys.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Feeds a recogniser in another process over loopback and times its answers; the s
 same run.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -4,8 +4,6 @@ Try this first when nothing works. It shows every kind of message that arrives, 
 feed that the messages resemble; the joints that came, and the joints that recognition lacks.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shlex

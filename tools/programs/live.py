@@ -4,8 +4,6 @@ Recognises frames and publishes answers until Ctrl-C, by OSC unless other addres
 bound; put > before it to connect instead.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import os

@@ -4,8 +4,6 @@ Serves a page that shows the bodies, the guesses and the past minute of a recogn
 (kinespace live --zmq-out ENDPOINT --bodies), until Ctrl-C. kinespace live --page starts it by itself.
 """
 
-from __future__ import annotations
-
 import argparse
 import threading
 

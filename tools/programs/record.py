@@ -4,8 +4,6 @@ Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs 
 replay sends the file again bit for bit; kinespace live --record records while it recognises.
 """
 
-from __future__ import annotations
-
 import argparse
 import threading
 import time

@@ -6,8 +6,6 @@ next to the take, the class is the label of the moment. Exit status: 0 sent (and
 reached no program, or no answer came to --listen, 2 could not be done.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -1,7 +1,5 @@
 """Keys for teaching while the table is shown, for a performer who is alone with a keyboard."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Lessons: the teacher among the recognisers. Commands and frames come in, notices and another library come out."""
 
-from __future__ import annotations
-
 import math
 import queue
 import threading

@@ -1,7 +1,5 @@
 """The file of taught motions: a thread of its own writes the newest roster, tries again, and keeps what it replaces."""
 
-from __future__ import annotations
-
 import math
 import queue
 import shutil

@@ -1,7 +1,5 @@
 """What programs print: lines, tables, progress, words on the files that they read; and places for files they write."""
 
-from __future__ import annotations
-
 import argparse
 import errno
 import json

@@ -1,7 +1,5 @@
 """A running recogniser as the user sees it: a table, or a line for each change; a summary at the end."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections import defaultdict

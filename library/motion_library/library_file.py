@@ -294,8 +294,7 @@ def _require_sizes(joints: int, frames: Sequence[int]) -> None:
     _require(0 < len(frames) <= MAX_MOTIONS, f"motions: expected 1 to {MAX_MOTIONS}, got {len(frames)}")
     _require(joints <= MAX_JOINTS, f"joints: expected at most {MAX_JOINTS}, got {joints}")
     _require(
-        sum(frames) * joints * 3 <= MAX_COORDINATES,
-        f"frames: expected at most {MAX_COORDINATES} coordinates of all motions together, got more",
+        sum(frames) * joints * 3 <= MAX_COORDINATES, f"frames: expected at most {MAX_COORDINATES} coordinates, got more"
     )
 
 

@@ -220,9 +220,7 @@ class SenderNumbers:
         if sender in self._numbers:
             number = self._numbers[sender][0]
         else:
-            self._numbers = {
-                name: (number, last) for name, (number, last) in self._numbers.items() if now - last <= FORGET_AFTER
-            }
+            self._numbers = {name: known for name, known in self._numbers.items() if now - known[1] <= FORGET_AFTER}
             taken = {number for number, _ in self._numbers.values()}
             free = [number for number in range(1, MAX_SENDERS + 1) if number not in taken]
             if not free:

@@ -156,10 +156,8 @@ class Source:
     def counts(self) -> InputCounts:
         """Counts of all that came in; a copy."""
         receiver = self.receiver
-        excess = self._turns.thrown_away
-        counts = replace(
-            self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess
-        )
+        lost = {"overrun": receiver.kernel_drops, "broken": receiver.broken(), "thrown_away": self._turns.thrown_away}
+        counts = replace(self.decoder.counts, **lost)
         counts.received += self._stale
         counts.stale += self._stale
         if self.commands:

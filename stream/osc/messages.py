@@ -319,9 +319,8 @@ def encode_done(done: Done, since: float = 0.0) -> bytes:
     """
     start = min(max(done.start - since, -_MAX_FLOAT), _MAX_FLOAT)
     numbers = done.duration, done.score, done.speed, done.amplitude
-    return encode_message(
-        f"/motion/{address_part(done.performer)}/done", done.label, done.index, done.count, start, *numbers
-    )
+    place = f"/motion/{address_part(done.performer)}/done"
+    return encode_message(place, done.label, done.index, done.count, start, *numbers)
 
 
 def encode_classes(classes: Sequence[str]) -> bytes:

@@ -51,12 +51,8 @@ class Region(NamedTuple):
         """Give the affine map (2, 3) from pixels of the cut out square, `side` wide, to those of the picture."""
         across, down = self.size / side * math.cos(self.angle), self.size / side * math.sin(self.angle)
         middle = side / 2
-        return np.array(
-            [
-                [across, -down, self.x - (across - down) * middle],
-                [down, across, self.y - (down + across) * middle],
-            ]
-        )
+        away = (across - down) * middle, (down + across) * middle
+        return np.array([[across, -down, self.x - away[0]], [down, across, self.y - away[1]]])
 
 
 class Landmarks(NamedTuple):

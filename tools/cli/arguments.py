@@ -174,17 +174,12 @@ def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    parser.add_argument(
-        "--frame-rate", type=positive, metavar="HZ", help="frame rate of all recordings (default: each file's own)"
-    )
-    parser.add_argument(
-        "--unit",
-        default="",
-        help="of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)",
-    )
-    parser.add_argument(
-        "--joints", type=names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
-    )
+    text = "frame rate of all recordings (default: each file's own)"
+    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help=text)
+    text = "of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)"
+    parser.add_argument("--unit", default="", help=text)
+    text = "only these joints or markers; * and ? fit any"
+    parser.add_argument("--joints", type=names, default=(), metavar="A,B,...", help=text)
     add_names(parser, "files")
 
 
@@ -300,17 +295,11 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person, "
         f"{SENSITIVITY_CAMERA} if of several before cameras); windows only",
     )
-    parser.add_argument(
-        "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"
-    )
-    parser.add_argument(
-        "--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
-    )
-    parser.add_argument(
-        "--progress",
-        action="store_true",
-        help="say with each answer how far the motion is, how fast, how large; windows only",
-    )
+    parser.add_argument("--window", type=positive, help="seconds of the paper's window (default 0.5); paper only")
+    text = "seconds between answers (default 1/30)"
+    parser.add_argument("--hop", type=not_negative, default=_DEFAULTS.hop, help=text)
+    text = "say with each answer how far the motion is, how fast, how large; windows only"
+    parser.add_argument("--progress", action="store_true", help=text)
     parser.add_argument(
         "--false-alarms",
         type=per_hour,

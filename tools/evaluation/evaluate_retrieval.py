@@ -58,9 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--actor-in")
     parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both")
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
-    text = (
-        "write a row for each motion and comparison: the two nearest, their inner products, and whether they are right"
-    )
+    text = "write a row for each motion and comparison: the two nearest, their products, and whether they are right"
     parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
     text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
     parser.add_argument("--picture", type=report_path, metavar="FILE", help=text)
@@ -180,11 +178,7 @@ def _rows(clips: Sequence[Clip], names: Sequence[str], found: Retrieval) -> Iter
     for asking, places, products, right in zip(*(each.tolist() for each in found), strict=True):
         row = {"query": names[asking], "class": clips[asking].class_name, "person": clips[asking].actor}
         for which, place, product in zip(("nearest", "second"), places, products, strict=True):
-            row |= {
-                which: names[place],
-                f"{which}_class": clips[place].class_name,
-                f"{which}_product": product,
-            }
+            row |= {which: names[place], f"{which}_class": clips[place].class_name, f"{which}_product": product}
         yield row | {"right": int(right[0]), "one_of_two_right": int(right[1])}
 
 
@@ -334,9 +328,8 @@ def signatures_of(clips: Sequence[Clip], space: Space, kind: SignatureKind) -> N
     ValueError
         A clip has no rotations, and rotations are asked for.
     """
-    return np.array(
-        [signature_of(_frame_rows(clip, space), centred=kind is SignatureKind.EIGENVECTOR) for clip in clips]
-    )
+    centred = kind is SignatureKind.EIGENVECTOR
+    return np.array([signature_of(_frame_rows(clip, space), centred=centred) for clip in clips])
 
 
 def _frame_rows(clip: Clip, space: Space) -> NDArray[np.float64]:

@@ -51,9 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
     text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
     parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
-    parser.add_argument(
-        "--segments", type=report_path, metavar="CSV", help="write a row for each segment: right, named, delays"
-    )
+    text = "write a row for each segment: right, named, delays"
+    parser.add_argument("--segments", type=report_path, metavar="CSV", help=text)
     add_shared(parser, "--json")
 
 

@@ -160,9 +160,8 @@ def run(options: argparse.Namespace) -> int:
     raised = {id(each): _raised(each, clean, usual) for _, each in apart}
     named = [(course, raised[id(each)]) for course, each in apart]
     thresholds = [_threshold([], named, rate) for rate in RATES]
-    rejection = replace(
-        _raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=len(library.skeleton.joints)
-    )
+    joints = len(library.skeleton.joints)
+    rejection = replace(_raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=joints)
     learned = dict(rejection.kept().named)
     if fewer := [take for take in takes if take not in whole]:
         learned |= learned_of_few(library, whole, fewer).kept(few=True).named

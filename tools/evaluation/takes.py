@@ -224,14 +224,12 @@ def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
     for label in names:
         if label not in there:
             raise ValueError(f"--map: expected a label of the takes, {', '.join(sorted(there))}, got {label!r}")
-    return [
-        replace(
-            take,
-            segments=renamed(take.segments, names),
-            contains=tuple(names.get(name, name) for name in take.contains),
-        )
-        for take in takes
-    ]
+
+    def renamed_in(take: Take) -> Take:
+        contains = tuple(names.get(name, name) for name in take.contains)
+        return replace(take, segments=renamed(take.segments, names), contains=contains)
+
+    return [renamed_in(take) for take in takes]
 
 
 def distinct(names: Iterable[str]) -> list[str]:

@@ -190,11 +190,8 @@ class Span:
         """Match words with gestures, in the order of time: the first right word finds a gesture, a second is false."""
         verdicts, found = list[Verdict](), set["Segment"]()
         for word in sorted(said, key=lambda each: each.at):
-            near = [
-                each
-                for each in segments
-                if each.start - self.early - _ROUNDED <= word.at < each.end + self.late - _ROUNDED
-            ]
+            since, until = word.at + self.early + _ROUNDED, word.at - self.late + _ROUNDED
+            near = [each for each in segments if each.start <= since and until < each.end]
             own = next((each for each in near if each.label == word.class_name and each not in found), None)
             if own:
                 found.add(own)

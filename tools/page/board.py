@@ -301,20 +301,18 @@ class Board:
         if "classes" in shown:
             titles = {name: title for name in self._classes.shown if (title := title_of(name)) != name}
             shown |= {"titles": titles} if titles else {}
-        for field_name in ("skeleton", "carried", "answer"):
-            newer = {
-                name: noted.shown
-                for name, each in self._performers.items()
-                if (noted := getattr(each, field_name)).number > seen
-            }
-            if newer:
-                shown[field_name] = newer
+        performers = self._performers.items()
+
+        def newer(what: str) -> dict[str, Any]:
+            return {name: noted.shown for name, each in performers if (noted := getattr(each, what)).number > seen}
+
+        shown |= {what: found for what in ("skeleton", "carried", "answer") if (found := newer(what))}
         shown["motions"] = list(self._motions(seen))
-        for field_name in ("guesses", "done"):
-            by_name = {name: getattr(each, field_name) for name, each in self._performers.items()}
-            shown[field_name] = [(name, *each[1:]) for name, own in by_name.items() for each in own if each[0] > seen]
+        for what in ("guesses", "done"):
+            by_name = {name: getattr(each, what) for name, each in performers}
+            shown[what] = [(name, *each[1:]) for name, own in by_name.items() for each in own if each[0] > seen]
         shown["notices"] = [notice for number, notice in self._notices if number > seen]
-        bodies = {name: each.body.shown for name, each in self._performers.items() if each.body.number > seen}
+        bodies = newer("body")
         shown["bodies"] = [(name, joints) for name, (joints, _) in bodies.items()]
         # That nobody is here any more is news; no other empty list is.
         encoded = _encode({name: each for name, each in shown.items() if each != [] or name == "here"})

@@ -180,10 +180,8 @@ class SocketServer(ClientServer):
             return refusal(403, "this network is not let in: see --allow-from")
         if len(self._clients) >= MAX_CLIENTS:
             return refusal(503, "too many clients")
-        refused, origin = (
-            answer(self._gate, self._plan.origins, request.path, headers),
-            printable(headers.get("origin", "")[:100]),
-        )
+        refused = answer(self._gate, self._plan.origins, request.path, headers)
+        origin = printable(headers.get("origin", "")[:100])
         if (
             refused
             and "--ws-origin" in refused.body.decode()

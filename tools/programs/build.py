@@ -110,16 +110,14 @@ def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, 
     classes, actors = {motion.class_name for motion in library.motions}, library.actors
     for name in without:
         if name not in classes and name not in actors:
-            raise ValueError(
-                f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
-            )
+            listed = ", ".join((*sorted(classes), *actors))
+            raise ValueError(f"--without: expected a class or a person ({listed}), got {name!r}")
     for name in names:
         if name not in classes - set(without):
             stays = " that stays" if name in classes else ""
             raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
-    left = library.without(
-        classes=[name for name in without if name in classes], actors=[name for name in without if name in actors]
-    )
+    kept_out = [name for name in without if name in classes], [name for name in without if name in actors]
+    left = library.without(classes=kept_out[0], actors=kept_out[1])
     return left.renamed(names)
 
 
@@ -168,9 +166,7 @@ class _Recordings:
             more = [f"and {len(damaged) - _MAX_NAMED} more"] if len(damaged) > _MAX_NAMED else []
             raise RecordingError(*damaged[:_MAX_NAMED], *more)
         if self._filled:
-            self.notes.append(
-                f"{self._filled} of {self._read} joint positions were missing and were filled with straight lines"
-            )
+            self.notes.append(f"{self._filled} of {self._read} joint positions were missing, and are on straight lines")
 
     def _with_terms(self, clip: Clip, path: Path) -> Clip:
         """Set a clip's source and terms: the given ones, the file's own, or HDM05's for names like HDM05's."""

@@ -39,20 +39,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "film ends or Ctrl-C. Pictures stay in this process: nothing is stored or sent but numbers. The whole body "
         "must be in the picture. Exit status: 0 done, 2 could not be done, or a film without a body."
     )
-    parser.add_argument(
-        "source", nargs="?", default="0", metavar="0|FILE|URL", help="a camera, a film, a stream (default: camera 0)"
-    )
+    text = "a camera, a film, a stream (default: camera 0)"
+    parser.add_argument("source", nargs="?", default="0", metavar="0|FILE|URL", help=text)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
-    parser.add_argument(
-        "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
-    )
+    parser.add_argument("--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, @ before it binds")
     parser.add_argument("--performer", default="camera", help="name of the performer (default %(default)s)")
     add_shared(parser, "--people")
     parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
     add_shared(parser, "--size")
-    parser.add_argument(
-        "--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: the cache)"
-    )
+    text = "where the models are (default: the cache)"
+    parser.add_argument("--models", type=Path, metavar="FOLDER|FILE.task", help=text)
     parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
 
 

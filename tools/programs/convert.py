@@ -92,9 +92,8 @@ def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
     motion.postures = progress(motion.postures, "Writing", motion.frames)
     frames, joints = write(output, motion), len(motion.skeleton.joints)
     refused = motion.frames - frames
-    say(
-        f"{output}: {frames} frames of {joints} joints" + f", {refused} frames of other joints left out" * bool(refused)
-    )
+    left_out = f", {refused} frames of other joints left out" if refused else ""
+    say(f"{output}: {frames} frames of {joints} joints{left_out}")
     if damage:
         say(damage)
 

@@ -39,12 +39,8 @@ def run(options: argparse.Namespace) -> int:
     require_place_for(labels, overwrite=options.overwrite)
     named = NameNotes()
     takes = [named(each) for each in RecordingReader(reading_of(options)).clips(find_recordings([source])[0])]
-    found = [
-        (stretch, take.actor)
-        for take in progress(takes, "Looking", len(takes))
-        for stretch in stretches_of(take, options.stillness)
-    ]
-    found.sort()
+    looked = progress(takes, "Looking", len(takes))
+    found = sorted((each, take.actor) for take in looked for each in stretches_of(take, options.stillness))
     with labels.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(COLUMNS)

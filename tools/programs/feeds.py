@@ -11,9 +11,8 @@ from kinespace.tools.terminal.console import say
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument(
-        "name", nargs="?", metavar="NAME", help="check this preset, or file, and print it, to be copied and edited"
-    )
+    text = "check this preset, or file, and print it, to be copied and edited"
+    parser.add_argument("name", nargs="?", metavar="NAME", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

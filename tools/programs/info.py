@@ -247,9 +247,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
     classes = sum(row["index"] is not None for row in described["classes"])
     persons = [row["person"] for row in described["persons"] if row["person"]]
     lacking = described["without_course"]
-    missed = {
-        f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in described["missed"].items()
-    }
+    missed = described["missed"].items()
     _say_each(
         {
             "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
@@ -261,7 +259,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
             "licence": described["licence"] or "not stated",
             "attribution": described["attribution"] or "none",
         }
-        | missed
+        | {f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in missed}
         | ({"too short, or one posture, to be found done": ", ".join(lacking)} if lacking else {})
     )
 

@@ -296,14 +296,7 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
 
     # People before a camera seldom think of their sides.
     either_side = bool(options.camera) if options.either_side is None else options.either_side
-    lessons = open_lessons(
-        options.teach,
-        motions,
-        sent.assumed,
-        performers,
-        options.stillness,
-        either_side=either_side,
-    )
+    lessons = open_lessons(options.teach, motions, sent.assumed, performers, options.stillness, either_side=either_side)
     lessons.is_loud = options.loud_lessons
     return lessons
 

@@ -68,9 +68,8 @@ class RosterFile:
             raise
         #: The examples that the file had, that are in the file itself now with their library, that would survive now,
         #: and the newest, with the moment since which they are.
-        self._before = self._in_file = self._safe = self._newest = (
-            Roster.of_library(self.library) if self.library else Roster()
-        )
+        kept = Roster.of_library(self.library) if self.library else Roster()
+        self._before = self._in_file = self._safe = self._newest = kept
         self._written, self._since = self.library, -math.inf
         #: Examples in the copy of the file before examples were lost.
         self._copied = 0

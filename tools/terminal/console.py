@@ -139,15 +139,8 @@ def table_of(
     names
         The number of columns of names: the first ones, which stand left. The others hold figures and stand right.
     """
-    table = Table(
-        title=title,
-        caption=caption,
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-        title_justify="left",
-        caption_justify="left",
-    )
+    table = Table(title=title, caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    table.title_justify = table.caption_justify = "left"
     cells = [[printable(each) if isinstance(each, str) else each for each in row] for row in rows]
     widths = [max((len(row[place]) for row in cells if place < len(row)), default=0) for place in range(len(headings))]
     is_wide = sum(max(width, len(heading)) + 2 for width, heading in zip(widths, headings, strict=True)) > console.width

@@ -28,8 +28,14 @@ _STEPS = re.compile(r"\.([^.\[]+)|\[(\d+|\.\.\.)\]")
 _MESSAGE = re.compile(r"(?P<what>.*?)(?: - at `\$(?P<place>.*)`)?", re.DOTALL)
 #: msgspec's names of the types that TOML has, and ours.
 _TYPES = {bool: "bool", int: "int", float: "float", str: "str", list: "array", dict: "object"}
-_WORDS = {"bool": "true or false", "int": "a whole number", "float": "a number", "str": "text", "array": "a list"}
-_WORDS["object"] = "a table"
+_WORDS = {
+    "bool": "true or false",
+    "int": "a whole number",
+    "float": "a number",
+    "str": "text",
+    "array": "a list",
+    "object": "a table",
+}
 _NOT_BLANK = " matching regex '\\\\S'"
 #: Characters of a value in a message, at most.
 _MAX_SHOWN = 80

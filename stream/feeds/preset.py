@@ -140,8 +140,12 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 #: The roles that a message needs for its meaning.
-_NEEDED = {Means.JOINT: {"joint", *_POSITION}, Means.FRAME: {*_POSITION}, Means.NAME: {"joint", "name"}}
-_NEEDED[Means.ORDER] = {"joint"}
+_NEEDED = {
+    Means.JOINT: {"joint", *_POSITION},
+    Means.FRAME: {*_POSITION},
+    Means.NAME: {"joint", "name"},
+    Means.ORDER: {"joint"},
+}
 
 
 class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -107,11 +107,7 @@ class Source:
     """
 
     def __init__(
-        self,
-        receiver: Receiver,
-        decoder: Decoder,
-        recorder: Recorder | None = None,
-        admission: Admission | None = None,
+        self, receiver: Receiver, decoder: Decoder, recorder: Recorder | None = None, admission: Admission | None = None
     ) -> None:
         self.receiver = receiver
         self.decoder = decoder

@@ -108,10 +108,7 @@ BUILT_IN = Path("built-in")
 
 #: Options that several programs have, by name.
 _SHARED: dict[str, dict[str, Any]] = {
-    "--osc-in": {
-        "metavar": "[HOST:]PORT",
-        "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)",
-    },
+    "--osc-in": {"metavar": "[HOST:]PORT", "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)"},
     "--zmq-in": {"metavar": "ENDPOINT", "help": "subscribe to ZeroMQ, like tcp://127.0.0.1:9320"},
     "--keys": {
         "type": Path,

@@ -431,10 +431,7 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
 
 
 def fitted(
-    lessons: Sequence[Lesson],
-    class_names: Sequence[str],
-    typical: NDArray[np.float64],
-    over: float = USUAL_OVER,
+    lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArray[np.float64], over: float = USUAL_OVER
 ) -> Rejection:
     """Fit a logistic function that separates known windows from unknown ones; thresholds are not set yet.
 

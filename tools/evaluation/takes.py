@@ -14,14 +14,7 @@ from kinespace.library import NOTHING, Clip, Reading, find_recordings, memory
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
-from kinespace.library.recordings.formats.labels import (
-    LabelError,
-    Segment,
-    cut,
-    oddities,
-    read_labels,
-    renamed,
-)
+from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
 from kinespace.tools.cli.arguments import joints_of
 from kinespace.tools.terminal.console import NameNotes, note, progress
 

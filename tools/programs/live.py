@@ -53,14 +53,7 @@ from kinespace.tools.cli.arguments import (
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
-from kinespace.tools.programs.ends import (
-    Served,
-    open_controls,
-    open_ends,
-    open_senders,
-    open_servers,
-    supervisors,
-)
+from kinespace.tools.programs.ends import Served, open_controls, open_ends, open_senders, open_servers, supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
 from kinespace.tools.terminal.console import console, log_as, require_place_for, say

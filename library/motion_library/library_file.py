@@ -390,7 +390,5 @@ def _decoded(
 def _require_near(starts: NDArray[Any], relative: NDArray[Any]) -> None:
     """Refuse positions that are far from the origin."""
     farthest = [max(float(each.max()), -float(each.min())) / _MILLIMETRES for each in (starts, relative)]
-    _require(
-        farthest[0] <= MAX_METRES and farthest[1] <= 2 * MAX_METRES,
-        f"positions: expected at most {MAX_METRES:g} m, got {max(farthest):.6g}",
-    )
+    is_near = farthest[0] <= MAX_METRES and farthest[1] <= 2 * MAX_METRES
+    _require(is_near, f"positions: expected at most {MAX_METRES:g} m, got {max(farthest):.6g}")

@@ -241,7 +241,6 @@ class SenderNumbers:
         if len(known.addresses) < MAX_SENDERS:
             known.addresses.add(address)
         # Of two such programs the first keeps the host's number.
-        known.own = known.own or any(
-            known.rivals(other) for other in takewhile(lambda each: each is not known, ports.values())
-        )
+        before = takewhile(lambda each: each is not known, ports.values())
+        known.own = known.own or any(map(known.rivals, before))
         return port if known.own else 0

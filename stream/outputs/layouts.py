@@ -254,17 +254,16 @@ class VrchatLayout(Layout):
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """`/avatar/parameters/Motion i` counted from 1, 0 for none, and `/avatar/parameters/MotionScore f`."""
-        number = min(recognition.class_index + 1, _MAX_PARAMETER)
-        return encode_bundle(
-            encode_message("/avatar/parameters/Motion", number),
-            encode_message("/avatar/parameters/MotionScore", recognition.score),
-        )
+        return _parameters(min(recognition.class_index + 1, _MAX_PARAMETER), recognition.score)
 
     def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - an avatar has one performer
         """No motion, and no score."""
-        return encode_bundle(
-            encode_message("/avatar/parameters/Motion", 0), encode_message("/avatar/parameters/MotionScore", 0.0)
-        )
+        return _parameters(0, 0.0)
+
+
+def _parameters(motion: int, score: float) -> bytes:
+    of_score = encode_message("/avatar/parameters/MotionScore", score)
+    return encode_bundle(encode_message("/avatar/parameters/Motion", motion), of_score)
 
 
 #: Programs that read our own messages, and the ports on which they usually listen.

@@ -525,7 +525,7 @@ class Gateway:
         """Notes for a person, a line each."""
         counts = {
             "frames that no worker took": self.unsent,
-            "answers of former workers or to frames answered before": self.outdated,
+            "answers of lost workers or to older frames": self.outdated,
         }
         lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
         return [f"workers: {len(self.ready)}", *(f"{count} {what}" for what, count in counts.items() if count), *lost]

@@ -381,8 +381,9 @@ class Service:
         ends = tuple(each for each in recognition.events if each.kind is EventKind.END)
         outcome = Outcome.UNKNOWN if recognition.outcome is Outcome.NAMED else recognition.outcome
         nothing = np.zeros(0)
+        movement = recognition.movement
         return Recognition(
-            recognition.performer, recognition.time, outcome, (), nothing, recognition.movement, guess=-1, events=ends
+            recognition.performer, recognition.time, outcome, (), nothing, movement, guess=-1, events=ends
         )
 
     def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
@@ -470,9 +471,8 @@ class Service:
     def _note_answered(self) -> None:
         """Note the share of the answers due since the last status that were given."""
         total = self.performers.counts.recognizers
-        given, left_out = (
-            max(now - before, 0) for now, before in zip((total.hops, total.skipped), self._answered_before, strict=True)
-        )
+        now = total.hops, total.skipped
+        given, left_out = (max(count - before, 0) for count, before in zip(now, self._answered_before, strict=True))
         self._answered_before = total.hops, total.skipped
         self._answered = given / (given + left_out) if left_out else 1.0
 

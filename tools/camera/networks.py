@@ -51,6 +51,5 @@ class Networks:
         if not float(score[0]) >= _MIN_SCORE:
             return None
         size = region.MARKS, region.CELLS
-        return region.landmarks_in(
-            marks.reshape(size[0], 5), world.reshape(-1, 3), heat.reshape(size[1], -1, size[0]), where
-        )
+        heats = heat.reshape(size[1], -1, size[0])
+        return region.landmarks_in(marks.reshape(size[0], 5), world.reshape(-1, 3), heats, where)

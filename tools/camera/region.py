@@ -113,17 +113,12 @@ def landmarks_in(
     """
     points = in_picture(refined(marks[:, :2].astype(np.float64), heat), region, SIDE)
     cosine, sine = math.cos(region.angle), math.sin(region.angle)
-    turned = np.asarray(world[:LANDMARKS], dtype=np.float64) @ np.array(
-        [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]
-    )
+    turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    turned = np.asarray(world[:LANDMARKS], dtype=np.float64) @ turn
     own = marks[:LANDMARKS].astype(np.float64)
     present = 1 / (1 + np.exp(-np.clip(own[:, 4], -_CERTAIN, _CERTAIN)))
-    return Landmarks(
-        np.column_stack([points[:LANDMARKS], own[:, 2] * (region.size / SIDE)]),
-        turned,
-        present,
-        region_around(points[_MIDDLE], points[_CIRCLE]),
-    )
+    picture = np.column_stack([points[:LANDMARKS], own[:, 2] * (region.size / SIDE)])
+    return Landmarks(picture, turned, present, region_around(points[_MIDDLE], points[_CIRCLE]))
 
 
 def refined(points: NDArray[np.float64], heat: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -73,10 +73,8 @@ def joints_in_order(text: str) -> tuple[str, ...]:
             one_of("--joints", text, ordered, ", a .toml file or names with commas between")
         preset = preset_named(text)
         if not preset.order:
-            raise ValueError(
-                f"--joints: expected a preset with an order of joints ({', '.join(ordered)}), got {text}, whose "
-                "messages name them"
-            )
+            known = ", ".join(ordered)
+            raise ValueError(f"--joints: expected a preset with an order of joints ({known}), got {text}")
         ours = {spelling(name): target for name, target in preset.joint_map.items()}
         joints = tuple(ours.get(spelling(name)) or name for name in preset.order)
     if not all(joints) or len(set(joints)) != len(joints):

@@ -155,17 +155,11 @@ def whole_parser() -> argparse.ArgumentParser:
 
 
 def _parser(*, filled: bool = False) -> _Parser:
-    parser = _Parser(
-        prog="kinespace",
-        description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
-    )
+    text = "Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ."
+    parser = _Parser(prog="kinespace", description=text)
     parser.add_argument("--version", action=_Version, nargs=0, help="show the program's version number and exit")
-    parser.add_argument(
-        "--max-memory",
-        type=_size,
-        metavar="SIZE",
-        help="memory that one file may take when it is read, like 500MB or 4GB (default 1GB)",
-    )
+    text = "memory that one file may take when it is read, like 500MB or 4GB (default 1GB)"
+    parser.add_argument("--max-memory", type=_size, metavar="SIZE", help=text)
     programs = _add_programs(parser, PROGRAMS, title="programs", metavar="PROGRAM")
     experiments = _add_programs(programs["evaluate"], EXPERIMENTS, title="experiments", metavar="EXPERIMENT")
     if filled:

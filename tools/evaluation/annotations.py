@@ -66,9 +66,8 @@ def _elan(courses: Sequence[Course]) -> str:
             for number, slot in enumerate(slots, 1):
                 place.set(f"TIME_SLOT_REF{number}", slot)
             ET.SubElement(place, "ANNOTATION_VALUE").text = printable(segment.label)
-    ET.SubElement(
-        root, "LINGUISTIC_TYPE", LINGUISTIC_TYPE_ID="motion", TIME_ALIGNABLE="true", GRAPHIC_REFERENCES="false"
-    )
+    kind = {"LINGUISTIC_TYPE_ID": "motion", "TIME_ALIGNABLE": "true", "GRAPHIC_REFERENCES": "false"}
+    ET.SubElement(root, "LINGUISTIC_TYPE", kind)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
 

@@ -76,9 +76,7 @@ def run(options: argparse.Namespace) -> int:
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
     protocols = [Protocol(options.protocol)] if options.protocol else _protocols(clips)
     if Protocol.LEAVE_ONE_OUT not in protocols and (unnamed := [clip.name for clip in clips if not clip.actor]):
-        raise ValueError(
-            f"{unnamed[0]}: expected a name with the actor in it, as HDM05's clips have; --actor-in says where it is"
-        )
+        raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
     scores, rows = list[dict[str, Any]](), list[dict[str, Any]]()
     # The paper's conclusion shows where the person is held out, to the letter of the paper.
     drawn, matrices = (ways[-1][1], protocols[:2][-1]), dict[str, NDArray[np.float64]]()

@@ -244,10 +244,9 @@ def _strangers(asked: Sequence[Clip], taught: Taught, examples: Sequence[int], s
     motions = taught.index.library.motions
     # What is done says nothing about names, and takes long to open.
     settings = replace(settings, false_alarms=0.0)
-    opened = {
-        name: taught.index.of_some([each for each in examples if motions[each].class_name != name])
-        for name in {clip.class_name for clip in asked}
-    }
+    opened = dict[str, WindowIndex]()
+    for name in {clip.class_name for clip in asked}:
+        opened[name] = taught.index.of_some([each for each in examples if motions[each].class_name != name])
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]
 
 

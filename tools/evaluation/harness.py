@@ -236,12 +236,11 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     of_library = [given.skeleton] if given else []
     joints = shared_joints([*(take.clip.skeleton for take in takes), *of_library])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
-    folds = folds_of(
-        takes,
-        protocol,
-        lambda: (given or MotionLibrary.builtin()).restricted_to(joints),
-        either_side=options.either_side,
-    )
+
+    def library() -> MotionLibrary:
+        return (given or MotionLibrary.builtin()).restricted_to(joints)
+
+    folds = folds_of(takes, protocol, library, either_side=options.either_side)
     classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
     _require_classes(takes, sources, classes)
     return [Asked(take, fold.library, fold.person) for fold in folds for take in fold.takes], classes
@@ -259,9 +258,7 @@ def shared_joints(skeletons: Sequence[Skeleton]) -> tuple[str, ...]:
     every = tuple(dict.fromkeys(name for joints in bodies for name in joints))
     shared = tuple(name for name in every if all(name in joints for joints in bodies))
     if len(shared) < MIN_JOINTS:
-        raise SkeletonMismatchError(
-            f"joints: expected at least {MIN_JOINTS} that all takes and the library have, got {len(shared)}"
-        )
+        raise SkeletonMismatchError(f"joints: expected at least {MIN_JOINTS} that all have, got {len(shared)}")
     if len(shared) < len(every):
         lost = ", ".join(name for name in every if name not in shared)
         note(f"{len(shared)} joints that all takes and the library have; without {lost}")

@@ -254,10 +254,8 @@ class _Body(NamedTuple):
             for take in progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
             for clip in [take.clip.restricted_to(library.skeleton.joints)]
         ]
-        own = [
-            lesson._replace(windows=_relative(lesson.windows, typical))
-            for lesson in _own_lessons(_own_courses(library, follow=False))
-        ]
+        lessons = _own_lessons(_own_courses(library, follow=False))
+        own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
         return cls(own, shown[len(fewer) :], shown[: len(fewer)])
 
 
@@ -285,12 +283,9 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     shown = [[*body.courses, *body.fewer] for body in bodies]
 
     def fit(persons: Collection[str] = ()) -> Rejection:
-        lessons = [
-            lesson
-            for own, *several in bodies
-            for each in (own, *(_lessons(courses, persons) for courses in several))
-            for lesson in each
-        ]
+        lessons = list[Lesson]()
+        for own, *several in bodies:
+            lessons += [*own, *(lesson for courses in several for lesson in _lessons(courses, persons))]
         return fitted(lessons, library.classes, np.zeros(2 * groups))
 
     apart = _fitted_apart([each for courses in shown for each in courses], fit)
@@ -330,9 +325,8 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
         index = whole.without(group) if single else _index(library.without(actors=actors))
         own = [(place, library.motions[place]) for place in group]
         for name in {each.class_name for _, each in own} - {NOTHING}:
-            left = index.without(
-                [place for place in set(index.motions.tolist()) if index.library.motions[place].class_name == name]
-            )
+            same = [place for place in set(index.motions.tolist()) if index.library.motions[place].class_name == name]
+            left = index.without(same)
             asking = [place for place, each in own if each.class_name == name]
             others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]
             for place, noise in product(asking, _NOISES):
@@ -390,9 +384,8 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
         motions = [each for each in own if (each.noise, each.class_name) == (noise, name)]
         right = [window for each in motions for window in each.right()]
         lessons.append(Lesson(right, is_known=True, weight=_NOISES[noise]))
-        lessons.append(
-            Lesson([window for each in motions for window in each.left_out], is_known=False, weight=_LEFT_OUT_COUNT)
-        )
+        left_out = [window for each in motions for window in each.left_out]
+        lessons.append(Lesson(left_out, is_known=False, weight=_LEFT_OUT_COUNT))
     classes = len(lessons) / (2 * len(_NOISES))
     return [lesson._replace(weight=lesson.weight / classes) for lesson in lessons]
 

@@ -133,9 +133,8 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     entries += [each for table in sources.tables for each in _listed(table)]
     wanted = [each for each in entries if each.person is None or sources.wants(each.person)]
     reader, named = RecordingReader(reading), NameNotes()
-    takes = [
-        _take(named(reader.clip(entry.path)), entry, reading) for entry in progress(wanted, "Reading", len(wanted))
-    ]
+    read = progress(wanted, "Reading", len(wanted))
+    takes = [_take(named(reader.clip(entry.path)), entry, reading) for entry in read]
     takes = [take for take in takes if sources.wants(take.person)]
     for take in takes:
         for line in oddities(take.clip, take.segments) if take.is_known else ():

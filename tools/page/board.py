@@ -205,10 +205,11 @@ class Board:
         known = dict.fromkeys([*self._classes.shown, *answer.scores])
         if len(known) > len(self._classes.shown):
             self._classes = _Noted([*known], self.number)
+        scores = [answer.scores.get(name) for name in known]
         shown = {
             "label": answer.label or answer.outcome,
             "named": answer.label is not None,
-            "scores": [answer.scores.get(name) for name in known],
+            "scores": scores,
             "at": now,
         }
         performer.answer = _Noted(msgspec.to_builtins(answer) | shown, self.number)

@@ -192,17 +192,14 @@ class _Recordings:
         for segment in segments:
             if len(takes) > 1 and segment.performer not in performers:
                 notes = repr(segment.performer) if segment.performer else "none"
-                raise LabelError(
-                    f"{path}: labels: expected a performer of {', '.join(sorted(performers))}, got {notes}"
-                )
+                known = ", ".join(sorted(performers))
+                raise LabelError(f"{path}: labels: expected a performer of {known}, got {notes}")
         for take in takes:
             own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
             if others := sorted({each.performer for each in segments} - {each.performer for each in own} - performers):
                 lost = sum(each.performer in others for each in segments)
-                self.notes.append(
-                    f"{path.name}: {counted(lost, 'label')} of {', '.join(others)} left out: "
-                    f"{take.actor} is in the recording"
-                )
+                whose = f"{counted(lost, 'label')} of {', '.join(others)}"
+                self.notes.append(f"{path.name}: {whose} left out: {take.actor} is in the recording")
             self.notes += oddities(take, own)
             yield from cut(take, own)
 

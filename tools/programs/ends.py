@@ -85,10 +85,8 @@ class Unread:
             self._note = ""  # Our own messages: the decoder says what is wrong with them.
         elif lacking := _lacking(addresses):
             more = " ..." if len(lacking) > _MAX_NAMED else ""
-            self._note = (
-                f"no frames: {', '.join(lacking[:_MAX_NAMED])}{more}: the sender sends only what changes; "
-                "let it send all once, or always"
-            )
+            listed = f"{', '.join(lacking[:_MAX_NAMED])}{more}"
+            self._note = f"no frames: {listed}: the sender sends only what changes; let it send all once, or always"
         elif guess is None:
             nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
             self._note = (

@@ -120,14 +120,8 @@ def _show_raw(described: Mapping[str, Any]) -> None:
 
 def _row(clip: Clip, name: str) -> dict[str, Any]:
     """Describe one motion of a library, or one recording, without its positions."""
-    return {
-        "name": name,
-        "class": clip.class_name,
-        "person": clip.actor,
-        "take": clip.take,
-        "seconds": round(clip.duration, 3),
-        "frame_rate": clip.frame_rate,
-    }
+    named = {"name": name, "class": clip.class_name, "person": clip.actor, "take": clip.take}
+    return {**named, "seconds": round(clip.duration, 3), "frame_rate": clip.frame_rate}
 
 
 def _sums(motions: Sequence[Mapping[str, Any]], what: str, others: str) -> list[dict[str, Any]]:

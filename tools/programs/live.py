@@ -166,9 +166,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
             _close_in(opening, [*each.sinks, *each.frames, *each.requests])
             served.append(each)
             servers.append(PageProcess(each.plan, say))
-        sources, sinks, kept = open_ends(
-            options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
-        )
+        browsers = [receiver for each in served for receiver in each.frames]
+        sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
         _close_in(opening, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring)
         senders = open_senders(options, sources)

@@ -145,9 +145,7 @@ def recordings_in(places: Sequence[Path], reading: Reading) -> list[Path | Clip]
     """List the files to read and the built-in library's motions, place by place, each once."""
     found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
     if reading != Reading() and not any(isinstance(each, Path) for each in found):
-        raise ValueError(
-            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none to read"
-        )
+        raise ValueError("replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none")
     return list(dict.fromkeys(found))
 
 
@@ -250,10 +248,8 @@ def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Nam
     if options.json:
         print(json.dumps({**figures, "lost_from": recording.lost_from}))
     else:
-        say(
-            f"{figures['sent']} packets sent, {failed} refused by the system, {figures['left_out']} without an "
-            "address for their kind"
-        )
+        left_out = f"{figures['left_out']} without an address for their kind"
+        say(f"{figures['sent']} packets sent, {failed} refused by the system, {left_out}")
         for place, lost in unheard.items():
             if lost:
                 say(lost_at(place, lost))

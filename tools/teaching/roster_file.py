@@ -77,10 +77,8 @@ class RosterFile:
         #: Woken by every change; and held while the file of new examples is written or goes.
         self._wake, self._adding = threading.Condition(), threading.Lock()
         self._said: queue.SimpleQueue[State] = queue.SimpleQueue()
-        self._threads = [
-            threading.Thread(target=work, name=f"kinespace {name}", daemon=True)
-            for work, name in ((self._add, "examples"), (self._work, "file"))
-        ]
+        works = {"examples": self._add, "file": self._work}.items()
+        self._threads = [threading.Thread(target=work, name=f"kinespace {name}", daemon=True) for name, work in works]
         for thread in self._threads:
             thread.start()
 

@@ -27,7 +27,7 @@ from kinespace.library.recordings import find_recordings, read_recordings
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.camera import models
-from kinespace.tools.camera.joints import require_extra
+from kinespace.tools.camera.bodies import require_extra
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.programs import bench
 from kinespace.tools.terminal.console import console

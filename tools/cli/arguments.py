@@ -268,7 +268,7 @@ def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
     from kinespace.tools.cli.arguments import preset_named  # noqa: PLC0415 - as above
 
     if path.suffix.lower() in FILMS:
-        from kinespace.tools.camera.joints import film_clip  # noqa: PLC0415 - as above
+        from kinespace.tools.camera.bodies import film_clip  # noqa: PLC0415 - as above
 
         return [film_clip(path)]
     return read_raw(path, preset_named(feed) if feed else None)

@@ -19,8 +19,7 @@ from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.camera.bodies import Bodies, Seen
-from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
+from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, Seen, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared
 from kinespace.tools.cli.entry import stop_on_signals

@@ -1,7 +1,6 @@
 import numpy as np
 
-from kinespace.tools.camera.bodies import Bodies
-from kinespace.tools.camera.region import Landmarks, Region
+from kinespace.tools.camera.bodies import Bodies, Landmarks, Region
 
 _PICTURE = np.zeros((360, 640, 3), dtype=np.uint8)
 

@@ -2,7 +2,7 @@ import naive_camera
 import numpy as np
 import pytest
 
-from kinespace.tools.camera.detection import anchors, decoded, one_for_each_body
+from kinespace.tools.camera.networks import anchors, decoded, one_for_each_body
 
 
 def _outputs(seed: int) -> tuple[np.ndarray, np.ndarray]:

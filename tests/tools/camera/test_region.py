@@ -4,7 +4,7 @@ import naive_camera
 import numpy as np
 import pytest
 
-from kinespace.tools.camera.region import Region, landmarks_in, refined, region_around
+from kinespace.tools.camera.bodies import Region, landmarks_in, refined, region_around
 
 
 @pytest.mark.parametrize("seed", range(20))

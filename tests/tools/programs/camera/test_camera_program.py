@@ -15,8 +15,8 @@ from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream import osc
 from kinespace.stream.frame import Announcement
 from kinespace.stream.inputs import OscDecoder
-from kinespace.tools.camera import joints
-from kinespace.tools.camera.region import Landmarks, Region
+from kinespace.tools.camera import bodies
+from kinespace.tools.camera.bodies import Landmarks, Region
 from kinespace.tools.cli.main import main
 
 #: Seconds in which Ctrl-C must have ended a program, on a machine that has other work too.
@@ -30,7 +30,7 @@ def test_joints_outside_of_the_picture_are_absent() -> None:
     present = np.ones(33)
     present[31] = 0.4
     marks = Landmarks(places, np.full((33, 3), (1.0, 2.0, 3.0)), present, Region(0, 0, 1, 0))
-    found = joints.upright(marks, np.zeros((360, 640, 3), dtype=np.uint8))
+    found = bodies.upright(marks, np.zeros((360, 640, 3), dtype=np.uint8))
     assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [25, 27, 31]
     np.testing.assert_array_equal(found[0], [1, -2, -3])
 

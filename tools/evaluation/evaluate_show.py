@@ -24,7 +24,7 @@ from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.evaluate_gestures import add_report, report
-from kinespace.tools.evaluation.takes import Sources, read_takes
+from kinespace.tools.evaluation.harness import Sources, read_takes
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.lessons import open_taught

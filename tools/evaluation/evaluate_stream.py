@@ -19,6 +19,7 @@ from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.evaluation.stream_score import (
     LOWER_IS_BETTER,
     Course,
@@ -30,7 +31,6 @@ from kinespace.tools.evaluation.stream_score import (
     segment_rows,
     write_rows,
 )
-from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import progress, require_place_for_report
 
 _Values = dict[str, float | None]

@@ -21,7 +21,7 @@ from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.terminal.console import counted, note, print_scores, progress
 

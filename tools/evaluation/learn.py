@@ -35,7 +35,7 @@ from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.terminal.console import print_scores, progress, require_place_for
 
 #: Seconds between two windows that take part in learning.

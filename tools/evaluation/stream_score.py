@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.bootstrap import Figure, Interval, Percentile, Ratio, RocArea, intervals_of, values_of
-from kinespace.tools.evaluation.harness import Protocol, written
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Protocol, Take, written
 from kinespace.tools.terminal.console import console, counted, csv_text, print_scores, table_of
 
 

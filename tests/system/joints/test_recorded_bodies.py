@@ -16,7 +16,7 @@ from kinespace.library.windows.segments import Segments
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 
 pytestmark = pytest.mark.slow
 

@@ -8,8 +8,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
 from kinespace.tools.evaluation.evaluate_done import done_take
-from kinespace.tools.evaluation.harness import Asked
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Asked, Take
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
 

@@ -15,8 +15,8 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.evaluation.stream_score import Course
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

@@ -12,7 +12,7 @@ from takes import write_take
 from kinespace.library import NOTHING, Reading
 from kinespace.library.recordings import ActorIn, RecordingError
 from kinespace.library.recordings.formats.labels import LabelError, Segment
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 
 BY_NAME = Reading(actor_in=ActorIn.NAME)
 

@@ -10,7 +10,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
 from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.teaching.lessons import open_taught
 
 SEGMENTS = tuple(

@@ -12,8 +12,8 @@ from synthetic import stick_clip
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.evaluation.stream_score import Course, course_of
-from kinespace.tools.evaluation.takes import Take
 
 
 def _course() -> Course:

@@ -8,9 +8,8 @@ from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Outcome, Recognition
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
-from kinespace.tools.evaluation.harness import Feed
+from kinespace.tools.evaluation.harness import Feed, Take
 from kinespace.tools.evaluation.stream_score import counted_in
-from kinespace.tools.evaluation.takes import Take
 
 B, J, OF = "bow", "jump", Outcome
 #: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.

@@ -5,7 +5,7 @@ from synthetic import stick_clip
 
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, score_done
 
 #: A take of ten seconds.

@@ -8,8 +8,7 @@ from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.evaluation.harness import Fold, Protocol, folds_of
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Fold, Protocol, Take, folds_of
 
 
 def _take(person: str, number: int, label: str = "") -> Take:

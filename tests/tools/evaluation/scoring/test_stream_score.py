@@ -14,8 +14,8 @@ from synthetic import stick_clip
 
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
-from kinespace.tools.evaluation.takes import Take
 
 CLASSES = ("bow", "jump", "wave")
 BOW, JUMP, WAVE = range(3)

@@ -3,9 +3,10 @@
 import argparse
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions, spelling
@@ -95,6 +96,7 @@ def joints_of(name: str) -> tuple[str, ...]:
     return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints
 
 
+_Made = TypeVar("_Made")
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
@@ -181,13 +183,8 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
     """Add the option for the convention of joint names."""
     known = ", ".join(sorted(each.name for each in conventions()))
-    parser.add_argument(
-        "--names",
-        dest="naming",
-        default=AUTO,
-        metavar="NAME",
-        help=f"how the {whose} name joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
-    )
+    text = f"how the {whose} name joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)"
+    parser.add_argument("--names", dest="naming", default=AUTO, metavar="NAME", help=text)
 
 
 def library_at(path: Path | None) -> MotionLibrary:
@@ -238,17 +235,17 @@ def add_subjects(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, **several(str, "NAME"), help=f"takes {chosen}")
 
 
+def made_of(kind: type[_Made], parsed: argparse.Namespace, **further: object) -> _Made:
+    """Make a dataclass of the arguments that are called as its fields, and of further ones."""
+    given = {each.name: getattr(parsed, each.name) for each in fields(kind) if hasattr(parsed, each.name)}  # type: ignore[arg-type]  # a dataclass
+    return kind(**{**given, **further})
+
+
 def reading_of(parsed: argparse.Namespace) -> Reading:
     """Make the reading options from the arguments."""
-    return Reading(
-        asf=parsed.asf,
-        frame_rate=parsed.frame_rate,
-        unit=parsed.unit,
-        joints=parsed.joints,
-        naming=naming_of(parsed),
-        actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
-        raw=partial(_raw, feed=getattr(parsed, "feed", None)),
-    )
+    naming, actor_in = naming_of(parsed), ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE))
+    raw = partial(_raw, feed=getattr(parsed, "feed", None))
+    return made_of(Reading, parsed, naming=naming, actor_in=actor_in, raw=raw)
 
 
 def naming_of(parsed: argparse.Namespace) -> Naming:
@@ -276,39 +273,28 @@ def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the options for the recogniser's settings."""
-    parser.add_argument(
-        "--signature",
-        choices=[str(signature) for signature in LiveSignature],
-        default=str(_DEFAULTS.signature),
-        help="compare all parts of the signature over several windows, or the leading eigenvector of one window alone, "
-        "as the paper does (default %(default)s)",
-    )
-    parser.add_argument(
-        "--sensitivity",
-        type=share,
-        help=f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
+    signatures, usual = [*map(str, LiveSignature)], str(_DEFAULTS.signature)
+    text = "compare all parts of the signature over several windows, or as the paper does (default %(default)s)"
+    parser.add_argument("--signature", choices=signatures, default=usual, help=text)
+    text = (
+        f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
         f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person, "
-        f"{SENSITIVITY_CAMERA} if of several before cameras); windows only",
+        f"{SENSITIVITY_CAMERA} if of several before cameras); windows only"
     )
+    parser.add_argument("--sensitivity", type=share, help=text)
     parser.add_argument("--window", type=positive, help="seconds of the paper's window (default 0.5); paper only")
     text = "seconds between answers (default 1/30)"
     parser.add_argument("--hop", type=not_negative, default=_DEFAULTS.hop, help=text)
     text = "say with each answer how far the motion is, how fast, how large; windows only"
     parser.add_argument("--progress", action="store_true", help=text)
-    parser.add_argument(
-        "--false-alarms",
-        type=per_hour,
-        default=_DEFAULTS.false_alarms,
-        metavar="N/h",
-        help="motions an hour that may be said to be done though they were not, like 1/h or 60/h; 0 says none "
-        f"(default {_DEFAULTS.false_alarms:g}/h); windows only",
+    text = (
+        "motions an hour that may be said to be done though they were not, like 1/h or 60/h; 0 says none "
+        f"(default {_DEFAULTS.false_alarms:g}/h); windows only"
     )
-    parser.add_argument(
-        "--no-plausibility",
-        dest="plausibility",
-        action="store_false",
-        help="believe every joint of every frame, also of a body that moves as no body can",
-    )
+    usual_rate = _DEFAULTS.false_alarms
+    parser.add_argument("--false-alarms", type=per_hour, default=usual_rate, metavar="N/h", help=text)
+    text = "believe every joint of every frame, also of a body that moves as no body can"
+    parser.add_argument("--no-plausibility", dest="plausibility", action="store_false", help=text)
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
@@ -321,15 +307,8 @@ def settings_of(parsed: argparse.Namespace) -> Settings:
     ):
         if given and signature is not belongs_to:
             raise ValueError(f"{option}: expected --signature {belongs_to} with it, got {signature}")
-    return Settings(
-        signature=signature,
-        window=parsed.window,
-        hop=parsed.hop,
-        sensitivity=parsed.sensitivity,
-        progress=parsed.progress,
-        false_alarms=parsed.false_alarms,
-        plausibility=parsed.plausibility,
-    )
+    # `live --stillness` is of lessons.
+    return made_of(Settings, parsed, signature=signature, stillness=_DEFAULTS.stillness)
 
 
 def arguments_of(settings: Settings) -> list[str]:

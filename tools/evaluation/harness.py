@@ -425,17 +425,9 @@ def add_protocol(parser: argparse.ArgumentParser) -> None:
 
 def sources_of(options: argparse.Namespace) -> Sources:
     """Make the sources of takes from the arguments."""
-    return Sources(
-        options.takes,
-        options.labels,
-        clips=options.clips,
-        unknown=getattr(options, "unknown", ()),
-        tables=getattr(options, "tables", ()),
-        names=dict(options.map),
-        persons=options.subjects,
-        without_persons=options.without_subjects,
-        skeleton=options.skeleton,
-    )
+    names, without = dict(options.map), options.without_subjects
+    further = {"places": options.takes, "persons": options.subjects, "without_persons": without, "names": names}
+    return arguments.made_of(Sources, options, **further)
 
 
 def takes_at(sources: Sources, options: argparse.Namespace, library: MotionLibrary) -> list[Take]:

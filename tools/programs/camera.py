@@ -21,7 +21,7 @@ from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, Seen, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
-from kinespace.tools.cli.arguments import OSC_IN, add_shared
+from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
@@ -56,16 +56,7 @@ def run(options: argparse.Namespace) -> int:
     if options.get_models:
         fetched(say)
         return 0
-    plan = CameraPlan(
-        options.source,
-        osc=options.osc or (None if options.zmq else OSC_IN),
-        zmq=options.zmq,
-        performer=options.performer,
-        people=options.people,
-        models=options.models,
-        size=options.size,
-        fast=options.fast,
-    )
+    plan = made_of(CameraPlan, options, osc=options.osc or (None if options.zmq else OSC_IN))
     ended = threading.Event()
     stop_on_signals(ended.set)
     say(str(watch(plan, say, ended.is_set)))

@@ -9,9 +9,11 @@ performers.
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, get_args, get_type_hints
+
+import msgspec
 
 from kinespace.library.teaching.examples import Roster
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
@@ -148,8 +150,27 @@ class CommandError(ValueError):
     """A command cannot be read; the message names the argument, the expectation and the value found."""
 
 
-@dataclass(frozen=True, slots=True)
-class Teach:
+#: The most that numbers may be, and those of them that may not be 0.
+_MOST = {"repetitions": MAX_REPETITIONS, "countdown": MAX_COUNTDOWN, "seconds": MAX_LAST, "ago": MAX_AGO, "share": 1.0}
+_ABOVE_0 = ("repetitions", "seconds")
+
+
+class _Command(msgspec.Struct, frozen=True):
+    """A command; CommandError where a name is not allowed, or a number is out of range."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            given = getattr(self, name)
+            if name == "performer" and len(given) > MAX_NAME:
+                raise CommandError(f"performer: expected at most {MAX_NAME} characters, got {len(given)}")
+            if name == "class_name" and isinstance(self, Teach | Last | Hold):
+                _require_class(given)
+            if name in _MOST and not (0 <= given <= _MOST[name] and (given or name not in _ABOVE_0)):
+                least = "above 0" if name in _ABOVE_0 else "0"
+                raise CommandError(f"{name}: expected {least} to {_MOST[name]:g}, got {given:g}")
+
+
+class Teach(_Command, frozen=True):
     """Record examples of a class: count down, wait for movement, record, stop by stillness.
 
     Attributes
@@ -174,17 +195,8 @@ class Teach:
     repetitions: int = 1
     countdown: float = 3.0
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
-        _require_class(self.class_name)
-        if not 1 <= self.repetitions <= MAX_REPETITIONS:
-            raise CommandError(f"repetitions: expected 1 to {MAX_REPETITIONS}, got {self.repetitions}")
-        if not 0 <= self.countdown <= MAX_COUNTDOWN:
-            raise CommandError(f"countdown: expected 0 to {MAX_COUNTDOWN:g} s, got {self.countdown:g}")
 
-
-@dataclass(frozen=True, slots=True)
-class Last:
+class Last(_Command, frozen=True):
     """Take the performer's last movement as an example, or the movement that ended some seconds ago.
 
     Raises
@@ -198,17 +210,8 @@ class Last:
     class_name: str
     ago: float = 0.0
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
-        _require_class(self.class_name)
-        if not 0 <= self.ago <= MAX_AGO:
-            raise CommandError(f"ago: expected 0 to {MAX_AGO:g} s, got {self.ago:g}")
-        if not 0 < self.seconds <= MAX_LAST:
-            raise CommandError(f"seconds: expected up to {MAX_LAST:g}, got {self.seconds:g}")
 
-
-@dataclass(frozen=True, slots=True)
-class Hold:
+class Hold(_Command, frozen=True):
     """Record an example from now on, however little the performer moves; with `on` false end it.
 
     Raises
@@ -221,33 +224,20 @@ class Hold:
     class_name: str
     on: bool = True
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
-        _require_class(self.class_name)
 
-
-@dataclass(frozen=True, slots=True)
-class Right:
+class Right(_Command, frozen=True):
     """The performer's last named motion becomes an example of its class; without a performer, the last of all."""
 
     performer: str = ""
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
 
-
-@dataclass(frozen=True, slots=True)
-class Wrong:
+class Wrong(_Command, frozen=True):
     """The performer's last named motion becomes an example of `nothing`; without a performer, the last of all."""
 
     performer: str = ""
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
 
-
-@dataclass(frozen=True, slots=True)
-class Rename:
+class Rename(_Command, frozen=True):
     """Rename a taught class; CommandError for a name that is not allowed."""
 
     class_name: str
@@ -257,64 +247,48 @@ class Rename:
         _require_class(self.to)
 
 
-@dataclass(frozen=True, slots=True)
-class Forget:
+class Forget(_Command, frozen=True):
     """Forget a taught class; all taught classes when the name is empty."""
 
     class_name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Enable:
+class Enable(_Command, frozen=True):
     """Answer a class, or stop answering it."""
 
     class_name: str
     on: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
+class Stop(_Command, frozen=True):
     """End the recording that goes on; it becomes an example."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cancel:
+class Cancel(_Command, frozen=True):
     """End the lesson that goes on without an example."""
 
 
-@dataclass(frozen=True, slots=True)
-class Undo:
+class Undo(_Command, frozen=True):
     """Undo the last change."""
 
 
-@dataclass(frozen=True, slots=True)
-class Save:
+class Save(_Command, frozen=True):
     """Save to the file given at the start."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
+class Sensitivity(_Command, frozen=True):
     """Recognise all performers with another sensitivity (`stream.recognizer.settings`); CommandError beyond 0 to 1."""
 
     share: float
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.share <= 1:
-            raise CommandError(f"share: expected 0 to 1, got {self.share:g}")
 
-
-@dataclass(frozen=True, slots=True)
-class Reset:
+class Reset(_Command, frozen=True):
     """Count a performer's motions from 1 again, by the name or as it stands in addresses; without one everybody's."""
 
     performer: str = ""
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
 
-
-@dataclass(frozen=True, slots=True)
-class List:
+class List(_Command, frozen=True):
     """Change nothing; the reply has the classes and settings, as every reply does."""
 
 
@@ -351,11 +325,6 @@ def _require_class(name: str) -> None:
         raise CommandError(f"class: expected a name without / and without control characters, got {name!a}")
     if name in _RESERVED:
         raise CommandError(f"class: expected another name than {', '.join(sorted(_RESERVED))}, got {name}")
-
-
-def _require_performer(name: str) -> None:
-    if len(name) > MAX_NAME:
-        raise CommandError(f"performer: expected at most {MAX_NAME} characters, got {len(name)}")
 
 
 #: The beginning of commands' addresses.
@@ -445,7 +414,7 @@ def _names(word: str) -> list[str]:
 
 def _made(word: str, given: Mapping[str, Any]) -> Command:
     """Make a command of its arguments by name; CommandError where one is missing or wrong."""
-    arguments, needed = _ARGUMENTS[word], [each.default is MISSING for each in fields(_COMMANDS[word])]
+    arguments, needed = _ARGUMENTS[word], [each.required for each in msgspec.structs.fields(_COMMANDS[word])]
     for name, must in zip(arguments, needed, strict=True):
         if must and name not in given:
             raise CommandError(f"{word}: expected {', '.join(arguments)}, got no {name}")

@@ -70,8 +70,7 @@ _TIE = 1e-6
 BEFORE = 0.3
 
 
-@dataclass(frozen=True, slots=True)
-class Recorded:
+class Recorded(NamedTuple):
     """A lesson's recording on the sender's clock: its whole span, and the span that is kept after trimming."""
 
     whole: Stretch

@@ -278,8 +278,7 @@ class Protocol(StrEnum):
     ONE_PERSON = "one-person"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Fold:
+class Fold(NamedTuple):
     """Takes that one library recognises.
 
     Attributes
@@ -293,7 +292,7 @@ class Fold:
         library, where it is one person's; else empty.
     """
 
-    library: MotionLibrary = field(repr=False)
+    library: MotionLibrary
     takes: tuple[Take, ...]
     person: str = ""
 

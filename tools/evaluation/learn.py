@@ -11,7 +11,7 @@ import argparse
 import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -107,8 +107,7 @@ class _Own(NamedTuple):
         return [each for each in (*self.windows[_BEGUN:], *self.following[_BEGUN:]) if each[1] == self.class_name]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Course:
+class _Course(NamedTuple):
     """The windows of one take, every `_HOP` seconds."""
 
     take: Take

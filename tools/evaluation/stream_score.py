@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,8 +184,7 @@ def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDA
     return np.array([*values, before])[np.where(last < 0, len(values), last)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class Stretch(NamedTuple):
     """One segment of one take, with the answers of one recogniser.
 
     Attributes
@@ -230,7 +229,7 @@ class Stretch:
     delay: float | None
     seen: float | None
     event_delay: float | None
-    scores: NDArray[np.float64] = field(repr=False)
+    scores: NDArray[np.float64]
 
     @property
     def known(self) -> bool:

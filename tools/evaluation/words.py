@@ -168,8 +168,7 @@ class Verdict(NamedTuple):
     right: bool | None
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """The time in which a word for a gesture is right, and how other words count.
 
     Attributes

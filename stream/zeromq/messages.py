@@ -260,18 +260,8 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
 
 def encode_gone(performer: str) -> list[bytes]:
     """Encode that a performer has left: an answer without a class."""
-    answer = {
-        "v": VERSION,
-        "performer": performer,
-        "class": None,
-        "guess": None,
-        "index": -1,
-        "guess_index": -1,
-        "so_far": None,
-        "outcome": GONE,
-        "score": 0.0,
-        "margin": 0.0,
-    }
+    nothing = {"class": None, "guess": None, "index": -1, "guess_index": -1, "so_far": None}
+    answer = {"v": VERSION, "performer": performer, **nothing, "outcome": GONE, "score": 0.0, "margin": 0.0}
     return [f"class/{performer}/".encode(), _encode(answer)]
 
 

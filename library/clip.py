@@ -97,9 +97,7 @@ class Clip:
         if self.positions.ndim != 3 or self.positions.shape[1:] != (joints, 3) or not len(self.positions):
             raise ValueError(f"positions: expected (frames, {joints}, 3), got {self.positions.shape}")
         if not is_near(self.positions):
-            raise ValueError(
-                f"positions: expected metres below {MAX_DISTANCE:g}, got NaN or more in clip {self.name!r}"
-            )
+            raise ValueError(f"clip {self.name!r}: positions: expected metres below {MAX_DISTANCE:g}, got NaN or more")
         rate = self.frame_rate
         if not (isinstance(rate, Real) and np.isfinite(rate) and rate > 0):
             raise ValueError(f"frame_rate: expected a positive number of frames per second, got {rate!r}")

@@ -1,7 +1,5 @@
 """From joint positions to distance rows, the numbers by which motions are compared."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """What a file may take: opened only if it is a regular one, read up to a limit; and memory given back to the system."""
 
-from __future__ import annotations
-
 import codecs
 import ctypes
 import errno

@@ -1,7 +1,5 @@
 """One frame of a live feed, validated once at the border."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

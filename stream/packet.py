@@ -1,7 +1,5 @@
 """Receivers: a port or a subscription on which packets come in, and the protocol of every transport's endpoint."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from ipaddress import IPv4Network, IPv6Network, ip_address
 from typing import Protocol

@@ -1,7 +1,5 @@
 """The answer: the movement of a performer in one window, its score, the reason if no class is named, and events."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any

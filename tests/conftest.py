@@ -20,10 +20,10 @@ from synthetic import stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled, find_recordings, opened, read_recordings
 from kinespace.stream.osc import OscReceiver, udp
-from kinespace.tools.bench import crowd
 from kinespace.tools.camera import models
-from kinespace.tools.camera.joints import require_extra
+from kinespace.tools.camera.bodies import require_extra
 from kinespace.tools.feeding.feed import resampled
+from kinespace.tools.programs import bench
 from kinespace.tools.terminal.console import console
 
 # The same examples in every run, therefore few, and no deadline: a slow machine is not a failure.
@@ -191,7 +191,7 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
 @pytest.fixture(scope="session")
 def played() -> NDArray[np.float32]:
     """Give the bench's positions: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
-    return crowd.positions()
+    return bench.positions()
 
 
 @pytest.fixture(autouse=True)

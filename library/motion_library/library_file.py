@@ -317,8 +317,7 @@ def _require_sizes(joints: int, frames: Sequence[int]) -> None:
     _require(0 < len(frames) <= MAX_MOTIONS, f"motions: expected 1 to {MAX_MOTIONS}, got {len(frames)}")
     _require(joints <= MAX_JOINTS, f"joints: expected at most {MAX_JOINTS}, got {joints}")
     _require(
-        sum(frames) * joints * 3 <= MAX_COORDINATES,
-        f"frames: expected at most {MAX_COORDINATES} coordinates of all motions together, got more",
+        sum(frames) * joints * 3 <= MAX_COORDINATES, f"frames: expected at most {MAX_COORDINATES} coordinates, got more"
     )
 
 
@@ -414,7 +413,5 @@ def _decoded(
 def _require_near(starts: NDArray[Any], relative: NDArray[Any]) -> None:
     """Refuse positions that are far from the origin."""
     farthest = [max(float(each.max()), -float(each.min())) / _MILLIMETRES for each in (starts, relative)]
-    _require(
-        farthest[0] <= MAX_METRES and farthest[1] <= 2 * MAX_METRES,
-        f"positions: expected at most {MAX_METRES:g} m, got {max(farthest):.6g}",
-    )
+    is_near = farthest[0] <= MAX_METRES and farthest[1] <= 2 * MAX_METRES
+    _require(is_near, f"positions: expected at most {MAX_METRES:g} m, got {max(farthest):.6g}")

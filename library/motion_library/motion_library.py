@@ -72,10 +72,8 @@ class MotionLibrary:
         if motion.frames < 2:
             raise ValueError(f"clip {motion.name!r}: expected at least 2 frames, got {motion.frames}")
         if not MIN_FRAME_RATE <= motion.frame_rate <= MAX_FRAME_RATE:
-            raise ValueError(
-                f"clip {motion.name!r}: expected {MIN_FRAME_RATE:g} to {MAX_FRAME_RATE:g} frames per second, "
-                f"got {motion.frame_rate:g}"
-            )
+            rates = f"{MIN_FRAME_RATE:g} to {MAX_FRAME_RATE:g} frames per second, got {motion.frame_rate:g}"
+            raise ValueError(f"clip {motion.name!r}: expected {rates}")
 
     @classmethod
     def of_clips(cls, clips: Iterable[Clip], *, learned: Learned | None = None) -> MotionLibrary:
@@ -259,10 +257,8 @@ class MotionLibrary:
         names = self.skeleton.joints
         kept = [index for index, name in enumerate(names) if name in joints]
         if len(kept) < MIN_JOINTS:
-            raise SkeletonMismatchError(
-                f"joints: expected at least {MIN_JOINTS} of the library's {len(names)} ({names[0]} ... {names[-1]}), "
-                f"got {len(kept)}"
-            )
+            given = f"{len(names)} ({names[0]} ... {names[-1]}), got {len(kept)}"
+            raise SkeletonMismatchError(f"joints: expected at least {MIN_JOINTS} of the library's {given}")
         if len(kept) == len(names):
             return self
         skeleton = self.skeleton.restricted_to(kept)

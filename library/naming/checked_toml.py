@@ -5,8 +5,6 @@ A file is described by a `msgspec.Struct` whose types say what each key may hold
 msgspec 0.22 takes other numbers for the bounds then, or crashes.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence

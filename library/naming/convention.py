@@ -5,8 +5,6 @@ front of a name: a namespace (`mixamorig:Hips`), a path (`Armature|Hips`), or a 
 share (`Skeleton 001_Hip`), and an end that all share (`LEFT_HIP_BD`).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The names of HDM05's files, its licence, and its skeleton, which CMU's recordings share."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace
@@ -27,10 +25,8 @@ SKELETON = Skeleton(tuple(_JOINTS), (-1, *(_JOINTS.index(above) for above in _HE
 _TITLES: dict[str, str] = _HELD["titles"]
 
 #: A cut clip says its class and a take of three digits; an uncut take says scene-part and a take of two digits.
-_NAME = re.compile(
-    r"HDM_(?P<actor>[a-z]{2})_(?:(?P<class>.+)_(?P<take>\d{3})|(?P<uncut>\d{2}-\d{2}_\d{2}))_(?P<rate>\d+)",
-    re.IGNORECASE,
-)
+_TAKE = r"(?P<class>.+)_(?P<take>\d{3})|(?P<uncut>\d{2}-\d{2}_\d{2})"
+_NAME = re.compile(rf"HDM_(?P<actor>[a-z]{{2}})_(?:{_TAKE})_(?P<rate>\d+)", re.IGNORECASE)
 
 
 class ClipName(NamedTuple):

@@ -1,7 +1,5 @@
 """How the joint names of a file or a feed are read: by a convention, found or given, or unchanged."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

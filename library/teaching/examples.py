@@ -195,9 +195,7 @@ class TaughtWindows:
             added = [each for each in self._everything.library.motions if id(each) not in before]
             for each in new:
                 own = each.class_name, each.motion.take
-                self._known[_key(each)] = tuple(
-                    motion for motion in added if (motion.class_name, _taught_as(motion)) == own
-                )
+                self._known[_key(each)] = tuple(one for one in added if (one.class_name, _taught_as(one)) == own)
         return self._selected(roster, enabled)
 
     def _shown(self, motions: Sequence[Clip]) -> list[Clip]:
@@ -334,9 +332,8 @@ def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.fl
     motions = index.library.motions
     name = motions[place].class_name
     copies = _copies(index, place)
-    others = [
-        each for each in np.unique(index.motions).tolist() if motions[each].class_name == name and each not in copies
-    ]
+    same = [each for each in np.unique(index.motions).tolist() if motions[each].class_name == name]
+    others = [each for each in same if each not in copies]
     usual = [float(np.median(_left_out(index, each)[:, own])) for each in others[-_CHECKED:]]
     finite = [each for each in usual if math.isfinite(each)]
     if len(finite) < 2:

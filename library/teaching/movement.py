@@ -1,7 +1,5 @@
 """When a body moves and when it stands still: the motions between two stillnesses of a take or a live feed."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence

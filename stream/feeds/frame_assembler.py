@@ -11,8 +11,6 @@ timeout is half of the time between two frames, if that is less than the preset'
 shows where a frame begins.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -243,9 +241,8 @@ class FrameAssembler:
         if len(self._bodies) >= MAX_PERFORMERS:
             self.counts.no_room += 1
             return None
-        body = self._bodies[name] = _Body(
-            packet.sender, packet.arrival, time=self._sender_times.get(packet.sender), interval=1 / self.preset.rate
-        )
+        last = self._sender_times.get(packet.sender)
+        body = self._bodies[name] = _Body(packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
         return body
 
     def _add_whole(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
@@ -400,9 +397,8 @@ class FrameAssembler:
                 lost.add(name)
         world = world_positions(self.preset.bones, poses)
         places = {self.preset.joint_map[name]: world[name] for name in self._needed}
-        return self._done_without(
-            [self.preset.joint_map[name] for name in self._needed if name in lost], places, len(self._targets)
-        )
+        absent = [self.preset.joint_map[name] for name in self._needed if name in lost]
+        return self._done_without(absent, places, len(self._targets))
 
     def _done_without(self, lacking: Sequence[str], places: dict[str, Vector], joints: int) -> dict[str, Vector] | None:
         """Give positions with NaN for missing joints; None when too many are missing for a frame."""

@@ -1,7 +1,5 @@
 """Forward kinematics: positions of joints that are given by positions and rotations relative to their parents."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated

@@ -120,9 +120,7 @@ class Mapper:
         rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()
         found = [(rule, rule.pattern.fullmatch(address)) for rule in rules]
         # A name in an address may be written as in a URL (`address_part`).
-        return [
-            _Way(rule, {key: unquote(name) for key, name in each.groupdict().items()}) for rule, each in found if each
-        ]
+        return [_Way(rule, {key: unquote(name) for key, name in way.groupdict().items()}) for rule, way in found if way]
 
     def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
         """Read arguments; None, TypeError or OverflowError when they do not fit the roles."""

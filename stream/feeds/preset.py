@@ -4,8 +4,6 @@ A preset lists messages: an address in which `{joint}` and `{performer}` stand f
 `{any}` for anything, and the role of each argument. `native.toml` and its neighbours are examples.
 """
 
-from __future__ import annotations
-
 import re
 from enum import StrEnum
 from functools import lru_cache
@@ -104,9 +102,8 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         try:
             _ = self.pattern
         except KeyError as error:
-            raise ValueError(
-                f"address: expected only {{{'}, {'.join(_PLACEHOLDERS)}}} in braces, got {error}"
-            ) from error
+            known = "}, {".join(_PLACEHOLDERS)
+            raise ValueError(f"address: expected only {{{known}}} in braces, got {error}") from error
         except re.error as error:
             raise ValueError(f"address: expected each of {{joint}} and {{performer}} once, got {error}") from error
         held = [part.count("{") for part in self.address.split("/")]
@@ -145,7 +142,7 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 #: The roles that a message needs for its meaning.
 _NEEDED = {
     Means.JOINT: {"joint", *_POSITION},
-    Means.FRAME: set(_POSITION),
+    Means.FRAME: {*_POSITION},
     Means.NAME: {"joint", "name"},
     Means.ORDER: {"joint"},
 }
@@ -298,9 +295,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
             joints |= {name: joint for name, joint in convention_named(table).targets.items() if name not in given}
         msgspec.structs.force_setattr(self, "joint_map", joints)
         if len(self.sent) < 2:
-            raise ValueError(
-                f"joints: expected at least two joints, each with the library's name for it, got {joints!r}"
-            )
+            raise ValueError(f"joints: expected at least two joints, each with the library's name, got {joints!r}")
         if len(set(map(spelling, joints))) != len(joints):
             raise ValueError(f"joints: expected names that differ in more than capitals and blanks, got {[*joints]!r}")
         before = {""}

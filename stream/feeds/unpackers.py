@@ -8,8 +8,6 @@ zigsim    ZIG SIM's JSON: `/zigsim/<device>/<joint> x y z`; its OSC as it is
 xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +18,7 @@ import msgspec
 
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
-from kinespace.stream.osc.answers import address_part
+from kinespace.stream.osc.messages import address_part
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet
 
 #: Joints whose numbers are known, at most; a sender that makes up names fills the memory, and empties it.

@@ -6,8 +6,6 @@ some seconds waits for a second frame that agrees with it, so that one wrong pac
 seconds are converted by their arrivals (`kinespace.stream.inputs.clock`).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace

@@ -9,8 +9,6 @@ A verdict rests on the frames of some tenths of a second. It takes the median of
 recording that begins again, and frames that arrive in bursts do not change it.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 #: Seconds of arrivals that a verdict rests on, at least.

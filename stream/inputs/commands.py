@@ -1,7 +1,5 @@
 """Commands among the packets of a feed, and the senders that may give them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,11 +10,11 @@ import zmq
 from kinespace.stream.frame import Admitted
 from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within
 from kinespace.stream.status import InputCounts
-from kinespace.stream.teaching import State, commands, wire
+from kinespace.stream.teaching import State, commands
 from kinespace.stream.teaching.commands import Asked, CommandError
 from kinespace.stream.zeromq import Endpoint, Keyring
 
-_TEACH, _RESET = wire.TEACH.encode(), wire.RESET.encode()
+_TEACH, _RESET = commands.TEACH.encode(), commands.RESET.encode()
 #: Bytes of a datagram in which an address may end, at most.
 _MAX_ADDRESS = 512
 #: Commands of a sender that are obeyed in a second, and at once.
@@ -87,10 +85,10 @@ class CommandReader:
             return None
         mistake, given, self.others = "", list[commands.Command](), 1
         try:
-            said, self.others = wire.said_in(datagram)
+            said, self.others = commands.said_in(datagram)
             if not said:
                 return None
-            given = wire.decode(said)
+            given = commands.decode(said)
         except CommandError as error:
             mistake = str(error)
         refusal = self._refusal(given, sender, now) or mistake
@@ -180,12 +178,12 @@ class RequestSource:
             self._counts.foreign += 1
             return Asked(None, TOO_MANY, self._reply)
         try:
-            return Asked(wire.decode_json(request.bytes), "", self._reply)
+            return Asked(commands.decode_json(request.bytes), "", self._reply)
         except CommandError as error:
             return Asked(None, str(error), self._reply)
 
     def _reply(self, states: Sequence[State], described: Mapping[str, object]) -> None:
-        reply = {"states": [wire.as_json(each) for each in states], **described}
+        reply = {"states": [commands.as_json(each) for each in states], **described}
         try:
             self.pollable.send(json.dumps(reply).encode(), zmq.NOBLOCK)
         except zmq.ZMQError:

@@ -15,12 +15,12 @@ from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.preset import Preset
 from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
 from kinespace.stream.frame import Input
-from kinespace.stream.osc.frames import decode as decode_datagram
+from kinespace.stream.osc.messages import decode as decode_datagram
 from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, parts_of
 from kinespace.stream.status import InputCounts, Refusals
-from kinespace.stream.zeromq.frames import FormatError, NumberedFrame, SequenceGaps, decode_packed
-from kinespace.stream.zeromq.frames import decode as decode_message
+from kinespace.stream.zeromq.messages import FormatError, NumberedFrame, SequenceGaps, decode_packed
+from kinespace.stream.zeromq.messages import decode as decode_message
 
 #: First bytes of OSC packets, which some programs send unchanged: a map begins with another byte.
 _OSC = (b"/", b"#bundle\0")
@@ -220,9 +220,7 @@ class SenderNumbers:
         if sender in self._numbers:
             number = self._numbers[sender][0]
         else:
-            self._numbers = {
-                name: (number, last) for name, (number, last) in self._numbers.items() if now - last <= FORGET_AFTER
-            }
+            self._numbers = {name: known for name, known in self._numbers.items() if now - known[1] <= FORGET_AFTER}
             taken = {number for number, _ in self._numbers.values()}
             free = [number for number in range(1, MAX_SENDERS + 1) if number not in taken]
             if not free:
@@ -243,7 +241,6 @@ class SenderNumbers:
         if len(known.addresses) < MAX_SENDERS:
             known.addresses.add(address)
         # Of two such programs the first keeps the host's number.
-        known.own = known.own or any(
-            known.rivals(other) for other in takewhile(lambda each: each is not known, ports.values())
-        )
+        before = takewhile(lambda each: each is not known, ports.values())
+        known.own = known.own or any(map(known.rivals, before))
         return port if known.own else 0

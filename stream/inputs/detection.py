@@ -1,7 +1,5 @@
 """Detection: kinds of messages on a port, rates, senders, gaps, and the preset that fits best."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +17,7 @@ from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS, Unpacker
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder
-from kinespace.stream.osc.frames import SKELETON, decode
+from kinespace.stream.osc.messages import SKELETON, decode
 from kinespace.stream.osc.packet import Message, PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, sender_name
 
@@ -269,10 +267,9 @@ class Survey:
         """Give the kept packets as messages, by one packing; packets of other packings hold none."""
         if packing not in self._read or self._read[packing][0] != len(self._kept):
             unpack = UNPACKERS[packing]()
-            read = [
-                (_unpacked(unpack, datagram) or [], arrival, packing not in LOOSE or datagram[:1] == b"#")
-                for datagram, arrival, _ in self._kept
-            ]
+            loose, read = packing in LOOSE, list[tuple[list[Message], float, bool]]()
+            for datagram, arrival, _ in self._kept:
+                read.append((_unpacked(unpack, datagram) or [], arrival, not loose or datagram[:1] == b"#"))
             self._read[packing] = len(self._kept), read
         return self._read[packing][1]
 
@@ -308,9 +305,8 @@ def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> 
     skeleton = hdm05.SKELETON.restricted_to(kept)
     there = positions[[joints.index(name) for name in skeleton.joints]].astype(np.float64)
     children = [child for child, parent in enumerate(skeleton.parents) if parent >= 0]
-    lengths: NDArray[np.float64] = np.linalg.norm(
-        there[children] - there[[skeleton.parents[child] for child in children]], axis=1
-    )
+    parents = [skeleton.parents[child] for child in children]
+    lengths: NDArray[np.float64] = np.linalg.norm(there[children] - there[parents], axis=1)
     return lengths
 
 

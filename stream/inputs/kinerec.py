@@ -10,19 +10,16 @@ product's feed, `presets` (their TOML by name; older recordings lack it). Every 
 its parts. Records are only ever appended, so a recorder that is killed leaves whole records and at most one torn one.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import threading
 import zlib
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import accumulate
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import msgspec
 
@@ -56,8 +53,7 @@ class RawFileError(ValueError):
     """A file is not a usable raw recording; the message names the file and the byte."""
 
 
-@dataclass(frozen=True, slots=True)
-class RawPacket:
+class RawPacket(NamedTuple):
     """One packet as it came.
 
     Attributes

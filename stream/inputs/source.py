@@ -22,7 +22,7 @@ from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder
 from kinespace.stream.inputs.detection import Survey
 from kinespace.stream.inputs.kinerec import Recorder
-from kinespace.stream.osc.frames import beginning_of
+from kinespace.stream.osc.messages import beginning_of
 from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
 from kinespace.stream.packet import Packet, Receiver, Sender, sender_name
@@ -107,11 +107,7 @@ class Source:
     """
 
     def __init__(
-        self,
-        receiver: Receiver,
-        decoder: Decoder,
-        recorder: Recorder | None = None,
-        admission: Admission | None = None,
+        self, receiver: Receiver, decoder: Decoder, recorder: Recorder | None = None, admission: Admission | None = None
     ) -> None:
         self.receiver = receiver
         self.decoder = decoder
@@ -156,10 +152,8 @@ class Source:
     def counts(self) -> InputCounts:
         """Counts of all that came in; a copy."""
         receiver = self.receiver
-        excess = self._turns.thrown_away
-        counts = replace(
-            self.decoder.counts, overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=excess
-        )
+        lost = {"overrun": receiver.kernel_drops, "broken": receiver.broken(), "thrown_away": self._turns.thrown_away}
+        counts = replace(self.decoder.counts, **lost)
         counts.received += self._stale
         counts.stale += self._stale
         if self.commands:

@@ -1,7 +1,5 @@
 """Raw recordings decoded again, as the live sources decode them, and read as takes of each performer."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -146,9 +144,9 @@ def ordered_frames(
     skeletons = {name: each.skeleton() for name, each in seen.items()}
     clocks = {name: each.times() for name, each in seen.items()}
     #: The number of joints that a performer's frames have now, and their order; None where some are missing.
-    orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {
-        name: (len(each.joints), np.arange(len(each.joints))) for name, each in skeletons.items()
-    }
+    orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {}
+    for name, each in skeletons.items():
+        orders[name] = len(each.joints), np.arange(len(each.joints))
     for arrival, event in events_of(recording, preset):
         name = event.performer
         if name not in seen:

@@ -5,8 +5,6 @@ that python-osc takes (`kinespace bench stages`), and it sorts by time tags and 
 packets that are no OSC. Here time tags are ignored and there is one error. The tests compare both.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """UDP: the endpoint that receives datagrams, and the endpoint that sends them."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import sys

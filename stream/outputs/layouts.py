@@ -1,6 +1,6 @@
 """Answers in the layouts that other programs understand, as OSC packets, and the sinks that send them.
 
-native         the messages of `stream.osc.answers`: class, guess, label, scores and events
+native         the messages of `stream.osc.messages`: class, guess, label, scores and events
 max, puredata, supercollider
                the same on the ports on which these usually listen
 touchdesigner  numbers only, because the OSC In CHOP takes nothing else
@@ -12,8 +12,6 @@ vrchat         avatar parameters `Motion` and `MotionScore`
 Where 0 has to mean "nothing", as in Wekinator and in VRChat's parameters, classes count from 1. All layouts send "no
 class" when no class is named, and once when a performer has left.
 """
-
-from __future__ import annotations
 
 import math
 import re
@@ -30,15 +28,15 @@ from pythonosc.osc_message_builder import BuildError
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.inputs.admission import Admission
-from kinespace.stream.osc import answers
-from kinespace.stream.osc.answers import address_part
+from kinespace.stream.osc import messages as answers
+from kinespace.stream.osc.messages import address_part
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.osc.udp import OscReceiver, OscSender
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import GONE, Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching import wire
 from kinespace.stream.teaching.commands import Notice
+from kinespace.stream.teaching.commands import encode as encode_notice
 
 _Last = TypeVar("_Last", int, float)
 #: The largest whole number of a VRChat parameter.
@@ -122,7 +120,7 @@ class NativeLayout(Layout):
 
     def notice(self, notice: Notice) -> bytes | None:
         """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i i f`."""
-        return wire.encode(notice)
+        return encode_notice(notice)
 
 
 class TouchDesignerLayout(NativeLayout):
@@ -256,17 +254,16 @@ class VrchatLayout(Layout):
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """`/avatar/parameters/Motion i` counted from 1, 0 for none, and `/avatar/parameters/MotionScore f`."""
-        number = min(recognition.class_index + 1, _MAX_PARAMETER)
-        return encode_bundle(
-            encode_message("/avatar/parameters/Motion", number),
-            encode_message("/avatar/parameters/MotionScore", recognition.score),
-        )
+        return _parameters(min(recognition.class_index + 1, _MAX_PARAMETER), recognition.score)
 
     def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - an avatar has one performer
         """No motion, and no score."""
-        return encode_bundle(
-            encode_message("/avatar/parameters/Motion", 0), encode_message("/avatar/parameters/MotionScore", 0.0)
-        )
+        return _parameters(0, 0.0)
+
+
+def _parameters(motion: int, score: float) -> bytes:
+    of_score = encode_message("/avatar/parameters/MotionScore", score)
+    return encode_bundle(encode_message("/avatar/parameters/Motion", motion), of_score)
 
 
 #: Programs that read our own messages, and the ports on which they usually listen.

@@ -1,7 +1,5 @@
 """Answers as streams of the lab streaming layer (LSL): events as markers, and each performer's scores as floats."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from contextlib import suppress

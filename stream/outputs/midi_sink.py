@@ -1,7 +1,5 @@
 """Answers as MIDI, to a port or into a file: a note for each class, controllers for score and progress."""
 
-from __future__ import annotations
-
 import errno
 import os
 import struct
@@ -66,9 +64,7 @@ class MidiSink(Sink):
         try:
             names = self._mido.get_output_names()
         except Exception as error:
-            raise OSError(
-                f"--out midi: this machine has no MIDI ({error}); --out midi=FILE.mid writes a file"
-            ) from error
+            raise OSError(f"--out midi: no MIDI here ({error}); --out midi=FILE.mid writes a file") from error
         self._name = next((name for name in names if name.startswith(place)), "")
         if not self._name:
             raise OSError(f"--out midi: no port {place!r}; there are: {', '.join(names) or 'none'}")

@@ -1,7 +1,5 @@
 """A sink: the service passes it answers, frames and state. Each kind of sink overrides the methods it uses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType

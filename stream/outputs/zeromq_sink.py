@@ -1,7 +1,5 @@
 """Answers as ZeroMQ messages, and bodies for programs that draw them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import Protocol
@@ -12,10 +10,9 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, Recognition
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice
-from kinespace.stream.teaching.wire import as_json
-from kinespace.stream.zeromq import answers
-from kinespace.stream.zeromq.answers import encode_body
+from kinespace.stream.teaching.commands import Notice, as_json
+from kinespace.stream.zeromq import messages
+from kinespace.stream.zeromq.messages import encode_body
 from kinespace.stream.zeromq.sockets import ZmqSender
 
 #: Seconds between two bodies of a performer.
@@ -55,27 +52,27 @@ class ZmqSink(Sink):
 
     def publish(self, recognition: Recognition) -> None:
         """Send one recognition."""
-        self.sender.send(answers.encode_recognition(recognition))
+        self.sender.send(messages.encode_recognition(recognition))
 
     def publish_event(self, event: Event) -> None:
         """Send one event."""
-        self.sender.send(answers.encode_event(event))
+        self.sender.send(messages.encode_event(event))
 
     def publish_done(self, done: Done) -> None:
         """Send a motion that was done."""
-        self.sender.send(answers.encode_done(done))
+        self.sender.send(messages.encode_done(done))
 
     def publish_gone(self, performer: str) -> None:
         """Send that a performer has left."""
-        self.sender.send(answers.encode_gone(performer))
+        self.sender.send(messages.encode_gone(performer))
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Send the class names."""
-        self.sender.send(answers.encode_classes(classes))
+        self.sender.send(messages.encode_classes(classes))
 
     def publish_status(self, status: Status) -> None:
         """Send the status."""
-        self.sender.send(answers.encode_status(status, named=self._named))
+        self.sender.send(messages.encode_status(status, named=self._named))
 
     def publish_notice(self, notice: Notice) -> None:
         """Send a notice of teaching."""

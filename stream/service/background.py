@@ -1,7 +1,5 @@
 """Processes and threads beside the loop: they neither get the user's signals nor make a frame wait."""
 
-from __future__ import annotations
-
 import multiprocessing
 import signal
 import sys

@@ -5,8 +5,6 @@ and goes on: no worker knows that there are others. They talk by ZeroMQ, on an e
 a name that nobody else knows.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import multiprocessing
@@ -37,8 +35,7 @@ from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, Pe
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
 from kinespace.stream.service.background import signals_held
-from kinespace.stream.service.wire import Orders, Report, SentFrame, decode_answers, encode
-from kinespace.stream.service.worker import Terms, work
+from kinespace.stream.service.worker import Orders, Report, SentFrame, Terms, decode_answers, encode, work
 from kinespace.stream.status import InputCounts
 
 #: Seconds without a report after which a worker counts as gone; it joins again when it wakes.
@@ -528,7 +525,7 @@ class Gateway:
         """Notes for a person, a line each."""
         counts = {
             "frames that no worker took": self.unsent,
-            "answers of former workers or to frames answered before": self.outdated,
+            "answers of lost workers or to older frames": self.outdated,
         }
         lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
         return [f"workers: {len(self.ready)}", *(f"{count} {what}" for what, count in counts.items() if count), *lost]

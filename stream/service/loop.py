@@ -1,7 +1,5 @@
 """The loop: frames from sources, through one recogniser per performer, to sinks; in overload by turns."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter, deque
@@ -17,7 +15,7 @@ from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.inputs.source import APART, TENDING, Source
-from kinespace.stream.osc.answers import address_part
+from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
@@ -383,8 +381,9 @@ class Service:
         ends = tuple(each for each in recognition.events if each.kind is EventKind.END)
         outcome = Outcome.UNKNOWN if recognition.outcome is Outcome.NAMED else recognition.outcome
         nothing = np.zeros(0)
+        movement = recognition.movement
         return Recognition(
-            recognition.performer, recognition.time, outcome, (), nothing, recognition.movement, guess=-1, events=ends
+            recognition.performer, recognition.time, outcome, (), nothing, movement, guess=-1, events=ends
         )
 
     def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
@@ -472,9 +471,8 @@ class Service:
     def _note_answered(self) -> None:
         """Note the share of the answers due since the last status that were given."""
         total = self.performers.counts.recognizers
-        given, left_out = (
-            max(now - before, 0) for now, before in zip((total.hops, total.skipped), self._answered_before, strict=True)
-        )
+        now = total.hops, total.skipped
+        given, left_out = (max(count - before, 0) for count, before in zip(now, self._answered_before, strict=True))
         self._answered_before = total.hops, total.skipped
         self._answered = given / (given + left_out) if left_out else 1.0
 

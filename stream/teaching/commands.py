@@ -1,15 +1,22 @@
-"""The commands of teaching, checked when they are made.
+"""The commands of teaching, checked when they are made, and the notices; both over OSC, and in JSON for ZeroMQ.
 
-Over OSC and in JSON a command is called by the name of its class in small letters, and has its fields as arguments.
+A command is called by the name of its class in small letters, and has its fields as arguments:
+`/motion/teach/<command>` with its arguments in order (`/motion/teach` alone is `teach`), or the same words in JSON:
+`{"do": "teach", "performer": "ann", "class": "wave"}`. `/motion/<performer>/count/reset` is `reset`; `*` means all
+performers.
 """
 
-from __future__ import annotations
-
+import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any, get_args, get_type_hints
+
+import msgspec
 
 from kinespace.library.teaching.examples import Roster
+from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
 from kinespace.stream.recognition import GONE, Outcome
 
 #: Motions an hour, said though they were not meant, that are too many; seconds from which on an hour is spoken of.
@@ -143,8 +150,27 @@ class CommandError(ValueError):
     """A command cannot be read; the message names the argument, the expectation and the value found."""
 
 
-@dataclass(frozen=True, slots=True)
-class Teach:
+#: The most that numbers may be, and those of them that may not be 0.
+_MOST = {"repetitions": MAX_REPETITIONS, "countdown": MAX_COUNTDOWN, "seconds": MAX_LAST, "ago": MAX_AGO, "share": 1.0}
+_ABOVE_0 = ("repetitions", "seconds")
+
+
+class _Command(msgspec.Struct, frozen=True):
+    """A command; CommandError where a name is not allowed, or a number is out of range."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            given = getattr(self, name)
+            if name == "performer" and len(given) > MAX_NAME:
+                raise CommandError(f"performer: expected at most {MAX_NAME} characters, got {len(given)}")
+            if name == "class_name" and isinstance(self, Teach | Last | Hold):
+                _require_class(given)
+            if name in _MOST and not (0 <= given <= _MOST[name] and (given or name not in _ABOVE_0)):
+                least = "above 0" if name in _ABOVE_0 else "0"
+                raise CommandError(f"{name}: expected {least} to {_MOST[name]:g}, got {given:g}")
+
+
+class Teach(_Command, frozen=True):
     """Record examples of a class: count down, wait for movement, record, stop by stillness.
 
     Attributes
@@ -169,17 +195,8 @@ class Teach:
     repetitions: int = 1
     countdown: float = 3.0
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
-        _require_class(self.class_name)
-        if not 1 <= self.repetitions <= MAX_REPETITIONS:
-            raise CommandError(f"repetitions: expected 1 to {MAX_REPETITIONS}, got {self.repetitions}")
-        if not 0 <= self.countdown <= MAX_COUNTDOWN:
-            raise CommandError(f"countdown: expected 0 to {MAX_COUNTDOWN:g} s, got {self.countdown:g}")
 
-
-@dataclass(frozen=True, slots=True)
-class Last:
+class Last(_Command, frozen=True):
     """Take the performer's last movement as an example, or the movement that ended some seconds ago.
 
     Raises
@@ -193,17 +210,8 @@ class Last:
     class_name: str
     ago: float = 0.0
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
-        _require_class(self.class_name)
-        if not 0 <= self.ago <= MAX_AGO:
-            raise CommandError(f"ago: expected 0 to {MAX_AGO:g} s, got {self.ago:g}")
-        if not 0 < self.seconds <= MAX_LAST:
-            raise CommandError(f"seconds: expected up to {MAX_LAST:g}, got {self.seconds:g}")
 
-
-@dataclass(frozen=True, slots=True)
-class Hold:
+class Hold(_Command, frozen=True):
     """Record an example from now on, however little the performer moves; with `on` false end it.
 
     Raises
@@ -216,33 +224,20 @@ class Hold:
     class_name: str
     on: bool = True
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
-        _require_class(self.class_name)
 
-
-@dataclass(frozen=True, slots=True)
-class Right:
+class Right(_Command, frozen=True):
     """The performer's last named motion becomes an example of its class; without a performer, the last of all."""
 
     performer: str = ""
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
 
-
-@dataclass(frozen=True, slots=True)
-class Wrong:
+class Wrong(_Command, frozen=True):
     """The performer's last named motion becomes an example of `nothing`; without a performer, the last of all."""
 
     performer: str = ""
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
 
-
-@dataclass(frozen=True, slots=True)
-class Rename:
+class Rename(_Command, frozen=True):
     """Rename a taught class; CommandError for a name that is not allowed."""
 
     class_name: str
@@ -252,64 +247,48 @@ class Rename:
         _require_class(self.to)
 
 
-@dataclass(frozen=True, slots=True)
-class Forget:
+class Forget(_Command, frozen=True):
     """Forget a taught class; all taught classes when the name is empty."""
 
     class_name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Enable:
+class Enable(_Command, frozen=True):
     """Answer a class, or stop answering it."""
 
     class_name: str
     on: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
+class Stop(_Command, frozen=True):
     """End the recording that goes on; it becomes an example."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cancel:
+class Cancel(_Command, frozen=True):
     """End the lesson that goes on without an example."""
 
 
-@dataclass(frozen=True, slots=True)
-class Undo:
+class Undo(_Command, frozen=True):
     """Undo the last change."""
 
 
-@dataclass(frozen=True, slots=True)
-class Save:
+class Save(_Command, frozen=True):
     """Save to the file given at the start."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
+class Sensitivity(_Command, frozen=True):
     """Recognise all performers with another sensitivity (`stream.recognizer.settings`); CommandError beyond 0 to 1."""
 
     share: float
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.share <= 1:
-            raise CommandError(f"share: expected 0 to 1, got {self.share:g}")
 
-
-@dataclass(frozen=True, slots=True)
-class Reset:
+class Reset(_Command, frozen=True):
     """Count a performer's motions from 1 again, by the name or as it stands in addresses; without one everybody's."""
 
     performer: str = ""
 
-    def __post_init__(self) -> None:
-        _require_performer(self.performer)
 
-
-@dataclass(frozen=True, slots=True)
-class List:
+class List(_Command, frozen=True):
     """Change nothing; the reply has the classes and settings, as every reply does."""
 
 
@@ -348,6 +327,142 @@ def _require_class(name: str) -> None:
         raise CommandError(f"class: expected another name than {', '.join(sorted(_RESERVED))}, got {name}")
 
 
-def _require_performer(name: str) -> None:
-    if len(name) > MAX_NAME:
-        raise CommandError(f"performer: expected at most {MAX_NAME} characters, got {len(name)}")
+#: The beginning of commands' addresses.
+TEACH = "/motion/teach"
+RESET = "/count/reset"
+_RESET = re.compile(f"/motion/([^/]+){RESET}")
+#: Commands in one packet, at most: each may take some hundredths of a second, in which nobody is answered.
+MAX_COMMANDS = 8
+#: Bytes of a JSON request, at most.
+_MAX_REQUEST = 10_000
+#: The largest number that is read, so that every number can be a float.
+_MAX_NUMBER = 1e15
+_COMMANDS: dict[str, type[Command]] = {each.__name__.lower(): each for each in get_args(Command)}
+#: The arguments of each command, in order: the names on the wire with the fields' names and types.
+_ARGUMENTS: dict[str, dict[str, tuple[str, type]]] = {
+    word: {name.removesuffix("_name"): (name, kind) for name, kind in get_type_hints(each).items()}
+    for word, each in _COMMANDS.items()
+}
+
+
+#: A command's word and its arguments.
+_Said = tuple[str, list[object]]
+
+
+def said_in(packet: bytes) -> tuple[list[_Said], int]:
+    """Find the commands of an OSC packet; give them, and the number of its messages that are none.
+
+    Raises
+    ------
+    CommandError
+        The packet is no OSC.
+    """
+    try:
+        messages = decode_packet(packet)
+    except PacketError as error:
+        raise CommandError(f"packet: expected OSC ({error})") from error
+    asked: list[_Said] = []
+    for address, arguments in messages:
+        if reset := _RESET.fullmatch(address):
+            asked.append(("reset", [reset[1].replace("*", "")]))
+        elif address == TEACH or address.startswith(f"{TEACH}/"):
+            asked.append((address[len(TEACH) + 1 :] or "teach", arguments))
+    return asked, len(messages) - len(asked)
+
+
+def decode(said: Sequence[_Said]) -> list[Command]:
+    """Read the commands of a packet.
+
+    Raises
+    ------
+    CommandError
+        They are too many, or one is no command; the error names the argument that was expected.
+    """
+    if len(said) > MAX_COMMANDS:
+        raise CommandError(f"packet: expected at most {MAX_COMMANDS} commands, got {len(said)}")
+    found = []
+    for word, arguments in said:
+        names = _names(word)
+        if names and len(arguments) > len(names):
+            raise CommandError(f"{word}: expected {', '.join(names)}, got {len(arguments)}")
+        # Many programs send a number with every message, also with one that has no arguments.
+        found.append(_made(word, dict(zip(names, arguments, strict=False))))
+    return found
+
+
+def decode_json(request: bytes) -> Command:
+    """Read one command in JSON; CommandError for other text."""
+    try:
+        given = json.loads(request) if len(request) <= _MAX_REQUEST else None
+    except (ValueError, RecursionError):
+        given = None
+    if not isinstance(given, dict) or not isinstance(word := given.pop("do", None), str):
+        raise CommandError('request: expected JSON like {"do": "teach", "performer": "ann", "class": "wave"}')
+    names = _names(word)
+    for name in given:
+        if name not in names:
+            raise CommandError(f"{word}: expected {', '.join(names) or 'no more'}, got {ascii(name)[:40]}")
+    return _made(word, given)
+
+
+def _names(word: str) -> list[str]:
+    """Name the arguments of a command; CommandError for an unknown command."""
+    if word not in _COMMANDS:
+        raise CommandError(f"command: expected one of {', '.join(_COMMANDS)}, got {word[:MAX_NAME]!a}")
+    return [*_ARGUMENTS[word]]
+
+
+def _made(word: str, given: Mapping[str, Any]) -> Command:
+    """Make a command of its arguments by name; CommandError where one is missing or wrong."""
+    arguments, needed = _ARGUMENTS[word], [each.required for each in msgspec.structs.fields(_COMMANDS[word])]
+    for name, must in zip(arguments, needed, strict=True):
+        if must and name not in given:
+            raise CommandError(f"{word}: expected {', '.join(arguments)}, got no {name}")
+    return _COMMANDS[word](**{arguments[name][0]: _as(arguments[name][1], name, given[name]) for name in given})
+
+
+def _as(kind: type, name: str, value: Any) -> Any:  # noqa: ANN401 - of the kind that is asked for
+    # JSON can write half a character, which no other transport can.
+    if kind is str and isinstance(value, str) and value.encode(errors="replace").decode() == value:
+        return value
+    number = kind is not str and isinstance(value, int | float) and abs(value) <= _MAX_NUMBER
+    if number and (kind is float or value == int(value)):
+        return kind(value)
+    raise CommandError(f"{name}: expected {kind.__name__}, got {ascii(value)[:40]}")
+
+
+def encode(notice: Notice) -> bytes:
+    """Give a notice as an OSC message."""
+    if isinstance(notice, State):
+        return encode_message(f"{TEACH}/state", notice.performer, str(notice.step), notice.seconds, notice.reason)
+    taught, tried = (notice.class_name, notice.examples, notice.seconds, notice.words), notice.tried
+    return encode_message(f"{TEACH}/taught", *taught, tried.started, tried.done, tried.seconds)
+
+
+def as_json(notice: Notice) -> dict[str, object]:
+    """Give a notice as a JSON object."""
+    seconds = round(notice.seconds, 3)
+    if isinstance(notice, State):
+        described = {"performer": notice.performer, "state": str(notice.step), "seconds": seconds}
+        return described | ({"reason": notice.reason} if notice.reason else {})
+    return {
+        "taught": notice.class_name,
+        "examples": notice.examples,
+        "seconds": seconds,
+        "check": notice.words,
+        "would_have_started": notice.tried.started,
+        "would_have_been_done": notice.tried.done,
+        "tried_seconds": round(notice.tried.seconds, 1),
+        "tried": notice.tried.words,
+    }
+
+
+def as_line(notice: Notice) -> str:
+    """Give a notice as a line for people."""
+    if isinstance(notice, State):
+        whose = f" {notice.performer}" if notice.performer else ""
+        seconds = f" {notice.seconds:.1f} s" if notice.seconds else ""
+        return f"teaching{whose}: {notice.step}{seconds}{f': {notice.reason}' if notice.reason else ''}"
+    kept = f"examples: {notice.examples}, {notice.seconds:.1f} s kept"
+    tried = f"; it would have been {notice.tried.words}" if notice.tried.words else ""
+    return f"taught {notice.class_name}: {notice.words}; {kept}{tried}"

@@ -1,27 +1,447 @@
-"""The teacher: the lesson that goes on, the examples, and their undo.
+"""The teacher: the lesson that goes on, the last minutes of each performer, the examples, and their undo.
+
+A lesson: countdown, waiting for movement, recording, stopped by stillness, trimmed; or recorded while held. A lesson of
+`nothing` waits for no movement and for no stillness: the performer moves at will for some seconds.
 
 There is no socket, clock or thread in here. Frames and commands come in with the time on our clock. Notices come out;
 `Changed` asks the caller to open the roster, to exchange the recognisers' library, to check the example, and to report
 by `checked`. The caller may take any time for it: lessons go on meanwhile.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Collection
-from dataclasses import replace
+from collections import deque
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library import NOTHING
+from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import MAX_EXAMPLES, Check, Example, Roster
-from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Stretch, moved_at_all
+from kinespace.library.teaching.movement import (
+    ENDS_AFTER,
+    MIN_SECONDS,
+    STILLNESS,
+    Movement,
+    MovementMeter,
+    Stretch,
+    StretchFinder,
+    moved_at_all,
+    stillness_of,
+)
 from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import UNDONE, Changed, Command, Notice, State, Step, Taught, Tried
-from kinespace.stream.teaching.lesson import AT_WILL, HeldLesson, Lesson, Recorded
-from kinespace.stream.teaching.memory import REMEMBERED, Memory, NamedMotion, NamedMotions, Remembered
+from kinespace.stream.teaching.commands import (
+    MAX_LAST,
+    UNDONE,
+    Changed,
+    Command,
+    Hold,
+    Notice,
+    State,
+    Step,
+    Taught,
+    Teach,
+    Tried,
+)
+
+#: Seconds of a recording, and of standing still before it, at most.
+MAX_RECORDING, MAX_WAITING = 15.0, 15.0
+#: Seconds of movement at will that a lesson of `nothing` records.
+AT_WILL = 20.0
+#: Seconds at the end of a countdown that show how much the performer trembles while standing.
+_STANDING = 1.0
+#: Seconds between two notices of how much a performer moves who is waited for, and after which a way out is said.
+_SAID_EVERY, _WAY_OUT = 1.0, 5.0
+#: Frames a second that show movement, also where they come a little unevenly.
+_LEAST_RATE = 8
+#: Frames a second below which a camera is said to be slow; in a countdown a few frames may be late.
+_GOOD_RATE = 10
+#: Seconds that rounding may add to a countdown, and by which it may move a frame out of a span.
+_TIE = 1e-6
+#: Seconds of the recording that are kept before the movement.
+BEFORE = 0.3
+
+
+class Recorded(NamedTuple):
+    """A lesson's recording on the sender's clock: its whole span, and the span that is kept after trimming."""
+
+    whole: Stretch
+    kept: Stretch
+
+
+class Lesson:
+    """One performer shows examples of one class.
+
+    Parameters
+    ----------
+    asked
+        The command with the class to record.
+    performer
+        The performer's name.
+    now
+        Seconds on our clock.
+    stillness
+        Movement below which the performer stands still (`library.teaching.movement`); a performer who trembles less
+        in the countdown begins with less.
+
+    Attributes
+    ----------
+    step
+        The lesson's state.
+    left
+        Examples that are still to be recorded.
+    """
+
+    def __init__(self, asked: Teach, performer: str, now: float, stillness: float = STILLNESS) -> None:
+        self.class_name, self.performer = asked.class_name, performer
+        self.left = asked.repetitions
+        self._at_will = asked.class_name == NOTHING
+        self._longest = AT_WILL if self._at_will else MAX_RECORDING
+        self.step = Step.COUNTDOWN
+        self._go = now + asked.countdown
+        self._counted = math.inf
+        self._stillness, self._finder = stillness, StretchFinder(stillness)
+        #: The movement at the end of the countdown; the most since the last notice, and when that was.
+        self._standing: deque[tuple[float, Movement]] = deque()
+        self._most, self._said, self._came = -1.0, math.nan, 0
+        self._armed = self._began = self._newest = math.nan
+
+    def tick(self, now: float) -> State | None:
+        """Count down; give the notices."""
+        if self.step is not Step.COUNTDOWN:
+            return None
+        if now >= self._go:
+            self.step = Step.WAITING
+            return State(self.performer, Step.WAITING)
+        seconds = max(math.ceil(self._go - now - _TIE), 1)
+        if seconds == self._counted:
+            return None
+        self._counted = seconds
+        return State(self.performer, Step.COUNTDOWN, float(seconds), self._too_slow() if seconds == 1 else "")
+
+    def _too_slow(self) -> str:
+        """Say before the lesson that frames come too rarely to show much of a movement."""
+        rate = (self._came - 1) / (self._newest - self._said) if self._came > 1 else math.inf
+        return f"{rate:.0f} frames a second, {_GOOD_RATE} are better: choose --size lite" if rate < _GOOD_RATE else ""
+
+    def push(self, time: float, movement: Movement | None) -> State | Recorded | None:
+        """Take in a frame's time on the sender's clock, and the movement if it was measured.
+
+        Returns
+        -------
+        A change of state; the recording, when it ended; a refusal; else None.
+        """
+        self._newest = time
+        if self.step is Step.COUNTDOWN:
+            self._said, self._came = time if self._came == 0 else self._said, self._came + 1
+            # A performer who is already moving is recorded from now on.
+            if movement is not None:
+                self._finder.push(time, movement)
+                self._standing.append((time, movement))
+                while time - self._standing[0][0] > _STANDING:
+                    self._standing.popleft()
+            return None
+        if math.isnan(self._armed):
+            self._arm(time)
+        found = None if movement is None or self._at_will else self._finder.push(time, movement)
+        if self.step is Step.WAITING:
+            return self._waited(time, max(movement or (-1.0,)))
+        if found:
+            return self._recorded(found, by_hand=False)
+        return self.stop(by_hand=True) if time - self._began >= self._longest else None
+
+    def _arm(self, time: float) -> None:
+        self._armed = self._said = time
+        self._most, self._came = -1.0, 0
+        still = stillness_of(self._standing, self._stillness)
+        if still < self._stillness:
+            self._finder = StretchFinder(still)
+
+    def _waited(self, time: float, movement: float) -> State | None:
+        if self._at_will:
+            self.step, self._began = Step.RECORDING, self._armed
+            return State(self.performer, Step.RECORDING, 0.0, f"move as you will for {AT_WILL:g} s")
+        if self._finder.began is not None:
+            self.step = Step.RECORDING
+            self._began = max(self._finder.began, self._armed)
+            return State(self.performer, Step.RECORDING)
+        if time - self._armed >= MAX_WAITING:
+            return State(self.performer, Step.REFUSED, MAX_WAITING, f"stood still for {MAX_WAITING:g} s")
+        self._most, self._came = max(self._most, movement), self._came + 1
+        if time - self._said < _SAID_EVERY - _TIE:
+            return None
+        reason = f"movement {self._most / self._finder.needed:.0%} of what is needed"
+        if self._most < 0:
+            rate = self._came / (time - self._said)
+            reason = f"{rate:.0f} frames a second show no movement: send {_LEAST_RATE} or more"
+        if time - self._armed >= _WAY_OUT - _TIE:
+            reason += "; or show it and ask for /motion/teach/last"
+        self._most, self._said, self._came = -1.0, time, 0
+        return State(self.performer, Step.WAITING, 0.0, reason)
+
+    def stop(self, *, by_hand: bool) -> State | Recorded:
+        """End the recording by a command, because it has its maximal length, or because no frames come for now."""
+        if self.step is not Step.RECORDING:
+            return State(self.performer, Step.REFUSED, 0.0, "nothing was recorded")
+        found = None if self._at_will else self._finder.end()
+        return self._recorded(found or Stretch(self._began, self._newest), by_hand=by_hand)
+
+    def _recorded(self, found: Stretch, *, by_hand: bool) -> State | Recorded:
+        begin = max(found.start, self._armed)
+        kept = Stretch(begin, min(found.end, self._newest, begin + self._longest))
+        whole = Stretch(begin - BEFORE, min(kept.end + ENDS_AFTER, self._newest))
+        self._armed = math.nan
+        self._finder.clear()
+        self.step = Step.WAITING
+        if kept.duration < MIN_SECONDS:
+            reason = f"expected {MIN_SECONDS:g} s or more of movement"
+            # A performer who takes up their place moves for a moment: this is no example.
+            # A sender's clock that begins again gives a time below 0.
+            return State(self.performer, Step.REFUSED if by_hand else Step.WAITING, max(kept.duration, 0.0), reason)
+        self.left -= 1
+        return Recorded(whole, kept)
+
+
+class HeldLesson:
+    """One performer is recorded for as long as somebody holds a key, whatever moves; the attributes are a lesson's.
+
+    Parameters
+    ----------
+    asked
+        The command with the class to record.
+    performer
+        The performer's name.
+    newest
+        The time of the performer's last frame, seconds on the sender's clock.
+    """
+
+    def __init__(self, asked: Hold, performer: str, newest: float) -> None:
+        self.class_name, self.performer = asked.class_name, performer
+        self.left, self.step = 1, Step.RECORDING
+        self._began = self._newest = newest
+
+    def tick(self, now: float) -> None:
+        """Nothing is due by the clock."""
+
+    def push(self, time: float, movement: Movement | None) -> State | Recorded | None:  # noqa: ARG002 - as a lesson
+        """Take in a frame's time; give the recording when it has its maximal length."""
+        self._newest = time
+        return self.stop(by_hand=True) if time - self._began >= MAX_RECORDING else None
+
+    def stop(self, *, by_hand: bool) -> State | Recorded:  # noqa: ARG002 - as a lesson
+        """End the recording: it is released, or no frames come for now."""
+        held = Stretch(self._began, self._newest)
+        if not held.duration >= MIN_SECONDS:
+            # A sender's clock that begins again gives a time below 0.
+            seconds = max(held.duration, 0.0)
+            return State(self.performer, Step.REFUSED, seconds, f"expected it to be held for {MIN_SECONDS:g} s or more")
+        self.left = 0
+        return Recorded(held, held)
+
+
+#: Seconds that are remembered, and frames per second.
+REMEMBERED = 300.0
+FRAME_RATE = 30.0
+#: Frames per second below which an example has too few for a window: straight lines give it more.
+_TOO_FEW = 9.5
+#: Share of a frame's time by which a frame may come early and still be kept.
+_EARLY = 0.2
+#: Seconds by which a frame may be older than the one before; an older one is of a sender that began again.
+_BACKWARDS = 1.0
+
+
+class Remembered(NamedTuple):
+    """Some remembered frames; quick to gather, and made a clip where nobody waits.
+
+    Attributes
+    ----------
+    frames
+        Times in seconds on the sender's clock, and positions (joints, 3), metres.
+    skeleton
+        The skeleton of the positions.
+    shown
+        When examples of the class that is to be tried on them were shown, on the same clock.
+    """
+
+    frames: Sequence[tuple[float, NDArray[np.float32]]]
+    skeleton: Skeleton
+    shown: Sequence[Stretch] = ()
+
+    def clip(self) -> Clip:
+        """Give the frames at even times."""
+        times = np.array([time for time, _ in self.frames])
+        positions = np.array([positions for _, positions in self.frames], dtype=np.float64)
+        often = (len(times) - 1) / (times[-1] - times[0])
+        # A slower feed keeps its rate; a faster one was thinned unevenly and is resampled at even times.
+        rate = None if _TOO_FEW <= often <= 0.9 * FRAME_RATE else FRAME_RATE
+        return evened(times, positions, rate=rate).clip(self.skeleton)
+
+
+class Memory:
+    """Remembers a performer's frames, thinned, and measures their movement.
+
+    Parameters
+    ----------
+    skeleton
+        The skeleton of the positions.
+
+    Attributes
+    ----------
+    arrived
+        When the last frame arrived, seconds on our clock.
+    newest
+        The last frame's own time, seconds on the sender's.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self._clear()
+        self.arrived = self.newest = -np.inf
+
+    def _clear(self) -> None:
+        self._frames: deque[tuple[float, NDArray[np.float32]]] = deque(maxlen=round(REMEMBERED * FRAME_RATE))
+        self._due = -np.inf
+        self._meter = MovementMeter(self._skeleton)
+
+    def push(self, time: float, positions: NDArray[np.floating], now: float) -> Movement | None:
+        """Take in a frame; give the movement when it is measured, else None (`library.teaching.movement`)."""
+        self.arrived = now
+        if time <= self.newest:
+            if self.newest - time < _BACKWARDS:
+                return None
+            self._clear()
+        self.newest = time
+        if time < self._due - _EARLY / FRAME_RATE:
+            return None
+        # After a pause the next frame is due from now on.
+        self._due = (max(self._due, time) if self._due >= time - 1 / FRAME_RATE else time) + 1 / FRAME_RATE
+        self._frames.append((time, positions.astype(np.float32)))
+        while self._frames[0][0] < time - REMEMBERED:
+            self._frames.popleft()
+        return self._meter.push(time, positions)
+
+    def between(self, begin: float, end: float) -> Clip | None:
+        """Give the frames between two moments on the sender's clock; None for less than three frames."""
+        gathered = self.gathered(begin, end)
+        return gathered.clip() if gathered else None
+
+    def unbroken(self, span: Stretch, moment: float) -> Stretch:
+        """Narrow a span to the part around a moment in which no frame is missing for long."""
+        for before, after in pairwise(time for time, _ in self._frames if span.start <= time <= span.end):
+            if after - before > MAX_GAP and before >= moment:
+                return Stretch(span.start, before)
+            if after - before > MAX_GAP:
+                span = Stretch(after, span.end)
+        return span
+
+    def gathered(self, begin: float, end: float) -> Remembered | None:
+        """Gather what `between` makes a clip of, which takes its time."""
+        frames = [each for each in self._frames if begin - _TIE <= each[0] <= end + _TIE]
+        return Remembered(frames, self._skeleton) if len(frames) > 2 else None
+
+
+#: Seconds from a motion's first movement to its start event, at most: what lies before is another motion.
+_BEFORE = 0.8
+#: Seconds that a person needs to see a start event: what is said sooner is said about the motion before.
+_REACTION = 0.4
+#: Seconds before and after a motion that was named wrongly, which must not be named, either.
+_AROUND = 1.5
+
+
+@dataclass(slots=True)
+class NamedMotion:
+    """A motion that was named.
+
+    Attributes
+    ----------
+    class_name
+        Its class.
+    started, ended
+        The times of its events, seconds on the sender's clock; no end while it goes on.
+    after, until
+        The end of the motion before, and the beginning of the next one.
+    number
+        The number of the example that it became; 0 for none.
+    is_right
+        Whether it was right, while it is to be taken when it has ended.
+    """
+
+    class_name: str
+    started: float
+    ended: float | None = None
+    after: float = -float("inf")
+    until: float = float("inf")
+    number: int = 0
+    is_right: bool = False
+
+    def span(self, newest: float) -> Stretch:
+        """Give the time in which it was performed, `MAX_LAST` seconds at most; `newest` is the time of the last frame.
+
+        A motion is named when a part of it was seen, so it began before. Stillness in the span is still to be trimmed.
+        """
+        end = newest if self.ended is None else self.ended
+        return Stretch(max(self.started - _BEFORE, self.after, end - MAX_LAST), end)
+
+    def around(self, newest: float) -> Stretch:
+        """Give the time of a motion that nobody did, as far as it was seen, and what surrounds it; as `span`."""
+        end = min(newest, self.until, math.inf if self.ended is None else self.ended + _AROUND)
+        return Stretch(max(self.started - _AROUND, self.after, end - MAX_LAST), end)
+
+
+class NamedMotions:
+    """Keeps the last two named motions of each performer."""
+
+    def __init__(self) -> None:
+        self._motions: dict[str, list[NamedMotion]] = {}
+
+    def push(self, event: Event) -> None:
+        """Take in the start or the end of a motion."""
+        # The performer whose motion was named last comes last.
+        motions = self._motions.pop(event.performer, [])
+        self._motions[event.performer] = motions
+        if event.kind is EventKind.START:
+            after = motions[-1].ended if motions else None
+            for before in motions[-1:]:
+                before.until = max(event.time - _BEFORE, before.started if after is None else after)
+            begun = NamedMotion(event.label, event.time, after=-float("inf") if after is None else after)
+            # A sender's clock that begins again knows no motion before.
+            self._motions[event.performer] = [*motions[-1:], begun]
+        elif motions and motions[-1].class_name == event.label:
+            motions[-1].ended = event.time
+
+    def last(self, performer: str, present: Collection[str]) -> str | None:
+        """Give the performer who is meant: without a name the one, of those present, whose motion was named last."""
+        if performer:
+            return performer if performer in present else None
+        return next((name for name in reversed(self._motions) if name in present), None)
+
+    def meant(self, performer: str, newest: float) -> NamedMotion | None:
+        """Give the motion of a performer that a person speaks of now; None where none was named."""
+        motions = self._motions.get(performer, [])
+        if len(motions) > 1 and newest - motions[-1].started < _REACTION:
+            return motions[-2]
+        return motions[-1] if motions else None
+
+    def confirmed(self, performer: str, newest: float) -> NamedMotion | None:
+        """Give a motion that was right and is over, or has gone on for as long as an example may last."""
+        for motion in self._motions.get(performer, ()):
+            is_over = motion.ended is not None or newest - motion.started >= MAX_LAST
+            if motion.is_right and is_over:
+                return motion
+        return None
+
+    def forget(self, performer: str) -> None:
+        """Forget a performer."""
+        self._motions.pop(performer, None)
+
 
 #: Seconds without a frame after which a performer counts as absent, as long as the recognisers keep a performer.
 _GONE = 5.0

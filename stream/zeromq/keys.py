@@ -4,8 +4,6 @@ A folder holds our own pair of keys, `NAME.key` and `NAME.key_secret`, and the p
 are admitted. `zmq.auth` makes, reads and checks them, so that every other program with ZeroMQ can use the same files.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

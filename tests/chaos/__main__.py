@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from chaos.trial import Effort, Outcome, tried
 from chaos.trials import TRIALS
 
-from kinespace.tools.bench import crowd
-from kinespace.tools.bench.run import machine
+from kinespace.tools.programs import bench
+from kinespace.tools.programs.bench import machine
 from kinespace.tools.terminal.console import progress
 
 _HEADINGS = (
@@ -53,7 +53,7 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="TEXT,...", help="only trials whose names contain one of these")
     options = parser.parse_args()
     wanted = [each for each in TRIALS if any(text in each.name for text in options.only.split(","))]
-    positions, effort = crowd.positions(), Effort(during=options.seconds)
+    positions, effort = bench.positions(), Effort(during=options.seconds)
     outcomes = [tried(each, effort, positions) for each in progress(wanted, "Trials", len(wanted))]
     print(f"{table(outcomes)}\n\n{machine()}")  # noqa: T201 - a program's output
     return 0 if all(each.ended == 0 for each in outcomes) else 1

@@ -17,9 +17,9 @@ from chaos.trial import started
 from kinespace.library import MotionLibrary
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
-from kinespace.tools.bench import crowd
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 from kinespace.tools.feeding.service import Place
+from kinespace.tools.programs import bench
 
 #: Seconds after which an example must be safe; seconds of movement before the first one; of an example.
 SAFE, WARM, LONG = 1.0, 2.0, 1.5
@@ -29,7 +29,7 @@ EXAMPLES, PATIENCE = 6, 30.0
 
 def perform(place: Place, ended: threading.Event) -> None:
     """Send a body's frames until it is over."""
-    positions = crowd.positions()[::2]
+    positions = bench.positions()[::2]
     with closing(OscFrameSender(*place.osc)) as sender:
         for number in range(10**9):
             if ended.wait(1 / 60):

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-from kinespace.tools.bench.crowd import Played, play
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
 from kinespace.tools.feeding.service import Listener, Place
+from kinespace.tools.programs.bench import Played, play
 
 #: Makes faulty cues of the intended cues of a feed.
 Fault = Callable[[list[Cue]], list[Cue]]

@@ -25,11 +25,11 @@ from websockets.sync.client import connect
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
-from kinespace.stream.teaching.memory import REMEMBERED
-from kinespace.tools.bench import crowd
-from kinespace.tools.bench.run import machine
+from kinespace.stream.teaching.teacher import REMEMBERED
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 from kinespace.tools.feeding.service import Place, Program
+from kinespace.tools.programs import bench
+from kinespace.tools.programs.bench import machine
 
 #: Performers, frames a second of each, and seconds for which each is there and is away: longer than a silence.
 PERFORMERS, FRAME_RATE, THERE, AWAY = 8, 30.0, 4.5, 5.5
@@ -68,7 +68,7 @@ class Stage:
 
     def __init__(self, place: Place, control: str, page: str) -> None:
         self._place, self._control, self._page = place, control, page
-        self._positions: NDArray = crowd.positions()[:: round(crowd.FRAME_RATE / FRAME_RATE)]
+        self._positions: NDArray = bench.positions()[:: round(bench.FRAME_RATE / FRAME_RATE)]
         self._ended, self._threads = threading.Event(), list[threading.Thread]()
         self.came = self.taught = self.opened = self.answers = 0
 

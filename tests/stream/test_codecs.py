@@ -25,14 +25,13 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
-from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc import decode_packet
+from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError
 from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer.carried import Carried
-from kinespace.stream.zeromq import answers as zeromq_answers
-from kinespace.stream.zeromq.answers import decode_body, encode_body
-from kinespace.stream.zeromq.frames import decode_packed
+from kinespace.stream.zeromq import messages as zeromq_answers
+from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)

@@ -26,8 +26,7 @@ from kinespace.stream.inputs import Source, ZmqDecoder
 from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc.packet import PacketError
-from kinespace.stream.zeromq.answers import decode_body, encode_body
-from kinespace.stream.zeromq.frames import decode_packed
+from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 #: Bytes with a meaning in OSC are tried more often than others.
 _TELLING = (b"\0", b",", b"/", b"#", b"#bundle\0", b"f", b"s", b"i", b"[", b"]", b"\xff\xff\xff\xff", b"\x7f\xc0\0\0")

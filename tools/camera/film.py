@@ -1,7 +1,5 @@
 """A camera's, a film's or a stream's pictures and their times, read in a thread so that nothing ever hangs."""
 
-from __future__ import annotations
-
 import atexit
 import math
 import os

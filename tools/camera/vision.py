@@ -3,8 +3,6 @@
 Nothing here decides anything; no other file needs either library (the extra `camera`).
 """
 
-from __future__ import annotations
-
 import os
 from contextlib import contextmanager
 

@@ -1,17 +1,18 @@
-"""Arguments that several programs share: groups of options, and numbers and names in the command line."""
-
-from __future__ import annotations
+"""Arguments that several programs share: groups of options; numbers, names, presets and joints in the command line."""
 
 import argparse
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions
+from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions, spelling
 from kinespace.library.recordings import FILMS, ActorIn, Reading
+from kinespace.library.recordings.formats import utkinect
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
 from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.recognizer.settings import (
     SENSITIVITY_CAMERA,
@@ -19,8 +20,83 @@ from kinespace.stream.recognizer.settings import (
     SENSITIVITY_ONE,
     SENSITIVITY_OWN,
 )
-from kinespace.tools.cli.values import meant
+from kinespace.tools.cli.values import meant, one_of
 
+#: The ending of a user's own preset.
+_ENDING = ".toml"
+
+
+def preset_named(text: str) -> Preset:
+    """Load a preset by its name, or from a user's file, which ends in .toml.
+
+    Raises
+    ------
+    ValueError
+        There is none of that name, or something in the file is wrong; the message begins with `--feed` or the file.
+    OSError
+        The file cannot be read.
+    """
+    if text.casefold().endswith(_ENDING):
+        return load_preset(Path(text))
+    return builtin_preset(one_of("--feed", text, builtin_names(), f" or a {_ENDING} file"))
+
+
+#: Joint sets that no preset has: the joints of Kinect 1's own tools.
+_FURTHER = {"kinect20": tuple(name for name in utkinect.SKELETON.joints if name != "Spine")}
+#: The names that conventions of joint names have for the sensors.
+_ALSO = {"kinect1": "kinect20", "kinect2": "kinectv2"}
+
+
+def joints_in_order(text: str) -> tuple[str, ...]:
+    """Read the joints of a sender's frames, in order, from an option's text.
+
+    Parameters
+    ----------
+    text
+        Names with commas between; or a preset with an `order`, by its name or a file ending in .toml.
+
+    Returns
+    -------
+    The motion library's names, and the sender's own names for joints that the library lacks.
+
+    Raises
+    ------
+    ValueError
+        A preset has no order, because its messages name their joints; or a name is empty or appears twice.
+    OSError
+        The file cannot be read.
+    """
+    if "," in text:
+        joints = tuple(name.strip() for name in text.split(","))
+    else:
+        ordered = [each for each in builtin_names() if builtin_preset(each).order]
+        if text not in builtin_names() and not text.endswith(".toml"):
+            one_of("--joints", text, ordered, ", a .toml file or names with commas between")
+        preset = preset_named(text)
+        if not preset.order:
+            known = ", ".join(ordered)
+            raise ValueError(f"--joints: expected a preset with an order of joints ({known}), got {text}")
+        ours = {spelling(name): target for name, target in preset.joint_map.items()}
+        joints = tuple(ours.get(spelling(name)) or name for name in preset.order)
+    if not all(joints) or len(set(joints)) != len(joints):
+        raise ValueError(f"--joints: expected distinct names with commas between, got {text!r}")
+    return joints
+
+
+def joints_of(name: str) -> tuple[str, ...]:
+    """Give the joints of a set, in HDM05's names.
+
+    Raises
+    ------
+    ValueError
+        There is no such set.
+    """
+    one_of("--skeleton", name, sorted((*builtin_names(), *_FURTHER, *_ALSO)))
+    name = _ALSO.get(name, name)
+    return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints
+
+
+_Made = TypeVar("_Made")
 _DEFAULTS = Settings()
 #: Where frames come in unless the user says otherwise: a port that none of the usual senders uses.
 OSC_IN = "127.0.0.1:9310"
@@ -32,10 +108,7 @@ BUILT_IN = Path("built-in")
 
 #: Options that several programs have, by name.
 _SHARED: dict[str, dict[str, Any]] = {
-    "--osc-in": {
-        "metavar": "[HOST:]PORT",
-        "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)",
-    },
+    "--osc-in": {"metavar": "[HOST:]PORT", "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)"},
     "--zmq-in": {"metavar": "ENDPOINT", "help": "subscribe to ZeroMQ, like tcp://127.0.0.1:9320"},
     "--keys": {
         "type": Path,
@@ -98,30 +171,20 @@ def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    parser.add_argument(
-        "--frame-rate", type=positive, metavar="HZ", help="frame rate of all recordings (default: each file's own)"
-    )
-    parser.add_argument(
-        "--unit",
-        default="",
-        help="of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)",
-    )
-    parser.add_argument(
-        "--joints", type=names, default=(), metavar="A,B,...", help="only these joints or markers; * and ? fit any"
-    )
+    text = "frame rate of all recordings (default: each file's own)"
+    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help=text)
+    text = "of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)"
+    parser.add_argument("--unit", default="", help=text)
+    text = "only these joints or markers; * and ? fit any"
+    parser.add_argument("--joints", type=names, default=(), metavar="A,B,...", help=text)
     add_names(parser, "files")
 
 
 def add_names(parser: argparse.ArgumentParser, whose: str) -> None:
     """Add the option for the convention of joint names."""
     known = ", ".join(sorted(each.name for each in conventions()))
-    parser.add_argument(
-        "--names",
-        dest="naming",
-        default=AUTO,
-        metavar="NAME",
-        help=f"how the {whose} name joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)",
-    )
+    text = f"how the {whose} name joints: {AUTO}, {AS_THEY_ARE}, {known}, or FILE.toml (default %(default)s)"
+    parser.add_argument("--names", dest="naming", default=AUTO, metavar="NAME", help=text)
 
 
 def library_at(path: Path | None) -> MotionLibrary:
@@ -172,17 +235,17 @@ def add_subjects(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, **several(str, "NAME"), help=f"takes {chosen}")
 
 
+def made_of(kind: type[_Made], parsed: argparse.Namespace, **further: object) -> _Made:
+    """Make a dataclass of the arguments that are called as its fields, and of further ones."""
+    given = {each.name: getattr(parsed, each.name) for each in fields(kind) if hasattr(parsed, each.name)}  # type: ignore[arg-type]  # a dataclass
+    return kind(**{**given, **further})
+
+
 def reading_of(parsed: argparse.Namespace) -> Reading:
     """Make the reading options from the arguments."""
-    return Reading(
-        asf=parsed.asf,
-        frame_rate=parsed.frame_rate,
-        unit=parsed.unit,
-        joints=parsed.joints,
-        naming=naming_of(parsed),
-        actor_in=ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE)),
-        raw=partial(_raw, feed=getattr(parsed, "feed", None)),
-    )
+    naming, actor_in = naming_of(parsed), ActorIn(getattr(parsed, "actor_in", ActorIn.NOWHERE))
+    raw = partial(_raw, feed=getattr(parsed, "feed", None))
+    return made_of(Reading, parsed, naming=naming, actor_in=actor_in, raw=raw)
 
 
 def naming_of(parsed: argparse.Namespace) -> Naming:
@@ -199,10 +262,10 @@ def naming_of(parsed: argparse.Namespace) -> Naming:
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
     from kinespace.stream.inputs.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
-    from kinespace.tools.cli.presets import preset_named  # noqa: PLC0415 - as above
+    from kinespace.tools.cli.arguments import preset_named  # noqa: PLC0415 - as above
 
     if path.suffix.lower() in FILMS:
-        from kinespace.tools.camera.joints import film_clip  # noqa: PLC0415 - as above
+        from kinespace.tools.camera.bodies import film_clip  # noqa: PLC0415 - as above
 
         return [film_clip(path)]
     return read_raw(path, preset_named(feed) if feed else None)
@@ -210,45 +273,28 @@ def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the options for the recogniser's settings."""
-    parser.add_argument(
-        "--signature",
-        choices=[str(signature) for signature in LiveSignature],
-        default=str(_DEFAULTS.signature),
-        help="compare all parts of the signature over several windows, or the leading eigenvector of one window alone, "
-        "as the paper does (default %(default)s)",
-    )
-    parser.add_argument(
-        "--sensitivity",
-        type=share,
-        help=f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
+    signatures, usual = [*map(str, LiveSignature)], str(_DEFAULTS.signature)
+    text = "compare all parts of the signature over several windows, or as the paper does (default %(default)s)"
+    parser.add_argument("--signature", choices=signatures, default=usual, help=text)
+    text = (
+        f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
         f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person, "
-        f"{SENSITIVITY_CAMERA} if of several before cameras); windows only",
+        f"{SENSITIVITY_CAMERA} if of several before cameras); windows only"
     )
-    parser.add_argument(
-        "--window", type=positive, help="seconds that the paper's window looks back (default 0.5); paper only"
+    parser.add_argument("--sensitivity", type=share, help=text)
+    parser.add_argument("--window", type=positive, help="seconds of the paper's window (default 0.5); paper only")
+    text = "seconds between answers (default 1/30)"
+    parser.add_argument("--hop", type=not_negative, default=_DEFAULTS.hop, help=text)
+    text = "say with each answer how far the motion is, how fast, how large; windows only"
+    parser.add_argument("--progress", action="store_true", help=text)
+    text = (
+        "motions an hour that may be said to be done though they were not, like 1/h or 60/h; 0 says none "
+        f"(default {_DEFAULTS.false_alarms:g}/h); windows only"
     )
-    parser.add_argument(
-        "--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (default 1/30)"
-    )
-    parser.add_argument(
-        "--progress",
-        action="store_true",
-        help="say with each answer how far the motion is, how fast, how large; windows only",
-    )
-    parser.add_argument(
-        "--false-alarms",
-        type=per_hour,
-        default=_DEFAULTS.false_alarms,
-        metavar="N/h",
-        help="motions an hour that may be said to be done though they were not, like 1/h or 60/h; 0 says none "
-        f"(default {_DEFAULTS.false_alarms:g}/h); windows only",
-    )
-    parser.add_argument(
-        "--no-plausibility",
-        dest="plausibility",
-        action="store_false",
-        help="believe every joint of every frame, also of a body that moves as no body can",
-    )
+    usual_rate = _DEFAULTS.false_alarms
+    parser.add_argument("--false-alarms", type=per_hour, default=usual_rate, metavar="N/h", help=text)
+    text = "believe every joint of every frame, also of a body that moves as no body can"
+    parser.add_argument("--no-plausibility", dest="plausibility", action="store_false", help=text)
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
@@ -261,15 +307,8 @@ def settings_of(parsed: argparse.Namespace) -> Settings:
     ):
         if given and signature is not belongs_to:
             raise ValueError(f"{option}: expected --signature {belongs_to} with it, got {signature}")
-    return Settings(
-        signature=signature,
-        window=parsed.window,
-        hop=parsed.hop,
-        sensitivity=parsed.sensitivity,
-        progress=parsed.progress,
-        false_alarms=parsed.false_alarms,
-        plausibility=parsed.plausibility,
-    )
+    # `live --stillness` is of lessons.
+    return made_of(Settings, parsed, signature=signature, stillness=_DEFAULTS.stillness)
 
 
 def arguments_of(settings: Settings) -> list[str]:

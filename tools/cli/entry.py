@@ -1,7 +1,5 @@
 """Where `kinespace` starts, before numpy is loaded: Ctrl-C ends it silently meanwhile; and how a program ends."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable

@@ -5,8 +5,6 @@ returns the exit status. Its `--help` prints the module's docstring below the fi
 that is asked for is imported.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys
@@ -23,7 +21,7 @@ Programs = Mapping[str, tuple[str, str]]
 #: `evaluate` has no module: its experiments are programs.
 PROGRAMS: Programs = {
     "demo": ("programs.demo", "play motions into a recogniser on this machine, with the built-in library alone"),
-    "live": ("programs.live.program", "recognise a feed"),
+    "live": ("programs.live", "recognise a feed"),
     "camera": ("programs.camera", "find bodies in a camera's or a film's pictures, and send their joints"),
     "replay": ("programs.replay", "send recordings, or the built-in library's motions, as a fake live feed"),
     "page": ("programs.page", "show a recogniser's bodies and answers in the browser, and teach from there"),
@@ -35,7 +33,7 @@ PROGRAMS: Programs = {
     "learn": ("evaluation.learn", "teach a library which movement is unknown, with takes of strangers"),
     "info": ("programs.info", "describe a motion library or recordings"),
     "evaluate": ("", "measure how often the right class is found"),
-    "bench": ("bench.run", "measure the cost of every step"),
+    "bench": ("programs.bench", "measure the cost of every step"),
     "keys": ("programs.keys", "make keys, so that only known programs connect by ZeroMQ"),
     "feeds": ("programs.feeds", "list the products whose feeds kinespace understands, and their settings"),
     "examples": ("programs.examples", "list programs and tables of joint names to copy, or print one"),
@@ -157,17 +155,11 @@ def whole_parser() -> argparse.ArgumentParser:
 
 
 def _parser(*, filled: bool = False) -> _Parser:
-    parser = _Parser(
-        prog="kinespace",
-        description="Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ.",
-    )
+    text = "Names the movement a performer is doing, live, from joint positions arriving by OSC or ZeroMQ."
+    parser = _Parser(prog="kinespace", description=text)
     parser.add_argument("--version", action=_Version, nargs=0, help="show the program's version number and exit")
-    parser.add_argument(
-        "--max-memory",
-        type=_size,
-        metavar="SIZE",
-        help="memory that one file may take when it is read, like 500MB or 4GB (default 1GB)",
-    )
+    text = "memory that one file may take when it is read, like 500MB or 4GB (default 1GB)"
+    parser.add_argument("--max-memory", type=_size, metavar="SIZE", help=text)
     programs = _add_programs(parser, PROGRAMS, title="programs", metavar="PROGRAM")
     experiments = _add_programs(programs["evaluate"], EXPERIMENTS, title="experiments", metavar="EXPERIMENT")
     if filled:

@@ -1,7 +1,5 @@
 """Values as people type them: names, the names that a mistyped one may mean, and addresses."""
 
-from __future__ import annotations
-
 import errno
 import re
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Events of an evaluation as annotations that ELAN (`.eaf`) and BORIS (`.boris`) open beside the film."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +12,7 @@ from kinespace.tools.terminal.console import printable
 
 #: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
 TIERS = ("started", "done", "performed")
-_BORIS_VERSION = "7.0"
+_BORIS_VERSION, _DATE = "7.0", "1970-01-01T00:00:00"
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
 
@@ -50,7 +48,7 @@ def _tiers(course: Course) -> dict[str, list[Segment]]:
 def _elan(courses: Sequence[Course]) -> str:
     (course,) = courses
     root = ET.Element("ANNOTATION_DOCUMENT", AUTHOR="kinespace", FORMAT="3.0", VERSION="3.0")
-    root.set("DATE", "1970-01-01T00:00:00+00:00")
+    root.set("DATE", f"{_DATE}+00:00")
     root.set("xmlns:xsi", _XSI)
     root.set("xsi:noNamespaceSchemaLocation", _SCHEMA)
     ET.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
@@ -68,9 +66,8 @@ def _elan(courses: Sequence[Course]) -> str:
             for number, slot in enumerate(slots, 1):
                 place.set(f"TIME_SLOT_REF{number}", slot)
             ET.SubElement(place, "ANNOTATION_VALUE").text = printable(segment.label)
-    ET.SubElement(
-        root, "LINGUISTIC_TYPE", LINGUISTIC_TYPE_ID="motion", TIME_ALIGNABLE="true", GRAPHIC_REFERENCES="false"
-    )
+    kind = {"LINGUISTIC_TYPE_ID": "motion", "TIME_ALIGNABLE": "true", "GRAPHIC_REFERENCES": "false"}
+    ET.SubElement(root, "LINGUISTIC_TYPE", kind)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
@@ -79,32 +76,24 @@ def _boris(courses: Sequence[Course]) -> str:
     tiers = [_tiers(course) for course in courses]
     codes = sorted({f"{tier} {each.label}" for own in tiers for tier, some in own.items() for each in some})
     people = sorted({course.person for course in courses} - {""})
+    named = {"time_format": "s", "project_date": _DATE, "project_name": "kinespace", "project_description": ""}
+    observed = {"file": {}, "type": "LIVE", "date": _DATE, "description": "", "time offset": 0.0}
+    empty: dict[str, object] = {"independent_variables": {}, "coding_map": {}, "behaviors_coding_map": []}
     project = {
-        "time_format": "s",
-        "project_date": "1970-01-01T00:00:00",
-        "project_name": "kinespace",
-        "project_description": "",
+        **named,
         "project_format_version": _BORIS_VERSION,
-        "subjects_conf": {
-            str(place): {"key": "", "name": name, "description": ""} for place, name in enumerate(people)
-        },
+        "subjects_conf": {str(n): {"key": "", "name": name, "description": ""} for n, name in enumerate(people)},
         "behaviors_conf": {str(place): _behaviour(code) for place, code in enumerate(codes)},
         "observations": {
             course.name: {
-                "file": {},
-                "type": "LIVE",
-                "date": "1970-01-01T00:00:00",
-                "description": "",
-                "time offset": 0.0,
+                **observed,
                 "events": sorted(_boris_events(course, own), key=lambda event: event[0]),
                 "independent_variables": {},
             }
             for course, own in zip(courses, tiers, strict=True)
         },
         "behavioral_categories": [],
-        "independent_variables": {},
-        "coding_map": {},
-        "behaviors_coding_map": [],
+        **empty,
         "converters": {},
     }
     return json.dumps(project, indent=1, ensure_ascii=False)

@@ -6,8 +6,6 @@ drawn together, because they are not independent. Nor are the segments of one pe
 other persons, persons are drawn in place of units, each with all that is theirs.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -96,9 +94,7 @@ class Percentile(Figure):
         values = np.array([value for each in self.values for value in each], dtype=np.float64)
         unit = np.repeat(np.arange(len(self.values)), [len(each) for each in self.values])
         counts = draw(len(self.values), 0).astype(np.intp)[:, unit]
-        return np.array(
-            [np.percentile(np.repeat(values, each), self.percent) if each.any() else np.nan for each in counts]
-        )
+        return np.array([np.percentile(np.repeat(values, n), self.percent) if n.any() else np.nan for n in counts])
 
 
 @dataclass(frozen=True, slots=True)

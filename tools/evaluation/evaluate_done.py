@@ -4,8 +4,6 @@ Takes are replayed through the recogniser that runs live, and the motions said t
 Every motion that was said once is also played to its half only, and must not be done then.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path
@@ -17,8 +15,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.harness import Asked
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Asked, Take
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
 from kinespace.tools.terminal.console import print_scores, progress
 

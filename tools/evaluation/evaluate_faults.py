@@ -4,8 +4,6 @@ Plays takes into the live recogniser with joints frozen, lost, exchanged or out 
 two postures; counts answers with the last second inside the segment, and seconds of alarm.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -22,9 +20,8 @@ from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio, values_of
-from kinespace.tools.evaluation.harness import Feed
+from kinespace.tools.evaluation.harness import Feed, Take
 from kinespace.tools.evaluation.stream_score import basis_of, counted_in, rests_on
-from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.terminal.console import print_scores, progress
 
 #: What becomes of a feed's frames.

@@ -6,8 +6,6 @@ the gesture; a second right word is false. Segments that teach, segments labelle
 count neither way; in segments labelled `nothing` every word is false.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -22,13 +20,11 @@ from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
-from kinespace.tools.evaluation.harness import print_json, written
+from kinespace.tools.evaluation.harness import Take, print_json, written
 from kinespace.tools.evaluation.stream_score import rests_on, write_rows
-from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
-from kinespace.tools.terminal.console import print_scores, progress
-from kinespace.tools.terminal.files import require_place_for_report
+from kinespace.tools.terminal.console import print_scores, progress, require_place_for_report
 
 #: Each class's first segment, and the take that it lies in.
 Lessons = Mapping[str, tuple[Take, Segment]]

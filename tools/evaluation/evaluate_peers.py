@@ -8,8 +8,6 @@ the hips in the middle, turned to face one way in the first frame, of one size a
 motions cut at the same share as the motions that ask.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections import defaultdict
@@ -77,10 +75,8 @@ def run(options: argparse.Namespace) -> int:
     if len(classes := {clip.class_name for clip in clips}) < 2:
         raise ValueError(f"TAKE: expected motions of two classes or more, got {', '.join(classes)}")
     methods = {"kinespace": Method(MotionClassifier, list, learns_whole=True)} | ({} if options.alone else _peers())
-    rows = [
-        {"method": name, **_scored(methods[name], clips, persons)}
-        for name in progress([*methods], "Comparing", len(methods))
-    ]
+    compared = progress([*methods], "Comparing", len(methods))
+    rows = [{"method": name, **_scored(methods[name], clips, persons)} for name in compared]
     if options.json:
         harness.print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
         return 0

@@ -5,8 +5,6 @@ the motions of the other actors. The true phase of a motion is the median of its
 motions of its class.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections import defaultdict

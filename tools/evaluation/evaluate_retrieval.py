@@ -22,11 +22,17 @@ from kinespace.library import Clip, MotionLibrary, distance_rows, signature_of, 
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
-from kinespace.tools.evaluation.harness import print_json, shared_joints
+from kinespace.tools.evaluation.harness import Sources, distinct, print_json, read_takes, shared_joints
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
-from kinespace.tools.evaluation.takes import Sources, distinct, read_takes
-from kinespace.tools.terminal.console import console, counted, print_scores, progress, shortened, table_of
-from kinespace.tools.terminal.files import require_place_for_report
+from kinespace.tools.terminal.console import (
+    console,
+    counted,
+    print_scores,
+    progress,
+    require_place_for_report,
+    shortened,
+    table_of,
+)
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),
@@ -51,9 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--actor-in")
     parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both")
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
-    text = (
-        "write a row for each motion and comparison: the two nearest, their inner products, and whether they are right"
-    )
+    text = "write a row for each motion and comparison: the two nearest, their products, and whether they are right"
     parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
     text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
     parser.add_argument("--picture", type=report_path, metavar="FILE", help=text)
@@ -71,9 +75,7 @@ def run(options: argparse.Namespace) -> int:
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
     protocols = [Protocol(options.protocol)] if options.protocol else _protocols(clips)
     if Protocol.LEAVE_ONE_OUT not in protocols and (unnamed := [clip.name for clip in clips if not clip.actor]):
-        raise ValueError(
-            f"{unnamed[0]}: expected a name with the actor in it, as HDM05's clips have; --actor-in says where it is"
-        )
+        raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
     scores, rows = list[dict[str, Any]](), list[dict[str, Any]]()
     # The paper's conclusion shows where the person is held out, to the letter of the paper.
     drawn, matrices = (ways[-1][1], protocols[:2][-1]), dict[str, NDArray[np.float64]]()
@@ -173,11 +175,7 @@ def _rows(clips: Sequence[Clip], names: Sequence[str], found: Retrieval) -> Iter
     for asking, places, products, right in zip(*(each.tolist() for each in found), strict=True):
         row = {"query": names[asking], "class": clips[asking].class_name, "person": clips[asking].actor}
         for which, place, product in zip(("nearest", "second"), places, products, strict=True):
-            row |= {
-                which: names[place],
-                f"{which}_class": clips[place].class_name,
-                f"{which}_product": product,
-            }
+            row |= {which: names[place], f"{which}_class": clips[place].class_name, f"{which}_product": product}
         yield row | {"right": int(right[0]), "one_of_two_right": int(right[1])}
 
 
@@ -327,9 +325,8 @@ def signatures_of(clips: Sequence[Clip], space: Space, kind: SignatureKind) -> N
     ValueError
         A clip has no rotations, and rotations are asked for.
     """
-    return np.array(
-        [signature_of(_frame_rows(clip, space), centred=kind is SignatureKind.EIGENVECTOR) for clip in clips]
-    )
+    centred = kind is SignatureKind.EIGENVECTOR
+    return np.array([signature_of(_frame_rows(clip, space), centred=centred) for clip in clips])
 
 
 def _frame_rows(clip: Clip, space: Space) -> NDArray[np.float64]:

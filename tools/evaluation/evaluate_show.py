@@ -7,8 +7,6 @@ it (`done`: one and a half), once; every other word is false. Without --movement
 classes are the everyday movement.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -26,7 +24,7 @@ from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.evaluate_gestures import add_report, report
-from kinespace.tools.evaluation.takes import Sources, read_takes
+from kinespace.tools.evaluation.harness import Sources, read_takes
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.lessons import open_taught
@@ -91,10 +89,8 @@ def run(options: argparse.Namespace) -> int:
         answered.append(len(answers))
     share = Ratio(named, answered).value()
     title = f"{counted(options.gestures, 'gesture')} of one performer among everyday movement"
-    caption = (
-        f"{counted(options.shows, 'show')}; {harness.written(share)} of the time named; delay: from a gesture's end "
-        "to done, from its beginning to start"
-    )
+    when = "delay: from a gesture's end to done, from its beginning to start"
+    caption = f"{counted(options.shows, 'show')}; {harness.written(share)} of the time named; {when}"
     return report(heard, options, title, caption, {"named": share, "shows": options.shows})
 
 
@@ -147,10 +143,8 @@ def drawn(library: MotionLibrary, everyday: Sequence[Clip], options: argparse.Na
             own[motion.class_name].append(motion)
     possible = [name for name, motions in own.items() if len(motions) > options.examples]
     if len(possible) < options.gestures:
-        raise ValueError(
-            f"--gestures: expected at most {len(possible)}, of which {performer} has more than {options.examples} "
-            f"motions, got {options.gestures}"
-        )
+        most = f"{len(possible)}, of which {performer} has more than {options.examples} motions"
+        raise ValueError(f"--gestures: expected at most {most}, got {options.gestures}")
     examples, asked = list["Clip"](), list["Clip"]()
     gestures = [possible[place] for place in generator.permutation(len(possible))[: options.gestures]]
     for name in gestures:
@@ -186,10 +180,8 @@ def _laid(
         if gestures.get(len(pieces) - 1):
             due = frames / _RATE + _EVERY
     positions, begins = joined(pieces, parents.index(-1), _RATE)
-    segments = [
-        Segment(begins[place] / _RATE, (begins[place] + len(pieces[place])) / _RATE, name)
-        for place, name in gestures.items()
-    ]
+    spans = {place: (begins[place], begins[place] + len(pieces[place])) for place in gestures}
+    segments = [Segment(spans[place][0] / _RATE, spans[place][1] / _RATE, name) for place, name in gestures.items()]
     return Show(performer, examples, positions, segments)
 
 

@@ -4,8 +4,6 @@ Replays takes through the very recogniser that runs live, at full speed and with
 each moment with the movement performed at that moment.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,6 +20,7 @@ from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.evaluation.stream_score import (
     LOWER_IS_BETTER,
     Course,
@@ -33,9 +32,7 @@ from kinespace.tools.evaluation.stream_score import (
     segment_rows,
     write_rows,
 )
-from kinespace.tools.evaluation.takes import Take
-from kinespace.tools.terminal.console import progress
-from kinespace.tools.terminal.files import require_place_for_report
+from kinespace.tools.terminal.console import progress, require_place_for_report
 
 _Values = dict[str, float | None]
 
@@ -55,9 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
     text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
     parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
-    parser.add_argument(
-        "--segments", type=report_path, metavar="CSV", help="write a row for each segment: right, named, delays"
-    )
+    text = "write a row for each segment: right, named, delays"
+    parser.add_argument("--segments", type=report_path, metavar="CSV", help=text)
     add_shared(parser, "--json")
 
 

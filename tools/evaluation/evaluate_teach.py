@@ -4,8 +4,6 @@ Draws examples of one person's motions, makes a library of them, and replays wha
 same person and of others, through the live recogniser.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -24,7 +22,7 @@ from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.terminal.console import counted, note, print_scores, progress
 
@@ -247,10 +245,9 @@ def _strangers(asked: Sequence[Clip], taught: Taught, examples: Sequence[int], s
     motions = taught.index.library.motions
     # What is done says nothing about names, and takes long to open.
     settings = replace(settings, false_alarms=0.0)
-    opened = {
-        name: taught.index.of_some([each for each in examples if motions[each].class_name != name])
-        for name in {clip.class_name for clip in asked}
-    }
+    opened = dict[str, WindowIndex]()
+    for name in {clip.class_name for clip in asked}:
+        opened[name] = taught.index.of_some([each for each in examples if motions[each].class_name != name])
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]
 
 

@@ -11,7 +11,7 @@ import argparse
 import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -36,9 +36,8 @@ from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
-from kinespace.tools.terminal.console import print_scores, progress
-from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
+from kinespace.tools.terminal.console import print_scores, progress, require_place_for
 
 #: Seconds between two windows that take part in learning.
 _HOP = 0.1
@@ -109,8 +108,7 @@ class _Own(NamedTuple):
         return [each for each in (*self.windows[_BEGUN:], *self.following[_BEGUN:]) if each[1] == self.class_name]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Course:
+class _Course(NamedTuple):
     """The windows of one take, every `_HOP` seconds."""
 
     take: Take
@@ -162,9 +160,8 @@ def run(options: argparse.Namespace) -> int:
     raised = {id(each): _raised(each, clean, usual) for _, each in apart}
     named = [(course, raised[id(each)]) for course, each in apart]
     thresholds = [_threshold([], named, rate) for rate in RATES]
-    rejection = replace(
-        _raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=len(library.skeleton.joints)
-    )
+    joints = len(library.skeleton.joints)
+    rejection = replace(_raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=joints)
     learned = dict(rejection.kept().named)
     if fewer := [take for take in takes if take not in whole]:
         learned |= learned_of_few(library, whole, fewer).kept(few=True).named
@@ -257,10 +254,8 @@ class _Body(NamedTuple):
             for take in progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
             for clip in [take.clip.restricted_to(library.skeleton.joints)]
         ]
-        own = [
-            lesson._replace(windows=_relative(lesson.windows, typical))
-            for lesson in _own_lessons(_own_courses(library, follow=False))
-        ]
+        lessons = _own_lessons(_own_courses(library, follow=False))
+        own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
         return cls(own, shown[len(fewer) :], shown[: len(fewer)])
 
 
@@ -288,12 +283,9 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     shown = [[*body.courses, *body.fewer] for body in bodies]
 
     def fit(persons: Collection[str] = ()) -> Rejection:
-        lessons = [
-            lesson
-            for own, *several in bodies
-            for each in (own, *(_lessons(courses, persons) for courses in several))
-            for lesson in each
-        ]
+        lessons = list[Lesson]()
+        for own, *several in bodies:
+            lessons += [*own, *(lesson for courses in several for lesson in _lessons(courses, persons))]
         return fitted(lessons, library.classes, np.zeros(2 * groups))
 
     apart = _fitted_apart([each for courses in shown for each in courses], fit)
@@ -333,9 +325,8 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
         index = whole.without(group) if single else _index(library.without(actors=actors))
         own = [(place, library.motions[place]) for place in group]
         for name in {each.class_name for _, each in own} - {NOTHING}:
-            left = index.without(
-                [place for place in set(index.motions.tolist()) if index.library.motions[place].class_name == name]
-            )
+            same = [place for place in set(index.motions.tolist()) if index.library.motions[place].class_name == name]
+            left = index.without(same)
             asking = [place for place, each in own if each.class_name == name]
             others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]
             for place, noise in product(asking, _NOISES):
@@ -393,9 +384,8 @@ def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
         motions = [each for each in own if (each.noise, each.class_name) == (noise, name)]
         right = [window for each in motions for window in each.right()]
         lessons.append(Lesson(right, is_known=True, weight=_NOISES[noise]))
-        lessons.append(
-            Lesson([window for each in motions for window in each.left_out], is_known=False, weight=_LEFT_OUT_COUNT)
-        )
+        left_out = [window for each in motions for window in each.left_out]
+        lessons.append(Lesson(left_out, is_known=False, weight=_LEFT_OUT_COUNT))
     classes = len(lessons) / (2 * len(_NOISES))
     return [lesson._replace(weight=lesson.weight / classes) for lesson in lessons]
 
@@ -434,10 +424,7 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
 
 
 def fitted(
-    lessons: Sequence[Lesson],
-    class_names: Sequence[str],
-    typical: NDArray[np.float64],
-    over: float = USUAL_OVER,
+    lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArray[np.float64], over: float = USUAL_OVER
 ) -> Rejection:
     """Fit a logistic function that separates known windows from unknown ones; thresholds are not set yet.
 

@@ -1,7 +1,5 @@
 """How right a stream of answers was: the answer at each moment against the motion performed at that moment."""
 
-from __future__ import annotations
-
 import csv
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -9,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +15,7 @@ from numpy.typing import NDArray
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.bootstrap import Figure, Interval, Percentile, Ratio, RocArea, intervals_of, values_of
-from kinespace.tools.evaluation.harness import Protocol, written
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Protocol, Take, written
 from kinespace.tools.terminal.console import console, counted, csv_text, print_scores, table_of
 
 
@@ -187,8 +184,7 @@ def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDA
     return np.array([*values, before])[np.where(last < 0, len(values), last)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class Stretch(NamedTuple):
     """One segment of one take, with the answers of one recogniser.
 
     Attributes
@@ -233,7 +229,7 @@ class Stretch:
     delay: float | None
     seen: float | None
     event_delay: float | None
-    scores: NDArray[np.float64] = field(repr=False)
+    scores: NDArray[np.float64]
 
     @property
     def known(self) -> bool:
@@ -547,12 +543,8 @@ _WHOLE = {
     "doubted": ("share of their time in which joints are doubted", _SHARE),
     "unlike": ("takes whose body was found unlike the library's", _SHARE),
 }
-_CLASSES = (
-    ("class", "{name}"),
-    ("seconds", "{seconds:.1f}"),
-    ("right", "{right:.1%}"),
-    ("right, last second inside", "{right_inside:.1%}"),
-)
+_RIGHT = ("right", "{right:.1%}"), ("right, last second inside", "{right_inside:.1%}")
+_CLASSES = (("class", "{name}"), ("seconds", "{seconds:.1f}"), *_RIGHT)
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 

@@ -1,7 +1,5 @@
 """How rightly motions were found that were done: found, counted, false alarms an hour, the delay after the end."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -16,7 +14,7 @@ from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream.recognition import EventKind, Recognition
 from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, intervals_of, values_of
-from kinespace.tools.evaluation.takes import Take
+from kinespace.tools.evaluation.harness import Take
 
 #: Seconds after a segment's end up to which a motion may end that belongs to it, and the share of the motion that must
 #: lie in the segment: labels are right to a tenth of a second at best.
@@ -170,8 +168,7 @@ class Verdict(NamedTuple):
     right: bool | None
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """The time in which a word for a gesture is right, and how other words count.
 
     Attributes
@@ -192,11 +189,8 @@ class Span:
         """Match words with gestures, in the order of time: the first right word finds a gesture, a second is false."""
         verdicts, found = list[Verdict](), set["Segment"]()
         for word in sorted(said, key=lambda each: each.at):
-            near = [
-                each
-                for each in segments
-                if each.start - self.early - _ROUNDED <= word.at < each.end + self.late - _ROUNDED
-            ]
+            since, until = word.at + self.early + _ROUNDED, word.at - self.late + _ROUNDED
+            near = [each for each in segments if each.start <= since and until < each.end]
             own = next((each for each in near if each.label == word.class_name and each not in found), None)
             if own:
                 found.add(own)

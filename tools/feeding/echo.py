@@ -1,7 +1,5 @@
 """A bare echo, to measure the cost of everything around a recogniser: it sends every packet back unread."""
 
-from __future__ import annotations
-
 import gc
 import sys
 

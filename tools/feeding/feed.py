@@ -1,7 +1,5 @@
 """A fake live feed: frames with the time at which each is sent."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -149,10 +147,7 @@ def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = mat
 def lost_at(place: str, count: int) -> str:
     """Say that packets for a place reached no program."""
     keyed = ", or it lets in none without its keys (--keys DIR)" if "://" in place else ""
-    return (
-        f"no program listens at {place}{keyed}: {count} packets were lost; start kinespace live first, or say where it "
-        "listens"
-    )
+    return f"no program listens at {place}{keyed}: {count} packets were lost; start kinespace live first"
 
 
 class OscFrameSender(osc.OscSender):

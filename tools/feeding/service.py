@@ -1,7 +1,5 @@
 """`kinespace` as a person starts it, in a process of its own, and its answers: received, and expected."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os

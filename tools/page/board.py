@@ -5,8 +5,6 @@ grows with each message, so that a page that has seen everything up to a number 
 and answers the newest, of motions and notices all of the last minute.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -19,7 +17,7 @@ from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import UNDONE, Step
-from kinespace.stream.zeromq.answers import BodyHeader, decode_body
+from kinespace.stream.zeromq.messages import BodyHeader, decode_body
 from kinespace.tools.terminal.live_table import counted, promise, said_of
 
 #: Performers that are shown, at most; further ones are counted.
@@ -207,10 +205,11 @@ class Board:
         known = dict.fromkeys([*self._classes.shown, *answer.scores])
         if len(known) > len(self._classes.shown):
             self._classes = _Noted([*known], self.number)
+        scores = [answer.scores.get(name) for name in known]
         shown = {
             "label": answer.label or answer.outcome,
             "named": answer.label is not None,
-            "scores": [answer.scores.get(name) for name in known],
+            "scores": scores,
             "at": now,
         }
         performer.answer = _Noted(msgspec.to_builtins(answer) | shown, self.number)
@@ -303,20 +302,18 @@ class Board:
         if "classes" in shown:
             titles = {name: title for name in self._classes.shown if (title := title_of(name)) != name}
             shown |= {"titles": titles} if titles else {}
-        for field_name in ("skeleton", "carried", "answer"):
-            newer = {
-                name: noted.shown
-                for name, each in self._performers.items()
-                if (noted := getattr(each, field_name)).number > seen
-            }
-            if newer:
-                shown[field_name] = newer
+        performers = self._performers.items()
+
+        def newer(what: str) -> dict[str, Any]:
+            return {name: noted.shown for name, each in performers if (noted := getattr(each, what)).number > seen}
+
+        shown |= {what: found for what in ("skeleton", "carried", "answer") if (found := newer(what))}
         shown["motions"] = list(self._motions(seen))
-        for field_name in ("guesses", "done"):
-            by_name = {name: getattr(each, field_name) for name, each in self._performers.items()}
-            shown[field_name] = [(name, *each[1:]) for name, own in by_name.items() for each in own if each[0] > seen]
+        for what in ("guesses", "done"):
+            by_name = {name: getattr(each, what) for name, each in performers}
+            shown[what] = [(name, *each[1:]) for name, own in by_name.items() for each in own if each[0] > seen]
         shown["notices"] = [notice for number, notice in self._notices if number > seen]
-        bodies = {name: each.body.shown for name, each in self._performers.items() if each.body.number > seen}
+        bodies = newer("body")
         shown["bodies"] = [(name, joints) for name, (joints, _) in bodies.items()]
         # That nobody is here any more is news; no other empty list is.
         encoded = _encode({name: each for name, each in shown.items() if each != [] or name == "here"})

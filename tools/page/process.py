@@ -1,7 +1,5 @@
 """The page in a process of its own, so that no browser ever makes a recogniser wait, and its link to the recogniser."""
 
-from __future__ import annotations
-
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping

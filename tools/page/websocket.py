@@ -6,8 +6,6 @@ when they change); or binary, the msgpack map of ZeroMQ. An answer is text: Zero
 error is, too, for the client whose frame cannot be read.
 """
 
-from __future__ import annotations
-
 import asyncio
 import ipaddress
 from collections import deque
@@ -25,7 +23,7 @@ from websockets.http11 import Request, Response
 
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
-from kinespace.stream.zeromq.frames import VERSION
+from kinespace.stream.zeromq.messages import VERSION
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.process import Plan, Subscription
 from kinespace.tools.page.server import ClientServer, Gate, refusal
@@ -182,10 +180,8 @@ class SocketServer(ClientServer):
             return refusal(403, "this network is not let in: see --allow-from")
         if len(self._clients) >= MAX_CLIENTS:
             return refusal(503, "too many clients")
-        refused, origin = (
-            answer(self._gate, self._plan.origins, request.path, headers),
-            printable(headers.get("origin", "")[:100]),
-        )
+        refused = answer(self._gate, self._plan.origins, request.path, headers)
+        origin = printable(headers.get("origin", "")[:100])
         if (
             refused
             and "--ws-origin" in refused.body.decode()

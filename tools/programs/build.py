@@ -5,8 +5,6 @@ in its name (HDM05) or is its folder's name. A file of labels next to a take, wi
 .tsv or .txt, cuts it into motions.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -40,8 +38,7 @@ from kinespace.tools.cli.arguments import (
     reading_of,
     several,
 )
-from kinespace.tools.terminal.console import counted, progress, say
-from kinespace.tools.terminal.files import NameNotes, require_place_for
+from kinespace.tools.terminal.console import NameNotes, counted, progress, require_place_for, say
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0
@@ -113,16 +110,14 @@ def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, 
     classes, actors = {motion.class_name for motion in library.motions}, library.actors
     for name in without:
         if name not in classes and name not in actors:
-            raise ValueError(
-                f"--without: expected a class or a person ({', '.join((*sorted(classes), *actors))}), got {name!r}"
-            )
+            listed = ", ".join((*sorted(classes), *actors))
+            raise ValueError(f"--without: expected a class or a person ({listed}), got {name!r}")
     for name in names:
         if name not in classes - set(without):
             stays = " that stays" if name in classes else ""
             raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
-    left = library.without(
-        classes=[name for name in without if name in classes], actors=[name for name in without if name in actors]
-    )
+    kept_out = [name for name in without if name in classes], [name for name in without if name in actors]
+    left = library.without(classes=kept_out[0], actors=kept_out[1])
     return left.renamed(names)
 
 
@@ -171,9 +166,7 @@ class _Recordings:
             more = [f"and {len(damaged) - _MAX_NAMED} more"] if len(damaged) > _MAX_NAMED else []
             raise RecordingError(*damaged[:_MAX_NAMED], *more)
         if self._filled:
-            self.notes.append(
-                f"{self._filled} of {self._read} joint positions were missing and were filled with straight lines"
-            )
+            self.notes.append(f"{self._filled} of {self._read} joint positions were missing, and are on straight lines")
 
     def _with_terms(self, clip: Clip, path: Path) -> Clip:
         """Set a clip's source and terms: the given ones, the file's own, or HDM05's for names like HDM05's."""
@@ -199,17 +192,14 @@ class _Recordings:
         for segment in segments:
             if len(takes) > 1 and segment.performer not in performers:
                 notes = repr(segment.performer) if segment.performer else "none"
-                raise LabelError(
-                    f"{path}: labels: expected a performer of {', '.join(sorted(performers))}, got {notes}"
-                )
+                known = ", ".join(sorted(performers))
+                raise LabelError(f"{path}: labels: expected a performer of {known}, got {notes}")
         for take in takes:
             own = [each for each in segments if not (take.actor and each.performer) or each.performer == take.actor]
             if others := sorted({each.performer for each in segments} - {each.performer for each in own} - performers):
                 lost = sum(each.performer in others for each in segments)
-                self.notes.append(
-                    f"{path.name}: {counted(lost, 'label')} of {', '.join(others)} left out: "
-                    f"{take.actor} is in the recording"
-                )
+                whose = f"{counted(lost, 'label')} of {', '.join(others)}"
+                self.notes.append(f"{path.name}: {whose} left out: {take.actor} is in the recording")
             self.notes += oddities(take, own)
             yield from cut(take, own)
 

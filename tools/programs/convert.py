@@ -3,8 +3,6 @@
 Writes times and joint positions (seconds, metres) as .npz, or as CSV with a line for each frame.
 """
 
-from __future__ import annotations
-
 import argparse
 import codecs
 import csv
@@ -26,10 +24,8 @@ from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.takes import events_of, ordered_frames, seen_in
-from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of
-from kinespace.tools.cli.presets import preset_named
-from kinespace.tools.terminal.console import csv_text, printable, progress, say
-from kinespace.tools.terminal.files import NameNotes, require_place_for
+from kinespace.tools.cli.arguments import add_reading, add_shared, preset_named, reading_of
+from kinespace.tools.terminal.console import NameNotes, csv_text, printable, progress, require_place_for, say
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]
@@ -96,9 +92,8 @@ def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
     motion.postures = progress(motion.postures, "Writing", motion.frames)
     frames, joints = write(output, motion), len(motion.skeleton.joints)
     refused = motion.frames - frames
-    say(
-        f"{output}: {frames} frames of {joints} joints" + f", {refused} frames of other joints left out" * bool(refused)
-    )
+    left_out = f", {refused} frames of other joints left out" if refused else ""
+    say(f"{output}: {frames} frames of {joints} joints{left_out}")
     if damage:
         say(damage)
 

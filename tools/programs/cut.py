@@ -5,8 +5,6 @@ classes; kinespace build --labels makes a library of them. Motions that follow o
 second stay one row, to be divided by hand.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 from pathlib import Path
@@ -14,8 +12,7 @@ from pathlib import Path
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
-from kinespace.tools.terminal.console import csv_text, progress, say
-from kinespace.tools.terminal.files import NameNotes, require_place_for
+from kinespace.tools.terminal.console import NameNotes, csv_text, progress, require_place_for, say
 
 COLUMNS = ("start_s", "end_s", "label", "performer")
 #: Seconds: a longer row hardly is one motion; HDM05's longest cut clip has eight.
@@ -42,12 +39,8 @@ def run(options: argparse.Namespace) -> int:
     require_place_for(labels, overwrite=options.overwrite)
     named = NameNotes()
     takes = [named(each) for each in RecordingReader(reading_of(options)).clips(find_recordings([source])[0])]
-    found = [
-        (stretch, take.actor)
-        for take in progress(takes, "Looking", len(takes))
-        for stretch in stretches_of(take, options.stillness)
-    ]
-    found.sort()
+    looked = progress(takes, "Looking", len(takes))
+    found = sorted((each, take.actor) for take in looked for each in stretches_of(take, options.stillness))
     with labels.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(COLUMNS)

@@ -5,8 +5,6 @@ shows its answers. The recogniser's library holds none of the motions played, bu
 status: 0 every motion named, 1 a motion not named, 2 could not be done.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

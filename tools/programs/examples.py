@@ -1,15 +1,10 @@
 """`kinespace examples`: lists programs that send frames or receive answers, and tables of joint names; prints one."""
 
-from __future__ import annotations
-
+import argparse
 from importlib import resources
-from typing import TYPE_CHECKING
 
 from kinespace.tools.cli.values import meant
 from kinespace.tools.terminal.console import say
-
-if TYPE_CHECKING:
-    import argparse
 
 #: Folders and endings of files that are no examples.
 _PASSED_OVER = {"node_modules", "__pycache__", ".pyc", ".meta"}

@@ -1,7 +1,5 @@
 """A feed that is sent, the answers that come meanwhile, and the report on both."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections import Counter

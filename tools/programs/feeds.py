@@ -1,21 +1,18 @@
 """`kinespace feeds`: lists the products whose messages kinespace understands, and their settings."""
 
-from __future__ import annotations
-
 import argparse
 
 from rich.text import Text
 
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.cli.arguments import preset_named
 from kinespace.tools.terminal.console import say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument(
-        "name", nargs="?", metavar="NAME", help="check this preset, or file, and print it, to be copied and edited"
-    )
+    text = "check this preset, or file, and print it, to be copied and edited"
+    parser.add_argument("name", nargs="?", metavar="NAME", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

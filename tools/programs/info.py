@@ -4,8 +4,6 @@ Counts the motions of a library, or of a folder of recordings, by class and by p
 a .kinerec.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math
@@ -25,10 +23,16 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
-from kinespace.tools.cli.arguments import BUILT_IN, add_reading, add_shared, class_at, library_at, reading_of
-from kinespace.tools.cli.presets import preset_named
-from kinespace.tools.terminal.console import print_scores, progress, say
-from kinespace.tools.terminal.files import read_with_notes
+from kinespace.tools.cli.arguments import (
+    BUILT_IN,
+    add_reading,
+    add_shared,
+    class_at,
+    library_at,
+    preset_named,
+    reading_of,
+)
+from kinespace.tools.terminal.console import print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
@@ -116,14 +120,8 @@ def _show_raw(described: Mapping[str, Any]) -> None:
 
 def _row(clip: Clip, name: str) -> dict[str, Any]:
     """Describe one motion of a library, or one recording, without its positions."""
-    return {
-        "name": name,
-        "class": clip.class_name,
-        "person": clip.actor,
-        "take": clip.take,
-        "seconds": round(clip.duration, 3),
-        "frame_rate": clip.frame_rate,
-    }
+    named = {"name": name, "class": clip.class_name, "person": clip.actor, "take": clip.take}
+    return {**named, "seconds": round(clip.duration, 3), "frame_rate": clip.frame_rate}
 
 
 def _sums(motions: Sequence[Mapping[str, Any]], what: str, others: str) -> list[dict[str, Any]]:
@@ -243,9 +241,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
     classes = sum(row["index"] is not None for row in described["classes"])
     persons = [row["person"] for row in described["persons"] if row["person"]]
     lacking = described["without_course"]
-    missed = {
-        f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in described["missed"].items()
-    }
+    missed = described["missed"].items()
     _say_each(
         {
             "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
@@ -257,7 +253,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
             "licence": described["licence"] or "not stated",
             "attribution": described["attribution"] or "none",
         }
-        | missed
+        | {f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in missed}
         | ({"too short, or one posture, to be found done": ", ".join(lacking)} if lacking else {})
     )
 

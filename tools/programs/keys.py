@@ -4,8 +4,6 @@ Makes a pair of keys (CURVE) in a folder. Copy NAME.key into the folders of prog
 NAME.key_secret stays here. live, replay and record use the folder with --keys.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
@@ -18,9 +16,7 @@ _ADVICE = "public, for the others' folders", "secret, keep it here"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("name", metavar="NAME", help="name of the keys' owner, like stage or ann")
-    parser.add_argument(
-        "--keys", type=Path, metavar="DIR", help="the folder, made if it does not exist (default: NAME)"
-    )
+    parser.add_argument("--keys", type=Path, metavar="DIR", help="the folder, made where it lacks (default: NAME)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -4,14 +4,12 @@ Feeds a recogniser in another process over loopback and times its answers; the s
 same run.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +43,7 @@ _PERCENTILES = {"p50": 50, "p95": 95, "p99": 99, "p999": 99.9, "max": 100}
 _EVERY = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Latency:
+class Latency(NamedTuple):
     """The result of one run.
 
     Attributes

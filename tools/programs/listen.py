@@ -4,8 +4,6 @@ Try this first when nothing works. It shows every kind of message that arrives, 
 feed that the messages resemble; the joints that came, and the joints that recognition lacks.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shlex
@@ -22,8 +20,7 @@ from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
-from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
-from kinespace.tools.cli.presets import preset_named
+from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.terminal.console import console, say, table_of
 

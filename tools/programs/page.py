@@ -4,8 +4,6 @@ Serves a page that shows the bodies, the guesses and the past minute of a recogn
 (kinespace live --zmq-out ENDPOINT --bodies), until Ctrl-C. kinespace live --page starts it by itself.
 """
 
-from __future__ import annotations
-
 import argparse
 import threading
 
@@ -22,15 +20,10 @@ SOURCE = "tcp://127.0.0.1:9321"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("--from", dest="source", default=SOURCE, metavar="ENDPOINT", help="default %(default)s")
-    parser.add_argument(
-        "--control", metavar="ENDPOINT", help="teach through this socket, which kinespace live --control opens"
-    )
+    parser.add_argument("--control", metavar="ENDPOINT", help="teach through this socket of kinespace live --control")
     host, port = host_and_port(PAGE)
-    parser.add_argument(
-        "--host",
-        default=host,
-        help="pages on other machines need the token that is printed (default %(default)s)",
-    )
+    text = "pages on other machines need the token that is printed (default %(default)s)"
+    parser.add_argument("--host", default=host, help=text)
     parser.add_argument("--port", type=int, default=port, help="port of the page (default %(default)s)")
     add_shared(parser, "--keys")
 

@@ -4,8 +4,6 @@ Keeps every packet with its arrival time and sender until Ctrl-C. A crash costs 
 replay sends the file again bit for bit; kinespace live --record records while it recognises.
 """
 
-from __future__ import annotations
-
 import argparse
 import threading
 import time
@@ -22,9 +20,8 @@ from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.entry import stop_on_signals
-from kinespace.tools.programs.live.endpoints import open_ends
-from kinespace.tools.terminal.console import progress_console, say
-from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.programs.ends import open_ends
+from kinespace.tools.terminal.console import progress_console, require_place_for, say
 
 #: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100

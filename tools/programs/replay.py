@@ -6,8 +6,6 @@ next to the take, the class is the label of the moment. Exit status: 0 sent (and
 reached no program, or no answer came to --listen, 2 could not be done.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time
@@ -40,8 +38,7 @@ from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
 from kinespace.tools.feeding.service import Listener
 from kinespace.tools.programs.exchange import Exchange
-from kinespace.tools.terminal.console import console, counted, progress, progress_console, say
-from kinespace.tools.terminal.files import NameNotes
+from kinespace.tools.terminal.console import NameNotes, console, counted, progress, progress_console, say
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
@@ -148,9 +145,7 @@ def recordings_in(places: Sequence[Path], reading: Reading) -> list[Path | Clip]
     """List the files to read and the built-in library's motions, place by place, each once."""
     found = [each for place in places for each in _in_place(place)] if places else [*MotionLibrary.builtin().motions]
     if reading != Reading() and not any(isinstance(each, Path) for each in found):
-        raise ValueError(
-            "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none to read"
-        )
+        raise ValueError("replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names, got none")
     return list(dict.fromkeys(found))
 
 
@@ -253,10 +248,8 @@ def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Nam
     if options.json:
         print(json.dumps({**figures, "lost_from": recording.lost_from}))
     else:
-        say(
-            f"{figures['sent']} packets sent, {failed} refused by the system, {figures['left_out']} without an "
-            "address for their kind"
-        )
+        left_out = f"{figures['left_out']} without an address for their kind"
+        say(f"{figures['sent']} packets sent, {failed} refused by the system, {left_out}")
         for place, lost in unheard.items():
             if lost:
                 say(lost_at(place, lost))

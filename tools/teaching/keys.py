@@ -1,7 +1,5 @@
 """Keys for teaching while the table is shown, for a performer who is alone with a keyboard."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections.abc import Callable
@@ -20,12 +18,7 @@ HINT = (
     "= name the last motion · 1 to 9 choose the performer · y the last name was right · n it was wrong · "
     "m move as you will: nothing · space stop · x cancel · u undo · s save"
 )
-_PLAIN: dict[str, Command] = {
-    " ": commands.Stop(),
-    "x": commands.Cancel(),
-    "u": commands.Undo(),
-    "s": commands.Save(),
-}
+_PLAIN: dict[str, Command] = {"x": commands.Cancel(), " ": commands.Stop(), "u": commands.Undo(), "s": commands.Save()}
 #: Keys that say whether the last name was right.
 _JUDGED: dict[str, Callable[[str], Command]] = {"y": commands.Right, "n": commands.Wrong}
 

@@ -1,16 +1,15 @@
 """Lessons: the teacher among the recognisers. Commands and frames come in, notices and another library come out."""
 
-from __future__ import annotations
-
 import math
 import queue
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
-from kinespace.stream.teaching.memory import Remembered
+from kinespace.stream.teaching.teacher import Remembered
 from kinespace.tools.teaching.roster_file import RosterFile
 from kinespace.tools.terminal.console import say
 
@@ -242,8 +241,7 @@ _FRAMES_AT_ONCE = 6
 _PAUSE = 0.002
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Change:
+class Change(NamedTuple):
     """A roster to open.
 
     Attributes

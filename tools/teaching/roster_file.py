@@ -1,7 +1,5 @@
 """The file of taught motions: a thread of its own writes the newest roster, tries again, and keeps what it replaces."""
 
-from __future__ import annotations
-
 import math
 import queue
 import shutil
@@ -70,9 +68,8 @@ class RosterFile:
             raise
         #: The examples that the file had, that are in the file itself now with their library, that would survive now,
         #: and the newest, with the moment since which they are.
-        self._before = self._in_file = self._safe = self._newest = (
-            Roster.of_library(self.library) if self.library else Roster()
-        )
+        kept = Roster.of_library(self.library) if self.library else Roster()
+        self._before = self._in_file = self._safe = self._newest = kept
         self._written, self._since = self.library, -math.inf
         #: Examples in the copy of the file before examples were lost.
         self._copied = 0
@@ -80,10 +77,8 @@ class RosterFile:
         #: Woken by every change; and held while the file of new examples is written or goes.
         self._wake, self._adding = threading.Condition(), threading.Lock()
         self._said: queue.SimpleQueue[State] = queue.SimpleQueue()
-        self._threads = [
-            threading.Thread(target=work, name=f"kinespace {name}", daemon=True)
-            for work, name in ((self._add, "examples"), (self._work, "file"))
-        ]
+        works = {"examples": self._add, "file": self._work}.items()
+        self._threads = [threading.Thread(target=work, name=f"kinespace {name}", daemon=True) for name, work in works]
         for thread in self._threads:
             thread.start()
 

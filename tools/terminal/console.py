@@ -1,13 +1,17 @@
-"""What programs print: lines, tables, progress."""
+"""What programs print: lines, tables, progress, words on the files that they read; and places for files they write."""
 
-from __future__ import annotations
-
+import argparse
+import errno
 import json
 import logging
+import os
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import chain
+from pathlib import Path
 from typing import Any, Literal, TextIO, TypeVar
 
 from rich.box import SIMPLE_HEAD
@@ -15,6 +19,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
+
+from kinespace.library import Clip, Reading, read_recordings
+from kinespace.library.motion_library.library_file import locked
+from kinespace.library.naming import summary
+from kinespace.library.recordings.formats.labels import labels_beside
+from kinespace.library.windows.segments import remarks
 
 _Item = TypeVar("_Item")
 
@@ -129,15 +139,8 @@ def table_of(
     names
         The number of columns of names: the first ones, which stand left. The others hold figures and stand right.
     """
-    table = Table(
-        title=title,
-        caption=caption,
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-        title_justify="left",
-        caption_justify="left",
-    )
+    table = Table(title=title, caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    table.title_justify = table.caption_justify = "left"
     cells = [[printable(each) if isinstance(each, str) else each for each in row] for row in rows]
     widths = [max((len(row[place]) for row in cells if place < len(row)), default=0) for place in range(len(headings))]
     is_wide = sum(max(width, len(heading)) + 2 for width, heading in zip(widths, headings, strict=True)) > console.width
@@ -201,3 +204,81 @@ def shortened(name: str, width: int) -> str:
         return name
     end = width // 2
     return f"{name[: width - end - 1]}…{name[len(name) - end :]}"
+
+
+def require_place_for(output: Path, *, overwrite: bool = True) -> None:
+    """Refuse a place that cannot be written to, with its name.
+
+    Parameters
+    ----------
+    output
+        The file to be written.
+    overwrite
+        Whether a file may be replaced; if not, the message names the option that allows it.
+
+    Raises
+    ------
+    IsADirectoryError, FileNotFoundError, PermissionError
+        It is a folder, or its folder does not exist or is not writable.
+    FileExistsError
+        It exists, and may not be replaced.
+    ValueError
+        Another program teaches there.
+    """
+    folder = output.absolute().parent
+    if output.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(output))
+    if not folder.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output.parent))
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(output.parent))
+    if output.exists() and not overwrite:
+        raise FileExistsError(f"{output}: exists already; --overwrite writes over it")
+    with locked(output):
+        pass
+
+
+#: Remarks of each kind on what was read otherwise than it stands in a file, at most.
+_MAX_SAID = 10
+#: Characters of one, at most.
+_LONGEST = 280
+
+
+class NameNotes:
+    """Says, once for each, which convention clips' joint names had, how many of our joints they have, and oddities."""
+
+    def __init__(self) -> None:
+        self._noted, self._said = set[str](), Counter[str]()
+
+    def __call__(self, clip: Clip) -> Clip:
+        """Print a note on a clip if it is new; give the clip."""
+        line = summary(clip.naming, clip.skeleton.joints) if clip.naming else ""
+        if line and line not in self._noted:
+            self._noted.add(line)
+            note(line)
+        for remark in (*clip.notes, *remarks(clip)):
+            # A folder's recordings mostly have the same oddities: of what a body is like one line of each kind is
+            # enough, of what was read otherwise than it stands in a file some.
+            kind, most = remark.partition(":")[0], _MAX_SAID if remark in clip.notes else 1
+            self._said[kind] += 1
+            if self._said[kind] <= most:
+                note(shortened(f"{clip.name}: {remark}", _LONGEST))
+            elif self._said[kind] == _MAX_SAID + 1:
+                note(f"{clip.name}: {remark}; no more of this kind ({kind}) is said")
+        return clip
+
+
+def read_with_notes(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
+    """Read recordings one after the other, with a progress bar and notes on their joint names."""
+    return progress(map(NameNotes(), read_recordings(paths, reading)), "Reading", len(paths))
+
+
+def require_place_for_report(output: Path, options: argparse.Namespace) -> None:
+    """As `require_place_for`; and refuse (FileExistsError) a file that is read by way of another option."""
+    require_place_for(output)
+    real, given = output.resolve(), [*vars(options).values()]
+    for each in chain(given, *(option for option in given if isinstance(option, list))):
+        if isinstance(each, Path) and each is not output and real.exists():
+            place = each.resolve()
+            if real.is_relative_to(place) or real in labels_beside(place):
+                raise FileExistsError(f"{output}: expected another place for what is written: it is read with {each}")

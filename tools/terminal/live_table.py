@@ -1,7 +1,5 @@
 """A running recogniser as the user sees it: a table, or a line for each change; a summary at the end."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections import defaultdict
@@ -17,8 +15,7 @@ from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice, State, Step
-from kinespace.stream.teaching.wire import as_line
+from kinespace.stream.teaching.commands import Notice, State, Step, as_line
 from kinespace.tools.terminal.console import console, printable, say, shortened, table_of
 
 #: Characters of a score's bar.
@@ -125,10 +122,8 @@ class PlainLines(Sink):
         _, began, last = self._last.get(event.performer, ("", event.time, event.time))
         at = "" if event.time >= last else f" at {event.time - began:.3f} s"
         moment = max(event.time, last) - began
-        say(
-            f"{moment:10.3f} s  {event.performer}  {event.kind}: {event.label}{at}",
-            _facts(event.kind, event.performer, event.label),
-        )
+        facts = _facts(event.kind, event.performer, event.label)
+        say(f"{moment:10.3f} s  {event.performer}  {event.kind}: {event.label}{at}", facts)
 
     def publish_done(self, done: Done) -> None:
         """Print the motion that was done, at the time of the performer's last answer."""
@@ -274,9 +269,8 @@ class LiveTable(Sink):
             return "frames come; no motion is taught yet"
         if status and status.performers:
             return "frames come, no answer yet"
-        return (
-            f"waiting for frames on {', '.join(status.listening)} ..." if status and status.listening else "waiting ..."
-        )
+        listened = ", ".join(status.listening) if status else ""
+        return f"waiting for frames on {listened} ..." if listened else "waiting ..."
 
     def _caption(self, shown: Mapping[str, _Shown], silent: Mapping[str, float]) -> str:
         status = self._status

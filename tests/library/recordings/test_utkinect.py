@@ -10,7 +10,7 @@ from kinespace.library import MotionLibrary, Reading, find_recordings, read_reco
 from kinespace.library.recordings import RecordingError, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.takes import Sources, read_takes
+from kinespace.tools.evaluation.harness import Sources, read_takes
 
 POSTURES = np.random.default_rng(3).normal(size=(4, 20, 3))
 #: The camera skipped frames 11 and 13, wrote frame 12 twice, and saw nobody in frame 15.

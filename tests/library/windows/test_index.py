@@ -26,7 +26,7 @@ from kinespace.library.windows.comparison import ACROSS_LABORATORIES, FIRST_WIND
 from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
 from kinespace.library.windows.rejection import learned_rejection
 from kinespace.library.windows.taught import teacher_of
-from kinespace.tools.cli.presets import joints_of
+from kinespace.tools.cli.arguments import joints_of
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SECONDS = 1.0

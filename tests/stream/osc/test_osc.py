@@ -13,8 +13,8 @@ from performed import NAMED
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Event, EventKind, osc
-from kinespace.stream.osc import answers as osc_answers
 from kinespace.stream.osc import decode_packet, udp
+from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import Message
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
 from kinespace.stream.recognition import Answer

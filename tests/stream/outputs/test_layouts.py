@@ -12,12 +12,12 @@ from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
 from kinespace.stream.inputs import Admission, OscDecoder, Source
-from kinespace.stream.osc import answers as osc_answers
+from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
 from kinespace.stream.outputs.layouts import LayoutFileError, WrittenLayout
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import State, Step, wire
+from kinespace.stream.teaching import State, Step, commands
 
 LOOPBACK = "127.0.0.1"
 CLASSES = ("bow", "jump", "wave")
@@ -81,7 +81,7 @@ def test_the_native_sink_sends_the_osc_answers() -> None:
         osc_answers.encode_gone("Ada L"),
         osc_answers.encode_classes(CLASSES),
         osc_answers.encode_status(STATUS),
-        wire.encode(told),
+        commands.encode(told),
     ]
     assert len(sent) == 9
     sink.close()

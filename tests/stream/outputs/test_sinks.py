@@ -18,7 +18,7 @@ from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
-from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.stream.zeromq import messages as zeromq_answers
 
 START = Event("ann", EventKind.START, "jump", 1, 0.75, 4.0)
 END = Event("ann", EventKind.END, "jump", 1, 0.75, 5.0)

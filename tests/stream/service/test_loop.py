@@ -17,9 +17,9 @@ from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
-from kinespace.stream.service.wire import SentFrame
+from kinespace.stream.service.worker import SentFrame
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import Asked, State, Step, commands, wire
+from kinespace.stream.teaching import Asked, State, Step, commands
 from kinespace.stream.zeromq import Endpoint
 
 LOOPBACK = "127.0.0.1"
@@ -150,7 +150,7 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
 
     def reset(address: str) -> None:
         bench.sources[0].waiting.append(
-            [Asked(each) for each in wire.decode(wire.said_in(osc.encode_message(address))[0])]
+            [Asked(each) for each in commands.decode(commands.said_in(osc.encode_message(address))[0])]
         )
         bench.step()
 

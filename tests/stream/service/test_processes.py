@@ -32,7 +32,7 @@ from kinespace.stream import (
 )
 from kinespace.stream.frame import Admitted, NewSender
 from kinespace.stream.service import gateway as gateways
-from kinespace.stream.service import wire, worker
+from kinespace.stream.service import worker
 from kinespace.stream.service.background import leave_signals_to_parent, signals_held
 from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.worker import Terms, Worker
@@ -282,9 +282,9 @@ POSITIONS = np.arange(18.0).reshape(6, 3) / 7
 @pytest.mark.parametrize("kind", ["f4", "f8"])
 def test_frames_come_back_to_the_last_bit(kind: str) -> None:
     """Positions keep their precision, and all else is as it was sent."""
-    sent = wire.SentFrame.of(Frame("ann", 3.0, POSITIONS.astype(kind)))
+    sent = worker.SentFrame.of(Frame("ann", 3.0, POSITIONS.astype(kind)))
     sent.joints, sent.begins = ("a", "b"), True
-    (found,) = wire.decode_orders(wire.encode(wire.Orders(seen=[sent]))).seen
+    (found,) = worker.decode_orders(worker.encode(worker.Orders(seen=[sent]))).seen
     new, announced, frame = found.events()
     assert (found, new, announced) == (sent, NewSender("ann"), Announcement("ann", ("a", "b")))
     assert isinstance(frame, Frame)
@@ -306,8 +306,8 @@ def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
     event = Event("ann", EventKind.START, recognition.classes[1], 1, 0.5, 2.0)
     progress = Progress(recognition.classes[1], 0.5, 0.4, 1.0, 1.1, 0.9, 2)
     whole = replace(recognition, events=(event,), progress=progress, doubted=("c",))
-    report = wire.Report(wire.PerformerCounts(), {"bob": "why"}, stale=4)
-    back = wire.decode_answers(wire.encode(wire.Answers([whole], report)))
+    report = worker.Report(worker.PerformerCounts(), {"bob": "why"}, stale=4)
+    back = worker.decode_answers(worker.encode(worker.Answers([whole], report)))
     (found,) = back.answers
     assert back.report == report
     assert np.array_equal(found.scores, whole.scores)

@@ -10,9 +10,7 @@ from kinespace.library.teaching.examples import Check, Roster
 from kinespace.stream import Event, EventKind, Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
-from kinespace.stream.teaching.lesson import AT_WILL, MAX_RECORDING, MAX_WAITING
-from kinespace.stream.teaching.memory import Memory, NamedMotions
-from kinespace.stream.teaching.teacher import OFFER
+from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, MAX_WAITING, OFFER, Memory, NamedMotions
 
 RATE = 60.0
 

@@ -4,7 +4,7 @@ import pytest
 
 from kinespace.stream.osc import decode_packet, encode_message
 from kinespace.stream.osc.packet import encode_bundle
-from kinespace.stream.teaching import State, Step, Taught, commands, wire
+from kinespace.stream.teaching import State, Step, Taught, commands
 from kinespace.stream.teaching.commands import CommandError, Tried
 
 TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
@@ -28,9 +28,9 @@ TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
 )
 def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
     """Every OSC message of the page is the command that it stands for."""
-    said, others = wire.said_in(packet)
-    assert (wire.decode(said), others) == ([command], 0)
-    assert wire.said_in(encode_bundle(encode_message("/other", 1), packet)) == (said, 1)
+    said, others = commands.said_in(packet)
+    assert (commands.decode(said), others) == ([command], 0)
+    assert commands.said_in(encode_bundle(encode_message("/other", 1), packet)) == (said, 1)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
 )
 def test_commands_in_json(request_: dict[str, object], command: commands.Command) -> None:
     """Every JSON request is the command that it stands for."""
-    assert wire.decode_json(json.dumps(request_).encode()) == command
+    assert commands.decode_json(json.dumps(request_).encode()) == command
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_commands_in_json(request_: dict[str, object], command: commands.Command
 def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
     """A command that cannot be read raises one line with the expectation."""
     with pytest.raises(CommandError, match=told) as raised:
-        wire.decode(wire.said_in(packet)[0])
+        commands.decode(commands.said_in(packet)[0])
     assert "\n" not in str(raised.value)
 
 
@@ -92,27 +92,27 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
 def test_bad_requests_are_one_line(request_: dict[str, object], told: str) -> None:
     """A request that lacks an argument, has another one, or a number out of range names it."""
     with pytest.raises(CommandError, match=told):
-        wire.decode_json(json.dumps(request_).encode())
+        commands.decode_json(json.dumps(request_).encode())
 
 
 def test_notices() -> None:
     """Every notice has its OSC message and its JSON."""
     state, taught = State("ann", Step.REFUSED, 1.5, "why"), Taught("wave", 2, 1.25, "good", Tried(3, 2, 180.0))
-    assert wire.as_json(State("ann", Step.WAITING, 1.23456)) == {
+    assert commands.as_json(State("ann", Step.WAITING, 1.23456)) == {
         "performer": "ann",
         "state": "waiting",
         "seconds": 1.235,
     }
-    assert wire.as_line(state) == "teaching ann: refused 1.5 s: why"
-    assert wire.as_line(State("", Step.DONE)) == "teaching: done"
-    assert decode_packet(wire.encode(state)) == [("/motion/teach/state", ["ann", "refused", 1.5, "why"])]
-    assert decode_packet(wire.encode(taught)) == [("/motion/teach/taught", ["wave", 2, 1.25, "good", 3, 2, 180.0])]
-    assert wire.as_json(state) == {"performer": "ann", "state": "refused", "seconds": 1.5, "reason": "why"}
+    assert commands.as_line(state) == "teaching ann: refused 1.5 s: why"
+    assert commands.as_line(State("", Step.DONE)) == "teaching: done"
+    assert decode_packet(commands.encode(state)) == [("/motion/teach/state", ["ann", "refused", 1.5, "why"])]
+    assert decode_packet(commands.encode(taught)) == [("/motion/teach/taught", ["wave", 2, 1.25, "good", 3, 2, 180.0])]
+    assert commands.as_json(state) == {"performer": "ann", "state": "refused", "seconds": 1.5, "reason": "why"}
     tried = f"done 2 times in your last 3 minutes (40 an hour); {TOO_OFTEN}"
     kept = "taught wave: good; examples: 2, 1.2 s kept"
-    assert wire.as_line(taught) == f"{kept}; it would have been {tried}"
-    assert wire.as_line(Taught("wave", 2, 1.25, "good")) == kept
-    assert wire.as_json(taught) == {
+    assert commands.as_line(taught) == f"{kept}; it would have been {tried}"
+    assert commands.as_line(Taught("wave", 2, 1.25, "good")) == kept
+    assert commands.as_json(taught) == {
         "taught": "wave",
         "examples": 2,
         "seconds": 1.25,

@@ -21,7 +21,7 @@ from kinespace.stream import Done, Event, EventKind, Frame, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, SequenceGaps, ZmqReceiver, ZmqSender
-from kinespace.stream.zeromq import answers as zeromq_answers
+from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 

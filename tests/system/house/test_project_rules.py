@@ -26,8 +26,8 @@ PACKAGES = ("library", "stream", "tools")
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: Folders and files that do no input or output, and know no clock and no thread.
 CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
-CORE += ("stream/osc/packet.py", "stream/osc/frames.py", "stream/osc/answers.py", "stream/outputs/layouts.py")
-CORE += ("stream/zeromq/frames.py", "stream/zeromq/answers.py")
+CORE += ("stream/osc/packet.py", "stream/osc/messages.py", "stream/outputs/layouts.py")
+CORE += ("stream/zeromq/messages.py",)
 CORE += ("stream/inputs/decoder.py", "stream/inputs/detection.py", "stream/packet.py", "stream/inputs/takes.py")
 CORE += tuple(f"stream/feeds/{name}.py" for name in ("frame_assembler", "kinematics", "message_reader", "preset"))
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "selectors", "multiprocessing", "logging"}

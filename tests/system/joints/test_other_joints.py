@@ -15,9 +15,9 @@ from kinespace.library.naming import Naming, hdm05
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognizer, Settings
 from kinespace.stream.recognizer import SentJoints
+from kinespace.tools.cli.arguments import joints_in_order
 from kinespace.tools.cli.main import main
-from kinespace.tools.cli.presets import joints_in_order
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.feeding.feed import Cue
 
 # --- restricted -------------------------------------------------------------------------------------------------------

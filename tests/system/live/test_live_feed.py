@@ -27,7 +27,7 @@ from kinespace.stream import osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
-from kinespace.tools.programs.live.program import fitted
+from kinespace.tools.programs.live import fitted
 
 pytestmark = pytest.mark.slow
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from kinespace.tools.bench import stages
 from kinespace.tools.cli.main import main
+from kinespace.tools.programs import bench
 
 #: What receivers of `--json` rely on.
 KEYS = {
@@ -17,9 +17,9 @@ KEYS = {
 @pytest.fixture
 def _short_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Time each step once, for half a second of a feed."""
-    monkeypatch.setattr(stages, "ROUNDS", 1)
-    monkeypatch.setattr(stages, "WARM_UP", 60)
-    monkeypatch.setattr(stages, "ROUND", 60)
+    monkeypatch.setattr(bench, "ROUNDS", 1)
+    monkeypatch.setattr(bench, "WARM_UP", 60)
+    monkeypatch.setattr(bench, "ROUND", 60)
 
 
 @pytest.mark.slow
@@ -31,5 +31,5 @@ def test_one_part_prints_exactly_the_standard_figures(capsys: pytest.CaptureFixt
     assert (errors, output.count("\n")) == ("", 1)
     figures = json.loads(output)
     assert set(figures) == KEYS
-    assert {name for name, figure in figures.items() if figure is not None} == set(stages.FIGURES)
-    assert min(figures[name] for name in stages.FIGURES) > 0
+    assert {name for name, figure in figures.items() if figure is not None} == set(bench.STAGES)
+    assert min(figures[name] for name in bench.STAGES) > 0

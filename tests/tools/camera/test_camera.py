@@ -22,10 +22,9 @@ from kinespace.library import MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream import Announcement, osc
 from kinespace.stream.inputs import OscDecoder
-from kinespace.tools.camera import joints, models
-from kinespace.tools.camera.bodies import Bodies
-from kinespace.tools.camera.detection import anchors, decoded, one_for_each_body
-from kinespace.tools.camera.region import Landmarks, Region, landmarks_in, region_around
+from kinespace.tools.camera import bodies, models
+from kinespace.tools.camera.bodies import Bodies, Landmarks, Region, landmarks_in, region_around
+from kinespace.tools.camera.networks import anchors, decoded, one_for_each_body
 from kinespace.tools.cli.main import main
 
 _PICTURE = np.zeros((360, 640, 3), dtype=np.uint8)
@@ -417,7 +416,7 @@ def test_joints_outside_of_the_picture_are_absent() -> None:
     present = np.ones(33)
     present[31] = 0.4
     marks = Landmarks(places, np.full((33, 3), (1.0, 2.0, 3.0)), present, Region(0, 0, 1, 0))
-    found = joints.upright(marks, np.zeros((360, 640, 3), dtype=np.uint8))
+    found = bodies.upright(marks, np.zeros((360, 640, 3), dtype=np.uint8))
     assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [25, 27, 31]
     np.testing.assert_array_equal(found[0], [1, -2, -3])
 

@@ -14,8 +14,8 @@ from kinespace.library.recordings import ActorIn
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.evaluation.stream_score import Course
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

@@ -23,9 +23,8 @@ from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
-from kinespace.tools.evaluation.harness import Feed, Fold, Protocol, folds_of
+from kinespace.tools.evaluation.harness import Feed, Fold, Protocol, Take, folds_of
 from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, counted_in, course_of, score_courses
-from kinespace.tools.evaluation.takes import Take
 from kinespace.tools.evaluation.words import (
     KINDS,
     DoneTake,

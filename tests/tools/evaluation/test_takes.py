@@ -22,7 +22,7 @@ from kinespace.tools.evaluation import evaluate_show
 from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
 from kinespace.tools.evaluation.evaluate_peers import _elsewhere, _even
 from kinespace.tools.evaluation.evaluate_show import JOINED, joined, lengths_of
-from kinespace.tools.evaluation.takes import Sources, Take, read_takes
+from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.teaching.lessons import open_taught
 
 BY_NAME = Reading(actor_in=ActorIn.NAME)

@@ -29,9 +29,9 @@ from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step, Taught
-from kinespace.stream.teaching.wire import as_json
-from kinespace.stream.zeromq import answers as zeromq_answers
-from kinespace.stream.zeromq.answers import encode_body
+from kinespace.stream.teaching.commands import as_json
+from kinespace.stream.zeromq import messages as zeromq_answers
+from kinespace.stream.zeromq.messages import encode_body
 from kinespace.tools.page.board import MAX_SHOWN, Board
 from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.page.server import MAX_MESSAGE, MAX_PAGES, Gate, PageServer, read_message

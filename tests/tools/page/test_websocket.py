@@ -14,7 +14,7 @@ from websockets.typing import Origin
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.inputs import ZmqDecoder
-from kinespace.stream.zeromq import answers
+from kinespace.stream.zeromq import messages as answers
 from kinespace.tools.page.server import Gate
 from kinespace.tools.page.websocket import answer, as_text, packed
 

@@ -21,8 +21,8 @@ from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.feeding.service import Program, expected_answers
-from kinespace.tools.programs.live.program import OSC_OUT
-from kinespace.tools.programs.live.unread import Unread, _lacking
+from kinespace.tools.programs.ends import Unread, _lacking
+from kinespace.tools.programs.live import OSC_OUT
 
 
 def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[str]:

@@ -21,8 +21,16 @@ from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
 from kinespace.tools.cli.main import main
 from kinespace.tools.terminal import live_table
-from kinespace.tools.terminal.console import console, csv_text, log_as, note, printable, say, table_of
-from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.terminal.console import (
+    console,
+    csv_text,
+    log_as,
+    note,
+    printable,
+    require_place_for,
+    say,
+    table_of,
+)
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, summary
 
 CLASSES = ("bow", "jump", "wave")

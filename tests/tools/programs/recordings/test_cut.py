@@ -8,7 +8,7 @@ import pytest
 from kinespace.library import MotionLibrary
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.kinerec import RawPacket, RawWriter
-from kinespace.stream.osc.frames import encode_frame
+from kinespace.stream.osc.messages import encode_frame
 from kinespace.tools.cli.main import main
 
 pytestmark = pytest.mark.slow

@@ -4,8 +4,6 @@ Recognises frames and publishes answers until Ctrl-C, by OSC unless other addres
 bound; put > before it to connect instead.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import os
@@ -44,28 +42,21 @@ from kinespace.tools.cli.arguments import (
     add_settings,
     add_shared,
     count,
+    joints_in_order,
     library_at,
     names,
     naming_of,
     positive,
+    preset_named,
     settings_of,
 )
 from kinespace.tools.cli.entry import stop_on_signals
-from kinespace.tools.cli.presets import joints_in_order, preset_named
 from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
-from kinespace.tools.programs.live.endpoints import (
-    Served,
-    open_controls,
-    open_ends,
-    open_senders,
-    open_servers,
-    supervisors,
-)
+from kinespace.tools.programs.ends import Served, open_controls, open_ends, open_senders, open_servers, supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
-from kinespace.tools.terminal.console import console, log_as, say
-from kinespace.tools.terminal.files import require_place_for
+from kinespace.tools.terminal.console import console, log_as, require_place_for, say
 from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 
 #: A library, perhaps opened already.
@@ -175,9 +166,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
             _close_in(opening, [*each.sinks, *each.frames, *each.requests])
             served.append(each)
             servers.append(PageProcess(each.plan, say))
-        sources, sinks, kept = open_ends(
-            options, preset, keyring, admission, [*chain(*(each.frames for each in served))]
-        )
+        browsers = [receiver for each in served for receiver in each.frames]
+        sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
         _close_in(opening, [*sources, *sinks, *([kept] if kept else ())])
         controls = open_controls(options, sources, keyring)
         senders = open_senders(options, sources)
@@ -298,14 +288,7 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
 
     # People before a camera seldom think of their sides.
     either_side = bool(options.camera) if options.either_side is None else options.either_side
-    lessons = open_lessons(
-        options.teach,
-        motions,
-        sent.assumed,
-        performers,
-        options.stillness,
-        either_side=either_side,
-    )
+    lessons = open_lessons(options.teach, motions, sent.assumed, performers, options.stillness, either_side=either_side)
     lessons.is_loud = options.loud_lessons
     return lessons
 

@@ -1,20 +1,25 @@
-"""The ends that `kinespace live` opens: sources of frames, sinks of answers, the recording, ways in for commands."""
+"""The ends that `kinespace live` opens: sources of frames, sinks of answers, the recording, ways in for commands.
 
-from __future__ import annotations
+Of packets of which no frame comes it says the feed they look like, by the same survey as `kinespace listen`.
+"""
 
 import argparse
 import ipaddress
+import math
 import os
 import socket
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
-from kinespace.stream.feeds import Preset
+from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader, RequestSource
+from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
 from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
@@ -22,14 +27,88 @@ from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
-from kinespace.stream.packet import Networks
+from kinespace.stream.packet import Networks, Packet, Sender
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.values import host_and_port, one_of, opening
 from kinespace.tools.page.process import PagePlan, Plan
-from kinespace.tools.programs.live.unread import Unread
+from kinespace.tools.programs.listen import advice, command
 from kinespace.tools.terminal.console import say
+
+#: Packets that are looked at.
+_MOST = 60
+#: Seconds over which packets come before they are looked at, at least.
+_LEAST = 1.0
+#: Seconds after which packets that still come are looked at again.
+_AGAIN = 10.0
+#: Addresses that are named, at most.
+_MAX_NAMED = 3
+
+
+class Unread:
+    """Says what the packets of one port look like while no frame comes of them.
+
+    Parameters
+    ----------
+    place
+        Host and port of the source.
+    preset
+        The preset by which the source reads packets; None for our own messages.
+    """
+
+    def __init__(self, place: tuple[str, int], preset: Preset | None) -> None:
+        self._place, self._own = place, preset.name if preset else NATIVE
+        self._survey, self._first, self._looked = Survey(), math.inf, -math.inf
+        self._note = ""
+
+    def keep(self, packet: Packet, arrival: float, sender: Sender) -> None:
+        """Take in a packet without a frame; every ten seconds look at some of them, in a thread of its own."""
+        if arrival - self._looked < _AGAIN:
+            return
+        self._first = min(self._first, arrival)
+        if self._survey.packets < _MOST:
+            self._survey.keep(packet, arrival, sender)
+        if arrival - self._first >= _LEAST:
+            survey, self._survey, self._first, self._looked = self._survey, Survey(), math.inf, arrival
+            threading.Thread(target=self._look, args=(survey,), name="kinespace unread", daemon=True).start()
+
+    def note(self, now: float) -> str:
+        """Give a line for a person; empty when nothing is known, or nothing came for a while."""
+        return self._note if now - self._looked < 2 * _AGAIN else ""
+
+    def _look(self, survey: Survey) -> None:
+        guess = survey.guess([builtin_preset(name) for name in builtin_names()])
+        addresses = [kind.address for kind in survey.kinds.values()]
+        listed = ", ".join(addresses[:_MAX_NAMED]) + (" ..." if len(addresses) > _MAX_NAMED else "")
+        if guess is None and not {*addresses}.isdisjoint(OURS):
+            self._note = ""  # Our own messages: the decoder says what is wrong with them.
+        elif lacking := _lacking(addresses):
+            more = " ..." if len(lacking) > _MAX_NAMED else ""
+            listed = f"{', '.join(lacking[:_MAX_NAMED])}{more}"
+            self._note = f"no frames: {listed}: the sender sends only what changes; let it send all once, or always"
+        elif guess is None:
+            nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
+            self._note = (
+                f"no frames, but {listed or 'packets that are no OSC'}: no feed that is known. kinespace listen "
+                f"{self._place[1]} shows it (end this first), kinespace feeds {nearest} > my.toml begins a preset"
+            )
+        elif guess.preset.name != self._own:
+            product, run = guess.preset.product.partition(" (")[0], command(guess, None, self._place)
+            self._note = f"no frames, but {listed}: this looks like {product}: end this and run: {run}"
+        else:
+            self._note = "; ".join(advice(survey, guess, None))
+
+
+def _lacking(addresses: Sequence[str]) -> list[str]:
+    """Name the joints of which one or two coordinates came in messages of their own, and those that never did."""
+    came = dict[str, set[str]]()
+    for joint, axis in filter(None, map(coordinate_of, addresses)):
+        came.setdefault(joint, set()).add(axis)
+    return [
+        f"{joint} waits for {' and '.join(sorted({*'xyz'} - axes))}" for joint, axes in came.items() if len(axes) < 3
+    ]
+
 
 #: The addresses of all of a machine's networks, and of the machine itself.
 _LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))

@@ -1,0 +1,357 @@
+"""Frames and answers as ZeroMQ messages: pure functions between them and bytes.
+
+Frames as ZeroMQ messages, of several parts or of one: bytes in, frames out, and back.
+
+`[b"frame/<performer>/"][JSON header][raw little-endian floats]`. The header holds `v` (1), `seq`, `t` seconds, `shape`
+[joints, 3], `dtype` "<f4" or "<f8", and `joints` (names) in the first frame and whenever they change.
+
+Senders that cannot send several parts, or whose sockets keep only the newest message (CONFLATE) and so lose all parts
+but the last, send a msgpack map: the header's fields, `performer`, and the positions as `data`.
+
+Topics end in a slash because subscriptions match by their first bytes: `frame/p1` would match `frame/p10` too.
+Nothing is unpickled. msgspec checks a header's fields and their bounds while it reads them, and the size of the
+positions is checked before they are used.
+
+Answers as ZeroMQ messages: a topic and a JSON object.
+
+`[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"done/<performer>/"][JSON]`,
+`[b"classes/"][JSON]`, `[b"status/"][JSON]`. NaN and infinity are null, because JSON has neither.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import lru_cache
+from typing import Annotated, NamedTuple
+
+import msgspec
+import numpy as np
+
+from kinespace.library.skeleton import Skeleton
+from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
+from kinespace.stream.recognition import GONE, Answer, Done, Event, Progress, Recognition
+from kinespace.stream.recognizer.carried import Carried
+from kinespace.stream.status import Status
+
+VERSION = 1
+#: Bytes of a header; one with 31 joint names has 500.
+MAX_HEADER = 65_536
+_TYPES: dict[str, np.dtype[np.floating]] = {name: np.dtype(name) for name in ("<f4", "<f8")}
+_MAX_JOINTS = 4096
+#: The highest sequence number.
+MAX_SEQ = 2**63 - 1
+#: Bytes of a topic: the longest name that a performer may have, in UTF-8.
+_MAX_TOPIC = len(b"frame//") + 4 * MAX_PERFORMER_LENGTH
+#: A number this far behind the newest is still a late frame, not a new beginning.
+_MAX_LATE = 16
+_MAX_PERFORMERS = 1024
+
+
+class Header(msgspec.Struct):
+    """The fields that describe a frame's positions; msgspec refuses values of other types and beyond the bounds."""
+
+    v: int
+    shape: tuple[int, int]
+    dtype: str
+    seq: Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)] | None = None
+    t: float = 0.0
+    joints: list[str] | None = None
+
+
+class Packed(Header, kw_only=True):
+    """A header with the performer and the positions."""
+
+    performer: str
+    data: bytes
+
+
+_read_header = msgspec.json.Decoder(Header).decode
+_unpack = msgspec.msgpack.Decoder(Packed).decode
+
+
+class NumberedFrame(NamedTuple):
+    """A frame with its sender's count and, if the header has them, the names of its joints."""
+
+    frame: Frame
+    seq: int | None
+    announcement: Announcement | None
+
+
+class FormatError(ValueError):
+    """A ZeroMQ message is not one of ours; the message says why."""
+
+
+def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
+    """Decode one multipart message.
+
+    Parameters
+    ----------
+    parts
+        Topic, header and positions.
+    arrival
+        Seconds: the time of frames whose `t` is missing or 0.
+
+    Raises
+    ------
+    FormatError
+        A part is missing, too large, or does not match the header.
+    """
+    try:
+        topic, header, buffer = parts
+        performer = _performer(topic)
+        if len(header) > MAX_HEADER:
+            raise FormatError(f"header: expected at most {MAX_HEADER} bytes, got {len(header)}")
+        return numbered(performer, _read_header(header), buffer, arrival)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(str(error)) from error
+
+
+def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> NumberedFrame:
+    """Make a frame of positions and their header.
+
+    Parameters
+    ----------
+    performer
+        The performer's name.
+    header
+        The description of the positions.
+    buffer
+        The positions.
+    arrival
+        Seconds: the time of frames whose `t` is missing or 0.
+
+    Raises
+    ------
+    ValueError
+        The version is another, or the positions do not match the header.
+    """
+    if header.v != VERSION:
+        raise FormatError(f"v: expected version {VERSION}, got {header.v}")
+    joints, axes = header.shape
+    if not 0 < joints <= _MAX_JOINTS or axes != 3:
+        raise FormatError(f"shape: expected 1 to {_MAX_JOINTS} joints and 3 axes, got {[joints, axes]}")
+    dtype = _TYPES.get(header.dtype)
+    if dtype is None:
+        raise FormatError(f"dtype: expected <f4 or <f8, got {header.dtype[:32]!r}")
+    if len(buffer) != joints * 3 * dtype.itemsize:
+        raise FormatError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
+    frame = Frame(performer, header.t or arrival, np.frombuffer(buffer, dtype).reshape(joints, 3))
+    announcement = None if header.joints is None else Announcement(performer, tuple(header.joints))
+    return NumberedFrame(frame, header.seq, announcement)
+
+
+@lru_cache(maxsize=1024)
+def _performer(topic: bytes) -> str:
+    if len(topic) > _MAX_TOPIC:
+        raise FormatError(f"topic: expected at most {_MAX_TOPIC} bytes, got {len(topic)}")
+    kind, _, rest = topic.decode().partition("/")
+    if kind != "frame" or not rest.endswith("/"):
+        raise FormatError("topic: expected frame/<performer>/")
+    return rest[:-1]
+
+
+def encode_frame(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> list[bytes]:
+    """Encode a frame as float32; with the joint names in the first frame and whenever they change."""
+    positions = np.ascontiguousarray(frame.positions, dtype="<f4")
+    header: dict[str, object] = {"v": VERSION, "seq": seq, "t": frame.time, "shape": positions.shape, "dtype": "<f4"}
+    if joints is not None:
+        header["joints"] = joints
+    return [f"frame/{frame.performer}/".encode(), msgspec.json.encode(header), positions.tobytes()]
+
+
+def decode_packed(payload: bytes, arrival: float) -> NumberedFrame:
+    """Decode a frame in one msgpack map.
+
+    Parameters
+    ----------
+    payload
+        The message's only part.
+    arrival
+        Seconds: the time of frames whose `t` is missing or 0.
+
+    Raises
+    ------
+    FormatError
+        The payload is no msgpack, or not a frame of ours.
+    """
+    try:
+        packed = _unpack(payload)
+        return numbered(packed.performer, packed, packed.data, arrival)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"msgpack: {error}") from error
+
+
+class SequenceGaps:
+    """Counts, per performer, the numbered frames that never came."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, int] = {}
+        self.missing = 0
+
+    def see(self, performer: str, seq: int | None) -> None:
+        """Take note of a number.
+
+        A number that does not follow its predecessor leaves a gap. A number shortly below the newest comes late and
+        fills a gap; 0, or a number far below, means that the sender began again.
+        """
+        if seq is None:
+            return
+        last = self._last.get(performer, seq - 1)
+        if 0 < seq < last <= seq + _MAX_LATE:
+            self.missing = max(0, self.missing - 1)
+            return
+        if seq > last:
+            self.missing += seq - last - 1
+        if performer not in self._last and len(self._last) >= _MAX_PERFORMERS:
+            self._last.clear()  # only a sender that makes up names gets here
+        self._last[performer] = seq
+
+
+#: Digits of a class's score.
+_SCORE_DIGITS = 6
+_encode = msgspec.json.Encoder().encode
+
+
+class _Received(msgspec.Struct, rename={"label": "class"}):
+    """The fields of an answer that a listener reads."""
+
+    performer: str
+    label: str | None
+    index: int
+    outcome: str
+    score: float
+    margin: float
+
+
+_read = msgspec.json.Decoder(_Received).decode
+
+
+def encode_recognition(recognition: Recognition) -> list[bytes]:
+    """Encode an answer: its class, its scores, and the leading eigenvector's numbers.
+
+    `class` is the named class or null and `index` its index or -1, `guess` the best guess or null and `guess_index` its
+    index or -1; `so_far` the class that the last seconds are nearest to.
+    """
+    scores = [round(score, _SCORE_DIGITS) for score in recognition.scores.tolist()]
+    names, second = (*recognition.classes, None), recognition.second_index
+    answer = {
+        "v": VERSION,
+        "performer": recognition.performer,
+        "t": float(recognition.time),
+        "class": names[recognition.class_index],
+        "guess": names[recognition.guess_index],
+        "index": recognition.class_index,
+        "guess_index": recognition.guess_index,
+        "so_far": names[recognition.so_far],
+        "outcome": recognition.outcome.value,
+        "score": recognition.score,
+        "runner_up": names[second],
+        "margin": recognition.margin,
+        "scores": dict(zip(recognition.classes, scores, strict=True)),
+        "movement": float(recognition.movement),
+        "share": float(recognition.share),
+        "gap": float(recognition.gap),
+        "eigenvector_class": recognition.eigenvector_class,
+        "eigenvector_score": float(recognition.eigenvector_score),
+        "doubted": recognition.doubted,
+        "progress": recognition.progress and _described(recognition.progress, class_name="class"),
+    }
+    return [f"class/{recognition.performer}/".encode(), _encode(answer)]
+
+
+def encode_gone(performer: str) -> list[bytes]:
+    """Encode that a performer has left: an answer without a class."""
+    nothing = {"class": None, "guess": None, "index": -1, "guess_index": -1, "so_far": None}
+    answer = {"v": VERSION, "performer": performer, **nothing, "outcome": GONE, "score": 0.0, "margin": 0.0}
+    return [f"class/{performer}/".encode(), _encode(answer)]
+
+
+def _described(answer: Progress | Event | Done, **renamed: str) -> dict[str, object]:
+    """Give the fields of an answer, some by the names that they have on the wire."""
+    return {renamed.get(name, name): value for name, value in asdict(answer).items()}
+
+
+def encode_event(event: Event) -> list[bytes]:
+    """Encode that a motion started or ended."""
+    described = _described(event, kind="event", label="class", time="t")
+    return [f"event/{event.performer}/".encode(), _encode({"v": VERSION, **described})]
+
+
+def encode_done(done: Done) -> list[bytes]:
+    """Encode that a motion was done."""
+    return [f"done/{done.performer}/".encode(), _encode({"v": VERSION, **_described(done, label="class")})]
+
+
+def decode_answer(parts: Sequence[bytes]) -> Answer | None:
+    """Decode a recognition, for programs that listen to the answers; None for any other message."""
+    try:
+        topic, encoded = parts
+        if not topic.startswith(b"class/"):
+            return None
+        answer = _read(encoded)
+    except (ValueError, RecursionError):
+        return None
+    return Answer(answer.performer, answer.index, answer.score, answer.margin, answer.label or answer.outcome)
+
+
+def encode_classes(classes: Sequence[str]) -> list[bytes]:
+    """Encode the class names in the order their indices count."""
+    return [b"classes/", _encode({"v": VERSION, "classes": list(classes)})]
+
+
+def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
+    """Encode every counter; with the names of performers and senders only if the listeners may know them."""
+    described = {"v": VERSION, "alive": True, **asdict(status), "followed": len(status.performers)}
+    if not named:
+        described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": [], "listening": []}
+    described |= {"frames_per_second": status.frames_per_second, "lost": status.lost, "health": status.health}
+    return [b"status/", _encode(described)]
+
+
+#: Joints of a body that is drawn, at most.
+MAX_JOINTS = 4096
+
+
+class BodyHeader(msgspec.Struct, omit_defaults=True):
+    """The fields that describe a body; None for a field that is as it was in the message before."""
+
+    v: int
+    t: float
+    joints: int
+    names: tuple[str, ...] | None = None
+    parents: tuple[int, ...] | None = None
+    carried: tuple[float, ...] | None = None
+    pairs: tuple[tuple[int, int], ...] | None = None
+
+
+_encode_header = msgspec.json.Encoder().encode
+_read_body = msgspec.json.Decoder(BodyHeader).decode
+
+
+def encode_body(frame: Frame, skeleton: Skeleton | None = None, carried: Carried | None = None) -> list[bytes]:
+    """Encode a frame's positions, and perhaps its skeleton and the joints that carry the decision."""
+    header = BodyHeader(VERSION, float(frame.time), len(frame.positions))
+    if skeleton and len(skeleton.joints) == header.joints:
+        header.names, header.parents = skeleton.joints, skeleton.parents
+    if carried and len(carried.joints) == header.joints:
+        header.carried, header.pairs = carried.joints, carried.pairs
+    positions = frame.positions.astype("<f4")
+    return [f"body/{frame.performer}/".encode(), _encode_header(header), positions.tobytes()]
+
+
+def decode_body(parts: Sequence[bytes]) -> tuple[str, BodyHeader, bytes] | None:
+    """Decode a body: the performer, the header, the positions' bytes; None for any other message."""
+    try:
+        topic, encoded, positions = parts
+        header = _read_body(encoded)
+        kind, _, performer = topic.decode().partition("/")
+    except (ValueError, RecursionError):
+        return None
+    if kind != "body" or not 0 < header.joints <= MAX_JOINTS or len(positions) != 12 * header.joints:
+        return None
+    described = (header.names, header.parents, header.carried)
+    if any(each is not None and len(each) != header.joints for each in described):
+        return None
+    ends = [*(header.parents or ()), *(joint for pair in header.pairs or () for joint in pair)]
+    if any(not -1 <= joint < header.joints for joint in ends):
+        return None
+    return performer.removesuffix("/"), header, positions

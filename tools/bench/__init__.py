@@ -1,1 +1,0 @@
-"""`kinespace bench`: the cost of every step, in one run on real recordings."""

@@ -1,1 +1,0 @@
-"""`kinespace live`: recognises a feed until Ctrl-C."""

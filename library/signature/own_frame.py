@@ -94,7 +94,9 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def averaged(rows: NDArray[np.floating], steps: int) -> NDArray[np.float64]:
     """Average each row with the steps before it; before the first row the body stood as in it."""
-    sums = np.cumsum(np.concatenate([np.repeat(rows[:1], steps, axis=0), rows]), axis=0, dtype=np.float64)
+    sums = np.empty((len(rows) + steps, *rows.shape[1:]))
+    sums[:steps], sums[steps:] = rows[:1], rows
+    np.add.accumulate(sums, axis=0, out=sums)
     means: NDArray[np.float64] = (sums[steps:] - sums[:-steps]) / steps
     return means
 
@@ -111,7 +113,7 @@ def at_steps(
     steps
         Times between the first frame and the last, shape (steps,).
     """
-    after = np.clip(np.searchsorted(times, steps), 1, len(times) - 1)
+    after = np.minimum(np.maximum(np.searchsorted(times, steps), 1), len(times) - 1)
     shares = (steps - times[after - 1]) / (times[after] - times[after - 1])
     before = positions[after - 1]
     body: NDArray[np.float64] = before + shares[:, None, None] * (positions[after] - before)

@@ -126,6 +126,8 @@ class DoneFollower:
         self._points, self._ways = np.zeros((_ROOM * self._longest, width)), np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
         self._limits, self._several = self._share * courses.limits.ravel(), courses.several
+        self._most_growth = {name: _MOST_SEVERAL if name in self._several else _MOST_GROWTH for name in courses.classes}
+        self._motions_of = np.diff(courses.starts, append=len(courses.seconds))
         lengths = courses.pieces.lengths
         self._least = float(lengths.min()) / MAX_WAY if len(lengths) else 0.0
         self._most = float(lengths.max()) * MAX_WAY if len(lengths) else 0.0
@@ -155,12 +157,14 @@ class DoneFollower:
 
     def _growth(self) -> NDArray[np.float64]:
         """Say how much wider each motion's limits are by the evidence of the last moments, shape (motions,)."""
-        courses, since = self._courses, self.time - _EVIDENT_FOR
+        since = self.time - _EVIDENT_FOR
         best = dict(sorted((name, each) for time, name, each in self._evident if time >= since))
-        most = [_MOST_SEVERAL if name in self._several else _MOST_GROWTH for name in courses.classes]
-        growth = np.exp([_GROWTH * best.get(name, -math.inf) for name in courses.classes]).clip(_LEAST_GROWTH, most)
-        counts = np.diff(courses.starts, append=len(courses.seconds))
-        return np.repeat(growth if best else np.ones(len(growth)), counts)
+        growth = np.full(len(self._most_growth), _LEAST_GROWTH if best else 1.0)
+        for name, evidence in best.items():
+            if name in self._most_growth:
+                place = self._courses.classes.index(name)
+                growth[place] = min(max(math.exp(_GROWTH * evidence), _LEAST_GROWTH), self._most_growth[name])
+        return growth.repeat(self._motions_of)
 
     def push(self, times: list[float], positions: NDArray[np.float64]) -> Look | None:
         """Take in the body's positions, (frames, joints, 3), metres, at times in seconds; look when a look is due.
@@ -238,13 +242,12 @@ class DoneFollower:
         Infinite where no window is near the limit, or where it is not free.
         """
         every, least = self._courses.pieces, self._courses.screen.costs_at_least(windows.courses)
-        likely = windows.as_far(every) & (least < _NEAR * limits)
-        some = np.flatnonzero((likely & free[:, None]).any(axis=0))
-        costs = np.full(likely.shape, np.inf, dtype=np.float32)
+        near = (least < _NEAR * limits) & free[:, None]
+        costs, some = np.full(near.shape, np.inf, dtype=np.float32), np.flatnonzero(near.any(axis=0))
         if len(some):
             pieces = Pieces(*(each[some] for each in every))
-            costs[:, some] = windows.costs(pieces) / limits[some]
-        costs[~likely | ~free[:, None]] = np.inf
+            likely = near[:, some] & windows.as_far(pieces)
+            costs[:, some] = np.where(likely, windows.costs(pieces) / limits[some], np.inf)
         return costs
 
     def _nearest(

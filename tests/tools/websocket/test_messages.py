@@ -8,7 +8,7 @@ import pytest
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs import ZmqDecoder
 from kinespace.stream.zeromq import messages as answers
-from kinespace.tools.page.websocket import as_text, packed
+from kinespace.tools.page.server import as_text, packed
 
 
 def _decoded(message: str | bytes) -> tuple[ZmqDecoder, list[object]]:

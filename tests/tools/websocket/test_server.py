@@ -11,8 +11,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from kinespace.library import MotionLibrary
-from kinespace.tools.page.server import Gate
-from kinespace.tools.page.websocket import answer
+from kinespace.tools.page.server import Gate, answer
 
 #: A page of another site that may connect.
 EDITOR = "https://editor.p5js.org"

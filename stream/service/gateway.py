@@ -22,10 +22,9 @@ from typing import Any, NamedTuple
 import msgspec
 import zmq
 
+from kinespace.library import Skeleton, WindowIndex
 from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import hdm05
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.recognition import Event, Recognition

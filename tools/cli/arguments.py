@@ -12,8 +12,8 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions, spelling
 from kinespace.library.recordings import FILMS, ActorIn, Reading
 from kinespace.library.recordings.formats import utkinect
+from kinespace.stream import LiveSignature, Settings
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
-from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.recognizer.settings import (
     SENSITIVITY_CAMERA,
     SENSITIVITY_LEARNED,

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.recognizer import Settings
+from kinespace.library import WindowIndex, opened
+from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take

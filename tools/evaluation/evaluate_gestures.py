@@ -13,10 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinespace.library import NOTHING, Clip, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import Outcome, Recognition, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio

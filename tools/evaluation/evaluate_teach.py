@@ -15,8 +15,7 @@ import numpy as np
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.index import WindowIndex, teacher_of
-from kinespace.stream.recognition import EventKind, Outcome
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness

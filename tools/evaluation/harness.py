@@ -27,6 +27,7 @@ from kinespace.library import (
     Reading,
     Skeleton,
     SkeletonMismatchError,
+    WindowIndex,
     find_recordings,
     memory,
 )
@@ -35,11 +36,8 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import mirrored
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Frame, Recognition, Recognizer, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.arguments import joints_of
 from kinespace.tools.terminal.console import NameNotes, note, progress

@@ -30,7 +30,7 @@ from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
 from kinespace.library.windows.index import WindowIndex, keeping_lessons
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness

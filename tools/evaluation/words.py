@@ -12,7 +12,7 @@ from scipy.special import gammaincinv
 
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import EventKind, Recognition
+from kinespace.stream import EventKind, Recognition
 from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Take
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.outputs.lsl_sink import lsl
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 

@@ -18,10 +18,9 @@ from typing import Literal, NamedTuple, Self
 import zmq
 
 from kinespace.library import MotionLibrary
-from kinespace.stream import osc, zeromq
+from kinespace.stream import Recognizer, Settings, osc, zeromq
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Answer
-from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.arguments import arguments_of
 from kinespace.tools.cli.entry import check_interrupted

@@ -550,7 +550,7 @@ class _Listener:
 class SocketServer(ClientServer[_Listener]):
     """Passes frames from clients to the recogniser, and its answers to all clients."""
 
-    limits, client = {"max_size": _MAX_MESSAGE}, _Listener  # noqa: RUF012 - never changed
+    limits, client = {"max_size": _MAX_MESSAGE}, _Listener
 
     def __init__(self, subscription: Subscription, plan: SocketPlan, keyring: Keyring | None) -> None:
         super().__init__(subscription, Gate.for_host(host_and_port(plan.address)[0]))

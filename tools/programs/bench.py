@@ -24,10 +24,7 @@ from pythonosc.osc_packet import OscPacket
 from rich.table import Table
 
 from kinespace.library import MotionLibrary, compiled
-from kinespace.stream import osc, zeromq
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.stream import Frame, LiveSignature, Performers, Recognition, Recognizer, Settings, osc, zeromq
 from kinespace.tools.cli.arguments import add_shared, positive
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
 from kinespace.tools.feeding.service import BackgroundService, Listener, Received, Transport, answer_in

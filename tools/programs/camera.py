@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from kinespace.library.signature.landmark_body import JOINTS
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, Seen, landmark_body, require_extra, upright

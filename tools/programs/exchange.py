@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 
 from rich.table import Table
 
-from kinespace.stream import osc
-from kinespace.stream.frame import Announcement
+from kinespace.stream import Announcement, osc
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
 from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
 from kinespace.tools.terminal.console import console, note, say, table_of

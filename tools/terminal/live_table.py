@@ -11,9 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from kinespace.library.naming.hdm05 import title_of
+from kinespace.stream import Done, Event, EventKind, Recognition
 from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice, State, Step, as_line
 from kinespace.tools.terminal.console import console, printable, say, shortened, table_of

@@ -28,10 +28,9 @@ from pythonosc.osc_message_builder import BuildError
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.inputs.admission import Admission
+from kinespace.stream.osc import OscReceiver, OscSender, address_part
 from kinespace.stream.osc import messages as answers
-from kinespace.stream.osc.messages import address_part
 from kinespace.stream.osc.packet import encode_bundle, encode_message
-from kinespace.stream.osc.udp import OscReceiver, OscSender
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import GONE, Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status

@@ -11,9 +11,8 @@ from kinespace.stream.recognition import Done, Event, Recognition
 from kinespace.stream.recognizer.joints.carried import Carried
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice, as_json
-from kinespace.stream.zeromq import messages
+from kinespace.stream.zeromq import ZmqSender, messages
 from kinespace.stream.zeromq.messages import encode_body
-from kinespace.stream.zeromq.sockets import ZmqSender
 
 #: Seconds between two bodies of a performer.
 EVERY = 1 / 30

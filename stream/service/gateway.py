@@ -522,10 +522,7 @@ class Gateway:
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
-        counts = {
-            "frames that no worker took": self.unsent,
-            "answers of lost workers or to older frames": self.outdated,
-        }
+        counts = {"frames that no worker took": self.unsent, "answers late or of lost workers": self.outdated}
         lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
         return [f"workers: {len(self.ready)}", *(f"{count} {what}" for what, count in counts.items() if count), *lost]
 

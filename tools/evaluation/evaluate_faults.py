@@ -150,12 +150,8 @@ _SHARES = dict.fromkeys(("right", "guessed", "wrong", "implausible"), "answers")
 _RATE = 60.0
 #: Seed of noise, drops and order.
 _SEED = 0
-_COLUMNS = (
-    ("fault", "{fault}"),
-    *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES),
-    ("noticed, s", "{noticed_s:.2f}"),
-    ("alarmed", "{alarmed} of {seconds:.0f} s"),
-)
+_WHEN = ("noticed, s", "{noticed_s:.2f}"), ("alarmed", "{alarmed} of {seconds:.0f} s")
+_COLUMNS = (("fault", "{fault}"), *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES), *_WHEN)
 
 
 class _Played(NamedTuple):

@@ -103,10 +103,8 @@ def _motions(options: argparse.Namespace) -> Sequence[Clip]:
         raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
     classes = sorted({clip.class_name for clip in clips})
     if len(classes) < 2:
-        raise ValueError(
-            f"FOLDER: expected motions of two classes or more, got {len(clips)} of {', '.join(classes) or 'none'}: a "
-            "class is in a clip's name (HDM05), is its folder's name, or a label in a file beside the take"
-        )
+        got = f"{len(clips)} of {', '.join(classes) or 'none'}"
+        raise ValueError(f"FOLDER: expected motions of two classes or more, by name, folder or labels, got {got}")
     joints = shared_joints([clip.skeleton for clip in clips])
     if all(len(clip.skeleton.joints) == len(joints) for clip in clips):
         return [clip.as_of(clips[0].skeleton) for clip in clips]

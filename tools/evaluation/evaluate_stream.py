@@ -116,10 +116,9 @@ def _by_person(
     asked: Sequence[harness.Asked], courses: Sequence[stream_score.Course], classes: Sequence[str]
 ) -> dict[str, _Values]:
     """Score the takes of each person's fold separately, if folds are persons'."""
-    own = {
-        person: [course for each, course in zip(asked, courses, strict=True) if each.person == person]
-        for person in sorted({each.person for each in asked} - {""})
-    }
+    pairs = [*zip(asked, courses, strict=True)]
+    people = sorted({each.person for each in asked} - {""})
+    own = {person: [course for each, course in pairs if each.person == person] for person in people}
     return {person: stream_score.score_courses(each, classes, harness.INSIDE).values for person, each in own.items()}
 
 

@@ -154,10 +154,8 @@ def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
     for take, clip in (each for motions in by_person.values() for each in motions):
         takes[clip.class_name].add(take)
     single = sorted(name for name, own in takes.items() if len(own) == 1)
-    return (
-        "a take that teaches does not ask, so each class needs a take more than examples, and a class that one take "
-        f"alone has keeps that take from asking ({', '.join(single) or 'here none'}): give more takes"
-    )
+    named = ", ".join(single) or "here none"
+    return f"each class needs a take more than examples; a class of one take keeps that take from asking ({named})"
 
 
 def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:

@@ -190,10 +190,8 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
         elif not sources.labels and (sources.clips or (named and named.class_name)):
             yield _Entry(path, None)
         else:
-            raise FileNotFoundError(
-                f"{path.with_suffix('.csv')}: no labels for {path.name}; --labels says where they are, --clips that it "
-                "is one motion"
-            )
+            where = "--labels says where they are, --clips that it is one motion"
+            raise FileNotFoundError(f"{path.with_suffix('.csv')}: no labels for {path.name}; {where}")
 
 
 def _listed(table: Path) -> Iterator[_Entry]:
@@ -499,10 +497,8 @@ def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[
             raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
     labels = {label for take in takes for label in take.labels}
     if labels and not labels & set(classes):
-        raise ValueError(
-            f"expected a label that is a class of the library, got {', '.join(sorted(labels))}; --map LABEL=CLASS "
-            f"renames them, to one of {', '.join(classes)}"
-        )
+        mapped = f"--map LABEL=CLASS renames them, to one of {', '.join(classes)}"
+        raise ValueError(f"expected a label that is a class of the library, got {', '.join(sorted(labels))}; {mapped}")
 
 
 def pushed(recognizer: Recognizer, feed: Feed) -> Iterator[tuple[float, Recognition | None]]:

@@ -373,12 +373,9 @@ _seconds = attrgetter("seconds")
 Basis = dict[str, float | None]
 
 #: Figures of which less is better; for all others more is better.
-LOWER_IS_BETTER = frozenset(
-    (
-        *("median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"),
-        *("false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute", "doubted"),
-    )
-)
+_LATE = "median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"
+_FALSE = "false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute", "doubted"
+LOWER_IS_BETTER = frozenset((*_LATE, *_FALSE))
 
 
 def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:

@@ -285,11 +285,8 @@ class BackgroundService:
             port = self._receiver.address[1] if self._receiver else 0
             if self._receiver:
                 opened.callback(self._receiver.close)
-            program = opened.enter_context(
-                Program(f"{port}", module=echo.__name__)
-                if self._echo
-                else Program("live", *self._command(opened, port))
-            )
+            echoing = Program(f"{port}", module=echo.__name__) if self._echo else None
+            program = opened.enter_context(echoing or Program("live", *self._command(opened, port)))
             self.process_id = program.process.pid
             found = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);")
             self._frames_to, self._answers_at = found.groups()

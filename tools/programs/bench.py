@@ -305,10 +305,8 @@ _MISSING = 0.01
 def measure_sockets(seconds: float) -> Measured:
     """Measure latencies, an echo's, and a crowd's cost, by OSC and by ZeroMQ, in runs of some seconds."""
     runs = [(transport, rate) for transport in TRANSPORTS for rate in RATES]
-    latencies = [
-        latency.measure(transport, rate_hz=rate, seconds=seconds, settings=Settings())
-        for transport, rate in progress(runs, "Latency", len(runs))
-    ]
+    played = progress(runs, "Latency", len(runs))
+    latencies = [latency.measure(by, rate_hz=rate, seconds=seconds, settings=Settings()) for by, rate in played]
     feed = Feed.of(positions(), CROWD, min(seconds, _CROWD_SECONDS))
     crowds = [(transport, echo) for transport in TRANSPORTS for echo in (False, True)]
     loads = {each: load(feed, *each) for each in progress(crowds, "Performers", len(crowds))}

@@ -229,10 +229,8 @@ def _short(library: MotionLibrary) -> Iterator[str]:
     """List the motions that are too short to be compared with."""
     short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
     if short:
-        yield (
-            f"{len(short)} of {counted(len(library), 'motion')} shorter than {_MIN_WINDOW:g} s, too short for any "
-            f"window, and kept for playback alone: {_listed(motion.name for motion in short)}"
-        )
+        listed = _listed(motion.name for motion in short)
+        yield f"{len(short)} of {counted(len(library), 'motion')} below {_MIN_WINDOW:g} s, for playback alone: {listed}"
 
 
 def _long(clips: Sequence[Clip]) -> Iterator[str]:

@@ -138,10 +138,8 @@ class Exchange:
     def _silence(self) -> str:
         """Say that no answer came, and list checks."""
         if self._received:
-            return (
-                f"no answers about {self._announcement.performer!r} came, but {self._received} other packets: do the "
-                "frames reach the recogniser, and can it use their joints? It counts and shows both"
-            )
+            other = f"{self._received} other packets: do frames reach the recogniser, and can it use their joints?"
+            return f"no answers about {self._announcement.performer!r} came, but {other}"
         if self.reached_nobody:
             return "no answers came"
         return "no answers came: is a recogniser running, and does it send its answers here?"

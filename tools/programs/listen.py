@@ -218,10 +218,9 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
     if len(shown) > _MAX_SHOWN:
         console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MAX_KINDS else ''} other kinds")
     if guess:
-        say(
-            f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
-            f"{len(guess.joints)} of {len(guess.preset.sent)} joints, {guess.frames} frames"
-        )
+        preset, understood = guess.preset, f"{guess.understood:.0%} of the messages"
+        joints = f"{len(guess.joints)} of {len(preset.sent)} joints, {guess.frames} frames"
+        say(f"looks like {preset.name} ({preset.product}): {understood}, {joints}")
         if named := named_joints(survey):
             say(summary(named.title or "our", named.joints))
         if guess.frames:

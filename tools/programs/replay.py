@@ -35,10 +35,7 @@ _MEETING = 0.5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = (
-        "recordings, folders of them, or classes of the built-in library, whose motions are played; or one .kinerec "
-        "(default: built-in, all its motions)"
-    )
+    text = f"recordings, folders, or classes of the built-in library; or one {ENDING} (default: built-in, all)"
     parser.add_argument("clips", nargs="*", type=Path, metavar="CLIP|CLASS", help=text)
     arguments.add_reading(parser)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default: {arguments.OSC_IN})")

@@ -171,8 +171,7 @@ def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    text = "frame rate of all recordings (default: each file's own)"
-    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help=text)
+    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: their own)")
     text = "of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)"
     parser.add_argument("--unit", default="", help=text)
     text = "only these joints or markers; * and ? fit any"

@@ -39,11 +39,9 @@ _OF_CLASSES = (("class", "{name}"), *((each, f"{{{each}:.0f}}") for each in ("se
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the library's own motions")
-    text = "recordings in which nothing known happens, or folders of them"
-    parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
+    parser.add_argument("--unknown", **several(Path, "TAKE"), help="recordings, or folders, without known motions")
     harness.add_protocol(parser)
-    text = "compare the promises 1, 6, 60 and 600 an hour"
-    parser.add_argument("--promises", action="store_true", help=text)
+    parser.add_argument("--promises", action="store_true", help="compare the promises 1, 6, 60 and 600 an hour")
     add_shared(parser, "--json")
 
 

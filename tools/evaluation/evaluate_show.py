@@ -65,8 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, type=arguments.count, default=usual, metavar="N", help=f"{text} (default {usual})")
     text = "minutes of a show (default %(default)s)"
     parser.add_argument("--minutes", type=arguments.positive, default=10.0, metavar="M", help=text)
-    text = "seed of all that is drawn (default %(default)s)"
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help=text)
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of what is drawn (default %(default)s)")
     arguments.add_reading(parser)
     arguments.add_settings(parser)
     add_report(parser)

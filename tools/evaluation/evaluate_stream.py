@@ -31,13 +31,11 @@ _RESAMPLED = ("segments", "persons")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the library's own motions")
-    text = "recordings in which nothing known happens, or folders of them"
-    parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
+    parser.add_argument("--unknown", **several(Path, "TAKE"), help="recordings, or folders, without known motions")
     harness.add_protocol(parser)
     text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
-    text = "leave these parts of the signature out, to see their worth"
-    parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
+    parser.add_argument("--without-part", choices=[*map(str, Kind)], help="leave this part of the signature out")
     text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
     parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
     text = "write a row for each segment: right, named, delays"

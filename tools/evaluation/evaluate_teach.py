@@ -91,8 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--person", default="", help="the performer of all takes that do not name one")
     text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]
     parser.add_argument("--examples", nargs="+", type=above_zero, default=usual, metavar="N", help=text)
-    text = "draws of each person's examples (default %(default)s)"
-    parser.add_argument("--draws", type=above_zero, default=20, help=text)
+    parser.add_argument("--draws", type=above_zero, default=20, help="draws of each person's examples (%(default)s)")
     text = "the persons who teach (default: all, in turn)"
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
     text = "ask each motion again with its class left out: how much of its time is named all the same?"

@@ -400,8 +400,7 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     arguments.add_reading(parser)
     arguments.add_shared(parser, "--actor-in")
     arguments.add_subjects(parser)
-    text = "rename labels"
-    parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help=text)
+    parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help="rename labels")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
 

@@ -353,8 +353,7 @@ PARTS = {"stages": (STAGES, measure_stages), "sockets": (SOCKETS, measure_socket
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
-    text = "seconds of a run of sockets (default %(default)s)"
-    parser.add_argument("--seconds", type=positive, default=20.0, help=text)
+    parser.add_argument("--seconds", type=positive, default=20.0, help="of a run of sockets (default %(default)s)")
     add_shared(parser, "--json")
 
 

@@ -38,8 +38,7 @@ _MAX_WAIT = 100
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
-    text = "read the packets as this feed, and ask the sender for frames if the feed needs it"
-    parser.add_argument("--feed", metavar="NAME", help=text)
+    parser.add_argument("--feed", metavar="NAME", help="read the packets as this feed, and ask its sender for frames")
     parser.add_argument("--seconds", type=positive, default=5.0, help="seconds to listen (default %(default)s)")
     add_shared(parser, "--sender", "--json")
 

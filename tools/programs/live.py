@@ -91,8 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     arguments.add_shared(parser, "--overwrite")
-    text = "publish bodies on --zmq-out, for kinespace page elsewhere"
-    parser.add_argument("--bodies", action="store_true", help=text)
+    parser.add_argument("--bodies", action="store_true", help="publish bodies on --zmq-out, for a page elsewhere")
     arguments.add_shared(parser, "--page")
     text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
     parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
@@ -100,14 +99,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ws-origin", type=arguments.names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
-    text = "spread performers over processes (default: none)"
-    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
-    text = "watch a camera, a film or a stream, as kinespace camera does"
-    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes")
+    parser.add_argument("--camera", metavar="0|FILE|URL", help="watch a camera, a film or a stream: kinespace camera")
     arguments.add_shared(parser, "--people", "--size")
     parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
-    text = "let people teach motions by showing them, and keep them there"
-    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
+    parser.add_argument("--teach", type=Path, metavar="FILE", help="let people teach motions, and keep them there")
     text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
     parser.add_argument("--stillness", type=arguments.positive, default=STILLNESS, help=text)
     text = "taught motions may be done by either side (default: with --camera)"

@@ -39,8 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("clips", nargs="*", type=Path, metavar="CLIP|CLASS", help=text)
     arguments.add_reading(parser)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default: {arguments.OSC_IN})")
-    text = "publish on ZeroMQ instead; connects, put @ before it to bind"
-    parser.add_argument("--zmq", metavar="ENDPOINT", help=text)
+    parser.add_argument("--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, @ before it binds")
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
     arguments.add_shared(parser, "--keys", "--open")
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")

@@ -335,10 +335,9 @@ def _numbers(
         raise zipfile.BadZipFile
     found, backwards, kind = np.lib.format.read_array_header_1_0(file)
     shape = (len(content) - file.tell(),) if shape is None else shape
-    _require(
-        found == shape and not backwards and kind in kinds,
-        f"{name}: expected {' or '.join(np.dtype(each).name for each in kinds)} of shape {shape}, got {kind} {found}",
-    )
+    wanted = " or ".join(np.dtype(each).name for each in kinds)
+    is_right = found == shape and not backwards and kind in kinds
+    _require(is_right, f"{name}: expected {wanted} of shape {shape}, got {kind} {found}")
     return np.frombuffer(content, kind, math.prod(shape), file.tell()).reshape(shape)
 
 

@@ -156,12 +156,8 @@ class FeedDecoder:
     def counts(self) -> InputCounts:
         """Counts of packets, and of packets that could not be read."""
         made = self.assembler.counts
-        return InputCounts(
-            received=self._received,
-            malformed=self._undecodable + made.malformed,
-            foreign=made.foreign,
-            incomplete=made.incomplete + made.absurd,
-        )
+        bad, never = self._undecodable + made.malformed, made.incomplete + made.absurd
+        return InputCounts(self._received, malformed=bad, foreign=made.foreign, incomplete=never)
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode one packet; give the frames that it completed."""

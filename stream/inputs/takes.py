@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip
+from kinespace.library import Clip, Skeleton
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds import Preset
 from kinespace.stream.feeds.preset import builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement, Frame, Input

@@ -28,10 +28,9 @@ from pythonosc.osc_message_builder import BuildError
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.inputs.admission import Admission
+from kinespace.stream.osc import OscReceiver, OscSender, address_part
 from kinespace.stream.osc import messages as answers
-from kinespace.stream.osc.messages import address_part
 from kinespace.stream.osc.packet import encode_bundle, encode_message
-from kinespace.stream.osc.udp import OscReceiver, OscSender
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import GONE, Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
@@ -490,22 +489,16 @@ class WrittenLayout(Layout):
         """Send nothing; note the titles that a message asks for in place of classes."""
         asked = {each.of_class for each in self._messages} - {*classes}
         meant = {title: [each for each in classes if title_of(each) == title] for title in sorted(asked)}
-        self.notes = [
-            f"{self.name}: no class is called {title!r}, which is a title: {' or '.join(names)} is meant"
-            for title, names in meant.items()
-            if names
-        ]
+        note = "{}: no class is called {!r}, which is a title: {} is meant".format
+        self.notes = [note(self.name, title, " or ".join(names)) for title, names in meant.items() if names]
 
     def gone(self, performer: str) -> bytes | None:
         """Encode the messages of a performer who has left."""
         return self._encoded("gone", {"performer": performer})
 
     def _encoded(self, when: When, facts: Facts) -> bytes | None:
-        chosen = [
-            each.encoded(facts)
-            for each in self._messages
-            if each.when == when and each.of_class in ("", facts.get("class", ""))
-        ]
+        fitting = "", facts.get("class", "")
+        chosen = [each.encoded(facts) for each in self._messages if each.when == when and each.of_class in fitting]
         return encode_bundle(*chosen) if chosen else None
 
 

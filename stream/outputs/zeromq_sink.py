@@ -4,16 +4,15 @@ import json
 from collections.abc import Sequence
 from typing import Protocol
 
-from kinespace.library.skeleton import Skeleton
+from kinespace.library import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, Recognition
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice, as_json
-from kinespace.stream.zeromq import messages
+from kinespace.stream.zeromq import ZmqSender, messages
 from kinespace.stream.zeromq.messages import encode_body
-from kinespace.stream.zeromq.sockets import ZmqSender
 
 #: Seconds between two bodies of a performer.
 EVERY = 1 / 30

@@ -22,10 +22,9 @@ from typing import Any, NamedTuple
 import msgspec
 import zmq
 
+from kinespace.library import Skeleton, WindowIndex
 from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import hdm05
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.recognition import Event, Recognition
@@ -523,10 +522,7 @@ class Gateway:
     @property
     def notes(self) -> list[str]:
         """Notes for a person, a line each."""
-        counts = {
-            "frames that no worker took": self.unsent,
-            "answers of lost workers or to older frames": self.outdated,
-        }
+        counts = {"frames that no worker took": self.unsent, "answers late or of lost workers": self.outdated}
         lost = [f"workers lost so far: {self._lost}; last: {self._last_lost}"] if self._lost else []
         return [f"workers: {len(self.ready)}", *(f"{count} {what}" for what, count in counts.items() if count), *lost]
 

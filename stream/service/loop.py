@@ -20,8 +20,7 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
-from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import Asked, State, Step
+from kinespace.stream.teaching import Asked, State, Step, commands
 
 if TYPE_CHECKING:
     # A worker runs this loop itself.

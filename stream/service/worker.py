@@ -20,8 +20,7 @@ import msgspec
 import numpy as np
 import zmq
 
-from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink

@@ -18,10 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import NOTHING
+from kinespace.library import NOTHING, Clip, Skeleton
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import MAX_EXAMPLES, Check, Example, Roster
 from kinespace.library.teaching.movement import (
     ENDS_AFTER,
@@ -39,16 +37,13 @@ from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.commands import (
-    MAX_LAST,
     UNDONE,
     Changed,
     Command,
-    Hold,
     Notice,
     State,
     Step,
     Taught,
-    Teach,
     Tried,
 )
 
@@ -100,7 +95,7 @@ class Lesson:
         Examples that are still to be recorded.
     """
 
-    def __init__(self, asked: Teach, performer: str, now: float, stillness: float = STILLNESS) -> None:
+    def __init__(self, asked: commands.Teach, performer: str, now: float, stillness: float = STILLNESS) -> None:
         self.class_name, self.performer = asked.class_name, performer
         self.left = asked.repetitions
         self._at_will = asked.class_name == NOTHING
@@ -223,7 +218,7 @@ class HeldLesson:
         The time of the performer's last frame, seconds on the sender's clock.
     """
 
-    def __init__(self, asked: Hold, performer: str, newest: float) -> None:
+    def __init__(self, asked: commands.Hold, performer: str, newest: float) -> None:
         self.class_name, self.performer = asked.class_name, performer
         self.left, self.step = 1, Step.RECORDING
         self._began = self._newest = newest
@@ -388,12 +383,12 @@ class NamedMotion:
         A motion is named when a part of it was seen, so it began before. Stillness in the span is still to be trimmed.
         """
         end = newest if self.ended is None else self.ended
-        return Stretch(max(self.started - _BEFORE, self.after, end - MAX_LAST), end)
+        return Stretch(max(self.started - _BEFORE, self.after, end - commands.MAX_LAST), end)
 
     def around(self, newest: float) -> Stretch:
         """Give the time of a motion that nobody did, as far as it was seen, and what surrounds it; as `span`."""
         end = min(newest, self.until, math.inf if self.ended is None else self.ended + _AROUND)
-        return Stretch(max(self.started - _AROUND, self.after, end - MAX_LAST), end)
+        return Stretch(max(self.started - _AROUND, self.after, end - commands.MAX_LAST), end)
 
 
 class NamedMotions:
@@ -433,7 +428,7 @@ class NamedMotions:
     def confirmed(self, performer: str, newest: float) -> NamedMotion | None:
         """Give a motion that was right and is over, or has gone on for as long as an example may last."""
         for motion in self._motions.get(performer, ()):
-            is_over = motion.ended is not None or newest - motion.started >= MAX_LAST
+            is_over = motion.ended is not None or newest - motion.started >= commands.MAX_LAST
             if motion.is_right and is_over:
                 return motion
         return None

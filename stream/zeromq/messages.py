@@ -26,7 +26,7 @@ from typing import Annotated, NamedTuple
 import msgspec
 import numpy as np
 
-from kinespace.library.skeleton import Skeleton
+from kinespace.library import Skeleton
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
 from kinespace.stream.recognition import GONE, Answer, Done, Event, Progress, Recognition
 from kinespace.stream.recognizer.carried import Carried

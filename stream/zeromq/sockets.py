@@ -95,9 +95,9 @@ class Endpoint(NamedTuple):
             which of them may: libzmq bounds neither a stranger's unfinished message nor a stranger's subscriptions.
         """
         if self.bind and self.is_open_to_others and not (networks or keyring or self.to_anybody):
+            ways = "--keys, --allow-from or --open"
             raise ValueError(
-                f"address: expected --keys, --allow-from or --open with {self.address}, because other machines reach "
-                "it, got none of them"
+                f"address: expected {ways} with {self.address}, which other machines reach, got none of them"
             )
         # Sockets without IPv6 meet no such peer, and refuse filters for it.
         filters = [each for each in networks if isinstance(each, IPv4Network)] if self.bind else []

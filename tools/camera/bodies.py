@@ -150,10 +150,8 @@ def refined(points: NDArray[np.float64], heat: NDArray[np.floating]) -> NDArray[
         if near.max() < _MIN_HEAT:
             continue
         weight = near.sum()
-        moved[place] = (
-            (left + near.sum(axis=0) @ np.arange(near.shape[1]) / weight) * (SIDE / cells),
-            (top + near.sum(axis=1) @ np.arange(near.shape[0]) / weight) * (SIDE / cells),
-        )
+        across, down = near.sum(axis=0) @ np.arange(near.shape[1]), near.sum(axis=1) @ np.arange(near.shape[0])
+        moved[place] = np.array([left + across / weight, top + down / weight]) * (SIDE / cells)
     return moved
 
 

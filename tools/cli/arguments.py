@@ -12,8 +12,8 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions, spelling
 from kinespace.library.recordings import FILMS, ActorIn, Reading
 from kinespace.library.recordings.formats import utkinect
+from kinespace.stream import LiveSignature, Settings
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
-from kinespace.stream.recognizer import LiveSignature, Settings
 from kinespace.stream.recognizer.settings import (
     SENSITIVITY_CAMERA,
     SENSITIVITY_LEARNED,
@@ -171,8 +171,7 @@ def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
-    text = "frame rate of all recordings (default: each file's own)"
-    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help=text)
+    parser.add_argument("--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: their own)")
     text = "of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)"
     parser.add_argument("--unit", default="", help=text)
     text = "only these joints or markers; * and ? fit any"

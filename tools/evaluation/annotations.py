@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import EventKind
+from kinespace.stream import EventKind
 from kinespace.tools.evaluation.stream_score import Course
 from kinespace.tools.terminal.console import printable
 

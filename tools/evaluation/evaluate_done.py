@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.recognizer import Settings
+from kinespace.library import WindowIndex, opened
+from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take
@@ -39,11 +39,9 @@ _OF_CLASSES = (("class", "{name}"), *((each, f"{{{each}:.0f}}") for each in ("se
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the library's own motions")
-    text = "recordings in which nothing known happens, or folders of them"
-    parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
+    parser.add_argument("--unknown", **several(Path, "TAKE"), help="recordings, or folders, without known motions")
     harness.add_protocol(parser)
-    text = "compare the promises 1, 6, 60 and 600 an hour"
-    parser.add_argument("--promises", action="store_true", help=text)
+    parser.add_argument("--promises", action="store_true", help="compare the promises 1, 6, 60 and 600 an hour")
     add_shared(parser, "--json")
 
 

@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary
-from kinespace.library.distances import distance_rows
+from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.segments import mirrored_places
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio, values_of
@@ -151,12 +150,8 @@ _SHARES = dict.fromkeys(("right", "guessed", "wrong", "implausible"), "answers")
 _RATE = 60.0
 #: Seed of noise, drops and order.
 _SEED = 0
-_COLUMNS = (
-    ("fault", "{fault}"),
-    *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES),
-    ("noticed, s", "{noticed_s:.2f}"),
-    ("alarmed", "{alarmed} of {seconds:.0f} s"),
-)
+_WHEN = ("noticed, s", "{noticed_s:.2f}"), ("alarmed", "{alarmed} of {seconds:.0f} s")
+_COLUMNS = (("fault", "{fault}"), *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES), *_WHEN)
 
 
 class _Played(NamedTuple):

@@ -13,10 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinespace.library import NOTHING, Clip, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.library.windows.index import WindowIndex
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
@@ -145,11 +144,8 @@ def report(
 ) -> int:
     """Print the scores of all takes together, write the words, and return the exit status; `further` is for JSON."""
     scores, persons = score_words(heard), {each.person for each in heard}
-    basis = {
-        "seconds": sum(each.seconds for each in heard),
-        "segments": sum(each.asked for each in heard),
-        "persons": len(persons) if all(persons) else None,
-    }
+    seconds, segments = sum(each.seconds for each in heard), sum(each.asked for each in heard)
+    basis = {"seconds": seconds, "segments": segments, "persons": len(persons) if all(persons) else None}
     so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
         require_place_for_report(options.answers, options)

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.signature.own_frame import at_steps, corners_of, size_of
 from kinespace.library.windows.comparison import FIRST_WINDOW
+from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
-from kinespace.stream.recognizer.classifier import MotionClassifier
 from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.evaluation import harness
 from kinespace.tools.terminal.console import counted, print_scores, progress

@@ -14,12 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary
-from kinespace.library.distances import distance_rows
+from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows, opened
 from kinespace.library.phases import MOMENTS_PER_SECOND
-from kinespace.library.windows.index import WindowIndex, opened
-from kinespace.stream.recognition import Progress
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Progress, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_shared, count
 from kinespace.tools.evaluation import harness

@@ -24,15 +24,7 @@ from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, r
 from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Sources, distinct, print_json, read_takes, shared_joints
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
-from kinespace.tools.terminal.console import (
-    console,
-    counted,
-    print_scores,
-    progress,
-    require_place_for_report,
-    shortened,
-    table_of,
-)
+from kinespace.tools.terminal import console
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),
@@ -68,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the paper's experiment and print the results; return the exit status."""
     for output in filter(None, (options.answers, options.picture)):
-        require_place_for_report(output, options)
+        console.require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
     clips = _motions(options)
     labels, ways = Labels.of_clips(clips), _ways(clips, options.signature)
@@ -79,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     scores, rows = list[dict[str, Any]](), list[dict[str, Any]]()
     # The paper's conclusion shows where the person is held out, to the letter of the paper.
     drawn, matrices = (ways[-1][1], protocols[:2][-1]), dict[str, NDArray[np.float64]]()
-    for space, kind in progress(ways, "Comparing", len(ways)):
+    for space, kind in console.progress(ways, "Comparing", len(ways)):
         signatures = signatures_of(clips, space, kind)
         products = similarity(signatures, signatures.T)
         for protocol in protocols:
@@ -111,10 +103,8 @@ def _motions(options: argparse.Namespace) -> Sequence[Clip]:
         raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
     classes = sorted({clip.class_name for clip in clips})
     if len(classes) < 2:
-        raise ValueError(
-            f"FOLDER: expected motions of two classes or more, got {len(clips)} of {', '.join(classes) or 'none'}: a "
-            "class is in a clip's name (HDM05), is its folder's name, or a label in a file beside the take"
-        )
+        got = f"{len(clips)} of {', '.join(classes) or 'none'}"
+        raise ValueError(f"FOLDER: expected motions of two classes or more, by name, folder or labels, got {got}")
     joints = shared_joints([clip.skeleton for clip in clips])
     if all(len(clip.skeleton.joints) == len(joints) for clip in clips):
         return [clip.as_of(clips[0].skeleton) for clip in clips]
@@ -188,12 +178,12 @@ def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
         | {"sure": interval(each["intervals"]["nearest"], "{:.0%}")}
         for each in scores
     ]
-    console.print(
-        f"{counted(len(clips), 'motion')} of {counted(len(classes), 'class', 'classes')} by "
-        f"{counted(len(persons), 'person') if persons else 'unknown persons'}"
+    console.console.print(
+        f"{console.counted(len(clips), 'motion')} of {console.counted(len(classes), 'class', 'classes')} by "
+        f"{console.counted(len(persons), 'person') if persons else 'unknown persons'}"
     )
     title = "Of how many motions is the nearest neighbour of their class?"
-    print_scores(written, _COLUMNS, title=title, caption=seconds, names=2)
+    console.print_scores(written, _COLUMNS, title=title, caption=seconds, names=2)
 
 
 def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> None:
@@ -204,16 +194,18 @@ def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]],
         for place, (name, count) in enumerate(zip(classes.tolist(), counts.tolist(), strict=True), 1)
     ]
     headings = ("class", "motions", *matrices)
-    console.print(table_of(f"Right by class ({how})", headings, rows))
+    console.console.print(console.table_of(f"Right by class ({how})", headings, rows))
     if len(classes) > _MOST:
-        console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
+        console.console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
         return
     for space, matrix in matrices.items():
-        console.print(f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class")
-        console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
+        console.console.print(
+            f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
+        )
+        console.console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
         for name, shares in zip(classes.tolist(), matrix.tolist(), strict=True):
             cells = "".join(f"{100 * each:4.0f}" if each else "   ·" for each in shares)
-            console.print(f"{shortened(name, _NAME - 1):{_NAME}}{cells}", soft_wrap=True)
+            console.console.print(f"{console.shortened(name, _NAME - 1):{_NAME}}{cells}", soft_wrap=True)
 
 
 def _draw(new: Any, path: Path, classes: Sequence[str], matrices: Mapping[str, NDArray[np.float64]]) -> None:  # noqa: ANN401 - matplotlib's

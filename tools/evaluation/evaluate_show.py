@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, MotionLibrary
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import Outcome, Recognition
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import Outcome, Recognition, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
@@ -66,8 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, type=arguments.count, default=usual, metavar="N", help=f"{text} (default {usual})")
     text = "minutes of a show (default %(default)s)"
     parser.add_argument("--minutes", type=arguments.positive, default=10.0, metavar="M", help=text)
-    text = "seed of all that is drawn (default %(default)s)"
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help=text)
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of what is drawn (default %(default)s)")
     arguments.add_reading(parser)
     arguments.add_settings(parser)
     add_report(parser)

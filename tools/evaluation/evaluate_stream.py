@@ -16,22 +16,11 @@ from kinespace.library import MotionLibrary
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import usual_weighing
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
-from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation import harness, stream_score
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.harness import Take
-from kinespace.tools.evaluation.stream_score import (
-    LOWER_IS_BETTER,
-    Course,
-    answer_rows,
-    course_of,
-    print_persons,
-    print_score,
-    score_courses,
-    segment_rows,
-    write_rows,
-)
 from kinespace.tools.terminal.console import progress, require_place_for_report
 
 _Values = dict[str, float | None]
@@ -43,13 +32,11 @@ _RESAMPLED = ("segments", "persons")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the library's own motions")
-    text = "recordings in which nothing known happens, or folders of them"
-    parser.add_argument("--unknown", **several(Path, "TAKE"), help=text)
+    parser.add_argument("--unknown", **several(Path, "TAKE"), help="recordings, or folders, without known motions")
     harness.add_protocol(parser)
     text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
-    text = "leave these parts of the signature out, to see their worth"
-    parser.add_argument("--without-part", choices=[*map(str, Kind)], help=text)
+    parser.add_argument("--without-part", choices=[*map(str, Kind)], help="leave this part of the signature out")
     text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
     parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
     text = "write a row for each segment: right, named, delays"
@@ -67,34 +54,38 @@ def run(options: argparse.Namespace) -> int:
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
     courses = _courses(asked, classes, options)
-    score = score_courses(courses, classes, harness.INSIDE)
+    score = stream_score.score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
     if annotates:
         write_annotations(options.answers, courses)
     elif options.answers:
-        write_rows(options.answers, answer_rows(courses, classes))
+        stream_score.write_rows(options.answers, stream_score.answer_rows(courses, classes))
     if options.segments:
-        write_rows(options.segments, segment_rows(courses, classes, harness.INSIDE))
+        stream_score.write_rows(options.segments, stream_score.segment_rows(courses, classes, harness.INSIDE))
     if options.json:
         scored = score.as_json(by_person=by_person)
         harness.print_json(scored | ({"persons": persons, **_over(persons)} if persons else {}))
         return 0
-    print_score(score, by_person=by_person)
+    stream_score.print_score(score, by_person=by_person)
     if persons:
-        print_persons(persons, _over(persons), harness.protocol_of(options))
+        stream_score.print_persons(persons, _over(persons), harness.protocol_of(options))
     return 0
 
 
-def _courses(asked: Sequence[harness.Asked], classes: Sequence[str], options: argparse.Namespace) -> list[Course]:
+def _courses(
+    asked: Sequence[harness.Asked], classes: Sequence[str], options: argparse.Namespace
+) -> list[stream_score.Course]:
     """Replay every take against the library that it asks."""
     without = Kind(options.without_part) if options.without_part else None
-    settings, courses = settings_of(options), list[Course]()
+    settings, courses = settings_of(options), list[stream_score.Course]()
     for each in progress(asked, "Replaying", len(asked)):
         courses.append(course(each.take, _compared(each.library, without), classes, settings))
     return courses
 
 
-def course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings) -> Course:
+def course(
+    take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings
+) -> stream_score.Course:
     """Push a take through the recogniser, frame by frame, and compare its answers with the labels.
 
     Parameters
@@ -110,7 +101,7 @@ def course(take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[
     feed = harness.Feed.of(take.clip, library.skeleton, take.delivered)
     recognizer = Recognizer(compared, settings)
     answers = [answer for _, answer in harness.pushed(recognizer, feed) if answer is not None]
-    played = course_of(take, feed.times, answers, classes=classes, known=library.classes)
+    played = stream_score.course_of(take, feed.times, answers, classes=classes, known=library.classes)
     return replace(played, unlike=recognizer.unlike)
 
 
@@ -120,13 +111,14 @@ def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | W
     return WindowIndex.of(library, weighing=usual_weighing(library).without(without)) if without else library
 
 
-def _by_person(asked: Sequence[harness.Asked], courses: Sequence[Course], classes: Sequence[str]) -> dict[str, _Values]:
+def _by_person(
+    asked: Sequence[harness.Asked], courses: Sequence[stream_score.Course], classes: Sequence[str]
+) -> dict[str, _Values]:
     """Score the takes of each person's fold separately, if folds are persons'."""
-    own = {
-        person: [course for each, course in zip(asked, courses, strict=True) if each.person == person]
-        for person in sorted({each.person for each in asked} - {""})
-    }
-    return {person: score_courses(each, classes, harness.INSIDE).values for person, each in own.items()}
+    pairs = [*zip(asked, courses, strict=True)]
+    people = sorted({each.person for each in asked} - {""})
+    own = {person: [course for each, course in pairs if each.person == person] for person in people}
+    return {person: stream_score.score_courses(each, classes, harness.INSIDE).values for person, each in own.items()}
 
 
 def _over(persons: Mapping[str, _Values]) -> dict[str, _Values]:
@@ -135,5 +127,5 @@ def _over(persons: Mapping[str, _Values]) -> dict[str, _Values]:
     for name in next(iter(persons.values())):
         there = [value for each in persons.values() if (value := each[name]) is not None]
         mean[name] = float(np.mean(there)) if there else None
-        worst[name] = (max if name in LOWER_IS_BETTER else min)(there) if there else None
+        worst[name] = (max if name in stream_score.LOWER_IS_BETTER else min)(there) if there else None
     return {"mean": mean, "worst": worst}

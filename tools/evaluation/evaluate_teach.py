@@ -16,8 +16,7 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import teacher_of
-from kinespace.stream.recognition import EventKind, Outcome
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.evaluation import harness
@@ -93,8 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--person", default="", help="the performer of all takes that do not name one")
     text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]
     parser.add_argument("--examples", nargs="+", type=above_zero, default=usual, metavar="N", help=text)
-    text = "draws of each person's examples (default %(default)s)"
-    parser.add_argument("--draws", type=above_zero, default=20, help=text)
+    parser.add_argument("--draws", type=above_zero, default=20, help="draws of each person's examples (%(default)s)")
     text = "the persons who teach (default: all, in turn)"
     parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
     text = "ask each motion again with its class left out: how much of its time is named all the same?"
@@ -156,10 +154,8 @@ def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
     for take, clip in (each for motions in by_person.values() for each in motions):
         takes[clip.class_name].add(take)
     single = sorted(name for name, own in takes.items() if len(own) == 1)
-    return (
-        "a take that teaches does not ask, so each class needs a take more than examples, and a class that one take "
-        f"alone has keeps that take from asking ({', '.join(single) or 'here none'}): give more takes"
-    )
+    named = ", ".join(single) or "here none"
+    return f"each class needs a take more than examples; a class of one take keeps that take from asking ({named})"
 
 
 def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:

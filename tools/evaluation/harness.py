@@ -27,6 +27,7 @@ from kinespace.library import (
     Reading,
     Skeleton,
     SkeletonMismatchError,
+    WindowIndex,
     find_recordings,
     memory,
 )
@@ -35,11 +36,8 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import mirrored
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import Recognizer, Settings
+from kinespace.stream import Frame, Recognition, Recognizer, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.arguments import joints_of
 from kinespace.tools.terminal.console import NameNotes, note, progress
@@ -192,10 +190,8 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
         elif not sources.labels and (sources.clips or (named and named.class_name)):
             yield _Entry(path, None)
         else:
-            raise FileNotFoundError(
-                f"{path.with_suffix('.csv')}: no labels for {path.name}; --labels says where they are, --clips that it "
-                "is one motion"
-            )
+            where = "--labels says where they are, --clips that it is one motion"
+            raise FileNotFoundError(f"{path.with_suffix('.csv')}: no labels for {path.name}; {where}")
 
 
 def _listed(table: Path) -> Iterator[_Entry]:
@@ -404,8 +400,7 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     arguments.add_reading(parser)
     arguments.add_shared(parser, "--actor-in")
     arguments.add_subjects(parser)
-    text = "rename labels"
-    parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help=text)
+    parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help="rename labels")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
 
@@ -501,10 +496,8 @@ def _require_classes(takes: Sequence[Take], sources: Sources, classes: Sequence[
             raise ValueError(f"--map: expected one of {', '.join(classes)}, got {class_name!r}")
     labels = {label for take in takes for label in take.labels}
     if labels and not labels & set(classes):
-        raise ValueError(
-            f"expected a label that is a class of the library, got {', '.join(sorted(labels))}; --map LABEL=CLASS "
-            f"renames them, to one of {', '.join(classes)}"
-        )
+        mapped = f"--map LABEL=CLASS renames them, to one of {', '.join(classes)}"
+        raise ValueError(f"expected a label that is a class of the library, got {', '.join(sorted(labels))}; {mapped}")
 
 
 def pushed(recognizer: Recognizer, feed: Feed) -> Iterator[tuple[float, Recognition | None]]:

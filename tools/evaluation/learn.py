@@ -31,7 +31,7 @@ from kinespace.library.windows.courses import Pieces, path_of, windows_of
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
 from kinespace.tools.evaluation import harness
@@ -185,10 +185,8 @@ def _require_others(library: MotionLibrary) -> None:
     names = [each.class_name for each in library.motions if each.class_name != NOTHING]
     alone = sorted(name for name in set(names) if names.count(name) < 2)
     if len(library.actors) < 2 and alone:
-        raise ValueError(
-            f"library: expected two motions or more of each class of a single person, got one of {', '.join(alone)}; "
-            "single examples are judged against everyday movement without learning"
-        )
+        few = f"got one of {', '.join(alone)}; single examples need no learning"
+        raise ValueError(f"library: expected two motions or more of each class of a single person, {few}")
 
 
 def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
@@ -249,11 +247,9 @@ class _Body(NamedTuple):
         """Let takes, and takes that have no other joints, be recognised."""
         opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
         typical = opened.rejection.typical
-        shown = [
-            _Course(take, _relative(_windows(opened, clip), typical))
-            for take in progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
-            for clip in [take.clip.restricted_to(library.skeleton.joints)]
-        ]
+        every = progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
+        clips = ((take, take.clip.restricted_to(library.skeleton.joints)) for take in every)
+        shown = [_Course(take, _relative(_windows(opened, clip), typical)) for take, clip in clips]
         lessons = _own_lessons(_own_courses(library, follow=False))
         own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
         return cls(own, shown[len(fewer) :], shown[: len(fewer)])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import EventKind, Outcome, Recognition
+from kinespace.stream import EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.bootstrap import Figure, Interval, Percentile, Ratio, RocArea, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Protocol, Take, written
 from kinespace.tools.terminal.console import console, counted, csv_text, print_scores, table_of
@@ -373,12 +373,9 @@ _seconds = attrgetter("seconds")
 Basis = dict[str, float | None]
 
 #: Figures of which less is better; for all others more is better.
-LOWER_IS_BETTER = frozenset(
-    (
-        *("median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"),
-        *("false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute", "doubted"),
-    )
-)
+_LATE = "median_delay_s", "p90_delay_s", "median_seen", "median_event_delay_s"
+_FALSE = "false_per_minute", "unknown_answered", "changes_per_minute", "false_starts_per_minute", "doubted"
+LOWER_IS_BETTER = frozenset((*_LATE, *_FALSE))
 
 
 def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:

@@ -12,7 +12,7 @@ from scipy.special import gammaincinv
 
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream.recognition import EventKind, Recognition
+from kinespace.stream import EventKind, Recognition
 from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Take
 
@@ -250,11 +250,9 @@ class Heard:
 
     def missed(self, kind: str) -> int:
         """Count the gestures that no word of a kind found; of commands also the wrong words in a gesture's time."""
-        wrong = [
-            each
-            for each in self.verdicts[kind]
-            if each.right is False and each.segment and each.segment.label not in (NOTHING, each.said.class_name)
-        ]
+        false = (each for each in self.verdicts[kind] if each.right is False)
+        of_gestures = ((each.segment.label, each.said.class_name) for each in false if each.segment)
+        wrong = [label for label, said in of_gestures if label not in (NOTHING, said)]
         return self.asked - self.right(kind) + (len(wrong) if self.spans[kind].commands else 0)
 
     def delays(self, kind: str) -> list[float]:

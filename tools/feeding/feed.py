@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import Clip
-from kinespace.stream import osc, zeromq
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.tools.cli.entry import check_interrupted
 
 #: Seconds between two announcements of the skeleton: live senders repeat it for receivers that start later.

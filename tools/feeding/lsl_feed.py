@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.outputs.lsl_sink import lsl
 from kinespace.tools.feeding.feed import Cue, OscFrameSender
 
@@ -22,10 +22,8 @@ _ANNOUNCED_EVERY, _LOOK_EVERY = 1.0, 0.005
 #: The axis at the end of a channel's label, as `head_x`, `head.X`, `head PositionX`.
 _AXIS = re.compile(r"^(?P<joint>.+?)[ _.:/-]*(?:pos(?:ition)?[ _.-]*)?(?P<axis>[xyz])$", re.IGNORECASE)
 #: A channel's type where the stream says it (MoBI's `PositionX`), and types that are no position.
-_POSITION, _OTHER = (
-    re.compile(r"^position[ _]?(?P<axis>[xyz])$", re.IGNORECASE),
-    re.compile(r"orientation|quality", re.IGNORECASE),
-)
+_POSITION = re.compile(r"^position[ _]?(?P<axis>[xyz])$", re.IGNORECASE)
+_OTHER = re.compile(r"orientation|quality", re.IGNORECASE)
 #: Metres in a unit as streams name it.
 _METRES = {"mm": 1e-3, "millimeters": 1e-3, "millimetres": 1e-3, "cm": 1e-2, "centimeters": 1e-2, "centimetres": 1e-2}
 

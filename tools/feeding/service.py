@@ -18,10 +18,9 @@ from typing import Literal, NamedTuple, Self
 import zmq
 
 from kinespace.library import MotionLibrary
-from kinespace.stream import osc, zeromq
+from kinespace.stream import Recognizer, Settings, osc, zeromq
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Answer
-from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.arguments import arguments_of
 from kinespace.tools.cli.entry import check_interrupted
@@ -286,11 +285,8 @@ class BackgroundService:
             port = self._receiver.address[1] if self._receiver else 0
             if self._receiver:
                 opened.callback(self._receiver.close)
-            program = opened.enter_context(
-                Program(f"{port}", module=echo.__name__)
-                if self._echo
-                else Program("live", *self._command(opened, port))
-            )
+            echoing = Program(f"{port}", module=echo.__name__) if self._echo else None
+            program = opened.enter_context(echoing or Program("live", *self._command(opened, port)))
             self.process_id = program.process.pid
             found = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);")
             self._frames_to, self._answers_at = found.groups()

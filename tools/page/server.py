@@ -1,7 +1,13 @@
-"""The page's server: one port for the files and for the WebSockets of open pages.
+"""The servers of browsers: one port for the page's files and the WebSockets of open pages; another for clients.
 
 A page gets one message at a time. When it says that it has drawn the message, it gets all newer entries in one. A slow
 or sleeping page delays no other page, and the server keeps no messages for it.
+
+A WebSocket client sends frames and gets answers, by pure functions between them and ZeroMQ's messages. A frame is text,
+one JSON object: `performer`, `positions` (a list of [x, y, z] or {x, y, z} in metres for each joint, null for what is
+lost), and perhaps `t` (seconds; 0 or none: the arrival) and `joints` (names, in the first frame and when they change);
+or binary, the msgpack map of ZeroMQ. An answer is text: ZeroMQ's JSON with its topic as `type`; an error is, too, for
+the client whose frame cannot be read.
 """
 
 from __future__ import annotations
@@ -13,23 +19,29 @@ import secrets
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from importlib import resources
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, Generic, TypeVar
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
+import numpy as np
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from kinespace.stream.packet import is_within
+from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
+from kinespace.stream.zeromq.messages import VERSION
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.page.board import Board
-from kinespace.tools.page.process import Subscription
+from kinespace.tools.page.process import Plan, Subscription
+from kinespace.tools.terminal.console import note, printable
 
 #: Bytes of a message from a page, at most.
 MAX_MESSAGE = 4096
@@ -188,7 +200,10 @@ def response(status: int, body: bytes, kind: str, further: Mapping[str, str] | N
 _LOOK = 0.2
 
 
-class ClientServer(ABC):
+_Client = TypeVar("_Client")
+
+
+class ClientServer(ABC, Generic[_Client]):
     """Takes a recogniser's messages and serves clients.
 
     Parameters
@@ -201,9 +216,12 @@ class ClientServer(ABC):
 
     #: Of the printed address, and of `websockets.asyncio.server.serve`.
     scheme, limits = "ws", dict[str, Any]()
+    #: Makes what is known of a client.
+    client: type[_Client]
 
     def __init__(self, subscription: Subscription, gate: Gate) -> None:
         self._subscription, self._gate = subscription, gate
+        self._clients = set[_Client]()
 
     def serve(self, address: str, option: str, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Serve at HOST:PORT, which `option` gave; `started` and `wants_end` are as in `Plan.serve`.
@@ -225,7 +243,7 @@ class ClientServer(ABC):
         loop = asyncio.get_running_loop()
         loop.add_reader(self._subscription.fileno(), self.take_messages)
         serving = serve(
-            self.serve_client, host, port, process_request=self.answer, compression=None, server_header=None,
+            self._serve_client, host, port, process_request=self._answer, compression=None, server_header=None,
             **self.limits,
         )  # fmt: skip
         async with serving as server:
@@ -242,13 +260,35 @@ class ClientServer(ABC):
     def take_messages(self) -> None:
         """Take the recogniser's messages that wait."""
 
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        headers = {name.lower(): value for name, value in request.headers.raw_items()}
+        return self.answer(str(connection.remote_address[0]), request.path, headers)
+
+    async def _serve_client(self, connection: ServerConnection) -> None:
+        """Serve one client until it leaves."""
+        client = self.client()
+        self._clients.add(client)
+        sending = asyncio.create_task(self.send(connection, client))
+        try:
+            await self.receive(connection, client)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._clients.discard(client)
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
     @abstractmethod
-    def answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def answer(self, peer: str, path: str, headers: Mapping[str, str]) -> Response | None:
         """Answer an HTTP request; None goes on to a WebSocket."""
 
     @abstractmethod
-    async def serve_client(self, connection: ServerConnection) -> None:
-        """Serve one client until it leaves."""
+    async def send(self, connection: ServerConnection, client: _Client) -> None:
+        """Send a client what comes for it."""
+
+    @abstractmethod
+    async def receive(self, connection: ServerConnection, client: _Client) -> None:
+        """Take what a client sends, until it leaves."""
 
 
 Control = Callable[[Mapping[str, object]], dict[str, Any] | None]
@@ -283,7 +323,7 @@ class _Page:
             self.ready.set()
 
 
-class PageServer(ClientServer):
+class PageServer(ClientServer[_Page]):
     """Serves the page and keeps the board.
 
     Parameters
@@ -296,14 +336,13 @@ class PageServer(ClientServer):
         Decides which browsers may see the page.
     """
 
-    scheme = "http"
+    scheme, client = "http", _Page
     limits = {"max_size": MAX_MESSAGE, "max_queue": 4, "open_timeout": _MAX_OPENING}  # noqa: RUF012 - never changed
 
     def __init__(self, subscription: Subscription, control: Control | None, gate: Gate) -> None:
         super().__init__(subscription, gate)
         self.board = Board()
         self._control = control
-        self._pages: set[_Page] = set()
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
         self._stale = True
@@ -312,7 +351,7 @@ class PageServer(ClientServer):
     def take_messages(self) -> None:
         """Take the messages that wait, and ask for the classes and settings where they may have changed."""
         now, before = self._clock(), self.board.number
-        self._subscription.want_bodies(wanted=bool(self._pages))
+        self._subscription.want_bodies(wanted=bool(self._clients))
         for parts in self._subscription.messages():
             self.board.take(parts, now)
             if parts[0] in (b"teach/", b"classes/"):
@@ -323,58 +362,48 @@ class PageServer(ClientServer):
 
     def _ask_for_state(self) -> None:
         """Ask the control again while it has not replied: it may have come later than we, or again."""
-        if self._stale and self._control and self._pages and (self._asking is None or self._asking.done()):
+        if self._stale and self._control and self._clients and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
 
     def _wake(self) -> None:
-        for page in self._pages:
+        for page in self._clients:
             page.woken.set()
 
-    def answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def answer(self, peer: str, path: str, headers: Mapping[str, str]) -> Response | None:
         """Answer an HTTP request; None goes on to a WebSocket."""
-        del connection
-        headers = {name.lower(): value for name, value in request.headers.raw_items()}
-        if response := self._gate.answer(request.path, headers):
+        del peer
+        if response := self._gate.answer(path, headers):
             return response
-        return None if len(self._pages) < MAX_PAGES else refusal(503, "too many pages are open")
+        return None if len(self._clients) < MAX_PAGES else refusal(503, "too many pages are open")
 
-    async def serve_client(self, connection: ServerConnection) -> None:
-        """Serve one page until it leaves; one that sends rubbish is closed."""
-        page = _Page()
-        self._pages.add(page)
+    async def receive(self, connection: ServerConnection, client: _Page) -> None:
+        """Take a page's drawings and commands; one that sends rubbish is closed."""
         self.take_messages()
-        sending = asyncio.create_task(self._send(connection, page))
         try:
             async for text in connection:
                 message = read_message(text)
                 if message.ack is not None:
-                    page.acknowledged(message.ack)
+                    client.acknowledged(message.ack)
                 if message.ask is not None:
                     reply = await self._ask(message.ask)
                     # Only now: other messages take the page's replies along while this one is asked.
-                    page.replies.append(reply)
+                    client.replies.append(reply)
                     self._wake()
         except ValueError as error:
             await connection.close(1008, str(error)[:100])
-        except ConnectionClosed:
-            pass
-        finally:
-            self._pages.discard(page)
-            sending.cancel()
-            await asyncio.gather(sending, return_exceptions=True)
 
-    async def _send(self, connection: ServerConnection, page: _Page) -> None:
+    async def send(self, connection: ServerConnection, client: _Page) -> None:
         """Send the new entries whenever the page has drawn the last message."""
         with suppress(ConnectionClosed):
             while True:
-                await page.ready.wait()
-                await page.woken.wait()
-                page.woken.clear()
-                replies = [*page.replies]
-                page.replies.clear()
-                message = self.board.news(page.seen, self._clock(), replies)
-                page.sent = self.board.number
-                page.ready.clear()
+                await client.ready.wait()
+                await client.woken.wait()
+                client.woken.clear()
+                replies = [*client.replies]
+                client.replies.clear()
+                message = self.board.news(client.seen, self._clock(), replies)
+                client.sent = self.board.number
+                client.ready.clear()
                 await connection.send(message)
                 await asyncio.sleep(_PACE)
 
@@ -394,3 +423,180 @@ class PageServer(ClientServer):
 
 def _refused(reason: str) -> dict[str, Any]:
     return {"performer": "", "state": "refused", "seconds": 0.0, "reason": reason}
+
+
+class _Place(msgspec.Struct):
+    """A joint's place by its axes."""
+
+    x: float | None
+    y: float | None
+    z: float | None
+
+
+class _Sent(msgspec.Struct):
+    """A frame as a browser sends it."""
+
+    performer: str
+    positions: list[tuple[float | None, float | None, float | None] | _Place | None]
+    t: float | None = None
+    joints: list[str] | None = None
+
+
+#: The place of a joint that is lost.
+_NOWHERE = (None, None, None)
+_read_frame = msgspec.json.Decoder(_Sent).decode
+
+
+def packed(message: str | bytes) -> tuple[bytes, str]:
+    """Give a frame as ZeroMQ's msgpack map; anything else as it is: the recogniser counts it.
+
+    Returns
+    -------
+    The bytes, and the reason why they are no frame, as the client is told it; empty for a frame.
+    """
+    if isinstance(message, bytes):
+        return message, ""
+    try:
+        sent = _read_frame(message)
+    except (ValueError, RecursionError) as error:
+        told = msgspec.json.encode({"type": "error", "text": f"no frame is read: {error}"}).decode()
+        return message.encode(errors="replace"), told
+    places = [(each.x, each.y, each.z) if isinstance(each, _Place) else each or _NOWHERE for each in sent.positions]
+    with np.errstate(over="ignore"):
+        positions = np.array(places, dtype=np.float64).astype("<f4").reshape(-1, 3)
+    header = {"v": VERSION, "performer": sent.performer, "t": sent.t or 0.0, "shape": positions.shape, "dtype": "<f4"}
+    joints = {} if sent.joints is None else {"joints": sent.joints}
+    return msgspec.msgpack.encode(header | joints | {"data": positions.tobytes()}), ""
+
+
+def as_text(parts: Sequence[bytes]) -> str:
+    """Give one of the recogniser's messages, topic and JSON, as one JSON object."""
+    kind = parts[0].partition(b"/")[0]
+    return (b'{"type":"' + kind + b'",' + parts[1].removeprefix(b"{")).decode()
+
+
+#: Clients at once, at most.
+MAX_CLIENTS = 64
+#: Bytes of a message from a client, at most: as over ZeroMQ.
+_MAX_MESSAGE = 256_000
+#: Answers that wait for a client, at most.
+MAX_WAITING = 512
+#: Refused sites that are told, at most.
+_MAX_TOLD = 8
+#: Seconds in which a client's own socket reaches the recogniser: earlier frames would be lost.
+_MEETING = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class SocketPlan(Plan):
+    """WebSockets to be served.
+
+    Attributes
+    ----------
+    answers, frames
+        The ZeroMQ endpoints on which the recogniser publishes, and on which it takes frames in.
+    keys
+        Folder of the keys of all ZeroMQ; None for none.
+    origins
+        Sites whose pages may connect, like https://editor.p5js.org; pages of this machine may anyway.
+    networks
+        Networks whose clients may connect; empty for all.
+    """
+
+    answers: str
+    frames: str
+    keys: Path | None = None
+    origins: tuple[str, ...] = ()
+    networks: tuple[str, ...] = ()
+    name = "WebSocket"
+
+    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Serve clients."""
+        with ExitStack() as opened:
+            keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
+            subscription = Subscription(Endpoint.parse(self.answers, bind=False), keyring)
+            server = SocketServer(opened.enter_context(closing(subscription)), self, keyring)
+            server.serve(self.address, "--ws", started, wants_end)
+
+
+def answer(gate: Gate, origins: Sequence[str], target: str, headers: Mapping[str, str]) -> Response | None:
+    """Answer the request of a client; None opens its WebSocket.
+
+    Browsers say which site a page is of, other programs do not. A page of another site may connect only if it is named.
+    """
+    host, origin = headers.get("host", ""), headers.get("origin")
+    if not gate.knows(host):
+        return refusal(403, "this name is not ours")
+    if origin is not None and origin not in origins and not _is_near(origin, host):
+        return refusal(403, f"a page of another site, {origin[:100]}: --ws-origin lets it in")
+    return gate.checked(parse_qs(urlsplit(target).query).get("token", [""])[0])
+
+
+def _is_near(origin: str, host: str) -> bool:
+    """Say whether a page comes from this machine, or from the name by which it asks for us."""
+    with suppress(ValueError):
+        name, ours = urlsplit(origin).hostname, urlsplit(f"//{host}").hostname
+        return name in ("localhost", ours) or ipaddress.ip_address(name or "").is_loopback
+    return False
+
+
+class _Listener:
+    """The answers that wait for a client."""
+
+    def __init__(self) -> None:
+        self.waiting, self.woken = deque[str](maxlen=MAX_WAITING), asyncio.Event()
+
+
+class SocketServer(ClientServer[_Listener]):
+    """Passes frames from clients to the recogniser, and its answers to all clients."""
+
+    limits, client = {"max_size": _MAX_MESSAGE}, _Listener
+
+    def __init__(self, subscription: Subscription, plan: SocketPlan, keyring: Keyring | None) -> None:
+        super().__init__(subscription, Gate.for_host(host_and_port(plan.address)[0]))
+        self._plan, self._keyring = plan, keyring
+        self._networks = [ipaddress.ip_network(each) for each in plan.networks]
+        self._told = set[str]()
+
+    def take_messages(self) -> None:
+        """Give all clients the answers that wait."""
+        for parts in self._subscription.messages():
+            text = as_text(parts)
+            for client in self._clients:
+                client.waiting.append(text)
+                client.woken.set()
+
+    def answer(self, peer: str, path: str, headers: Mapping[str, str]) -> Response | None:
+        """Refuse a client of another network or site, and one too many."""
+        if self._networks and not is_within(peer, self._networks):
+            return refusal(403, "this network is not let in: see --allow-from")
+        if len(self._clients) >= MAX_CLIENTS:
+            return refusal(503, "too many clients")
+        refused = answer(self._gate, self._plan.origins, path, headers)
+        origin = printable(headers.get("origin", "")[:100])
+        is_told = origin in self._told or len(self._told) >= _MAX_TOLD
+        if refused and "--ws-origin" in refused.body.decode() and not is_told:
+            self._told.add(origin)
+            whose = "opened as a file" if origin == "null" else f"of {origin}"
+            note(f"WebSocket: a page {whose} was refused: --ws-origin {origin} lets it in")
+        return refused
+
+    async def receive(self, connection: ServerConnection, client: _Listener) -> None:
+        """Pass a client's frames on; tell it of those that cannot be read."""
+        with closing(ZmqSender(Endpoint.parse(self._plan.frames, bind=False), self._keyring)) as sender:
+            await asyncio.sleep(_MEETING)
+            async for message in connection:
+                frame, why = packed(message)
+                sender.send([frame])
+                if why:
+                    client.waiting.append(why)
+                    client.woken.set()
+
+    async def send(self, connection: ServerConnection, client: _Listener) -> None:
+        """Send a client the answers that wait, in their order."""
+        with suppress(ConnectionClosed):
+            while True:
+                await client.woken.wait()
+                client.woken.clear()
+                while client.waiting:
+                    await connection.send(client.waiting.popleft())

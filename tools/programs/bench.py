@@ -24,10 +24,7 @@ from pythonosc.osc_packet import OscPacket
 from rich.table import Table
 
 from kinespace.library import MotionLibrary, compiled
-from kinespace.stream import osc, zeromq
-from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, Settings
+from kinespace.stream import Frame, LiveSignature, Performers, Recognition, Recognizer, Settings, osc, zeromq
 from kinespace.tools.cli.arguments import add_shared, positive
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
 from kinespace.tools.feeding.service import BackgroundService, Listener, Received, Transport, answer_in
@@ -308,10 +305,8 @@ _MISSING = 0.01
 def measure_sockets(seconds: float) -> Measured:
     """Measure latencies, an echo's, and a crowd's cost, by OSC and by ZeroMQ, in runs of some seconds."""
     runs = [(transport, rate) for transport in TRANSPORTS for rate in RATES]
-    latencies = [
-        latency.measure(transport, rate_hz=rate, seconds=seconds, settings=Settings())
-        for transport, rate in progress(runs, "Latency", len(runs))
-    ]
+    played = progress(runs, "Latency", len(runs))
+    latencies = [latency.measure(by, rate_hz=rate, seconds=seconds, settings=Settings()) for by, rate in played]
     feed = Feed.of(positions(), CROWD, min(seconds, _CROWD_SECONDS))
     crowds = [(transport, echo) for transport in TRANSPORTS for echo in (False, True)]
     loads = {each: load(feed, *each) for each in progress(crowds, "Performers", len(crowds))}
@@ -358,8 +353,7 @@ PARTS = {"stages": (STAGES, measure_stages), "sockets": (SOCKETS, measure_socket
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("part", nargs="?", choices=(*PARTS, "all"), default="all", help="default: %(default)s")
-    text = "seconds of a run of sockets (default %(default)s)"
-    parser.add_argument("--seconds", type=positive, default=20.0, help=text)
+    parser.add_argument("--seconds", type=positive, default=20.0, help="of a run of sockets (default %(default)s)")
     add_shared(parser, "--json")
 
 

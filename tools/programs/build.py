@@ -11,33 +11,14 @@ from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, find_recordings
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, find_recordings, recordings
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings import (
-    RecordingError,
-    RecordingReader,
-    instead_of_recording,
-    is_recording,
-    is_systems,
-    labelled,
-    performed,
-    segments_beside,
-)
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
-from kinespace.tools.cli.arguments import (
-    BUILT_IN,
-    add_labels,
-    add_reading,
-    add_shared,
-    library_at,
-    mapping,
-    names,
-    reading_of,
-    several,
-)
+from kinespace.tools.cli import arguments
+from kinespace.tools.cli.arguments import names
 from kinespace.tools.terminal.console import NameNotes, counted, progress, require_place_for, say
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
@@ -50,18 +31,18 @@ _MIN_WINDOW = 0.25
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = f"folders, recordings, libraries, or {BUILT_IN}"
+    text = f"folders, recordings, libraries, or {arguments.BUILT_IN}"
     parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help=text)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     text = "leave these classes or persons out"
     parser.add_argument("--without", action="extend", type=names, default=[], metavar="CLASS|PERSON,...", help=text)
     text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
-    parser.add_argument("--rename", **several(mapping, "OLD=NEW"), help=text)
-    add_shared(parser, "--either-side")
+    parser.add_argument("--rename", **arguments.several(arguments.mapping, "OLD=NEW"), help=text)
+    arguments.add_shared(parser, "--either-side")
     text = "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)"
-    add_labels(parser, text)
-    add_shared(parser, "--overwrite", "--feed", "--actor-in")
-    add_reading(parser)
+    arguments.add_labels(parser, text)
+    arguments.add_shared(parser, "--overwrite", "--feed", "--actor-in")
+    arguments.add_reading(parser)
     parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")
     parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
 
@@ -69,13 +50,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Build a library from recordings and libraries, save it, and print its contents; return the exit status."""
     sources, output, labels = options.sources, options.output, options.labels
-    files = [each for each in sources if each == BUILT_IN or (each.suffix == ".npz" and not is_recording(each))]
+    files = [
+        each
+        for each in sources
+        if each == arguments.BUILT_IN or (each.suffix == ".npz" and not recordings.is_recording(each))
+    ]
     places = [source for source in sources if source not in files]
     if labels and not places:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     require_place_for(output, overwrite=options.overwrite)
-    libraries = [library_at(file) for file in files]
-    read = _Recordings(reading_of(options), options.licence, options.attribution)
+    libraries = [arguments.library_at(file) for file in files]
+    read = _Recordings(arguments.reading_of(options), options.licence, options.attribution)
     clips = list(read.motions(places, labels)) if places else []
     if not (clips or libraries):
         notes = f" ({'; '.join(read.notes)})" if read.notes else ""
@@ -143,7 +128,7 @@ class _Recordings:
         paths = find_recordings(places)
         if labels and len(labels) != len(paths):
             raise ValueError(f"--labels: expected one for each of {len(paths)} recordings, got {len(labels)}")
-        given = list(map(read_labels, labels)) if labels else list(map(segments_beside, paths))
+        given = list(map(read_labels, labels)) if labels else list(map(recordings.segments_beside, paths))
         named, found = NameNotes(), sum(each is not None for each in given)
         if found and not labels:
             self.notes.append(f"{found} of {counted(len(paths), 'recording')} cut by the labels next to them")
@@ -152,11 +137,11 @@ class _Recordings:
             self.notes.append(f"{path.name}: cut by {first.name}, not by {', '.join(each.name for each in others)}")
         self.notes += _passed_over(places, {*paths, *labels, *(each for files in near.values() for each in files)})
         damaged = list[str]()
-        reader = RecordingReader(self._reading)
+        reader = recordings.RecordingReader(self._reading)
         for path, segments in zip(progress(paths, "Reading", len(paths)), given, strict=True):
             try:
                 clips = [self._with_terms(named(clip), path) for clip in reader.clips(path)]
-            except RecordingError as error:
+            except recordings.RecordingError as error:
                 damaged.append(str(error))
                 continue
             self._filled += sum(clip.filled for clip in clips)
@@ -164,7 +149,7 @@ class _Recordings:
             yield from self._motions_of(clips, path, segments)
         if damaged:
             more = [f"and {len(damaged) - _MAX_NAMED} more"] if len(damaged) > _MAX_NAMED else []
-            raise RecordingError(*damaged[:_MAX_NAMED], *more)
+            raise recordings.RecordingError(*damaged[:_MAX_NAMED], *more)
         if self._filled:
             self.notes.append(f"{self._filled} of {self._read} joint positions were missing, and are on straight lines")
 
@@ -180,11 +165,13 @@ class _Recordings:
     def _motions_of(self, clips: Sequence[Clip], path: Path, segments: Sequence[Segment] | None) -> Iterator[Clip]:
         """Give the motions of one recording, a clip for each performer."""
         if segments is None:
-            whole = [labelled(clip, path, self._reading.actor_in) for clip in clips]
+            whole = [recordings.labelled(clip, path, self._reading.actor_in) for clip in clips]
             self.uncut += whole
             yield from whole
         else:
-            yield from self._cut([performed(clip, path, self._reading.actor_in) for clip in clips], segments, path)
+            yield from self._cut(
+                [recordings.performed(clip, path, self._reading.actor_in) for clip in clips], segments, path
+            )
 
     def _cut(self, takes: Sequence[Clip], segments: Sequence[Segment], path: Path) -> Iterator[Clip]:
         """Cut the takes of one recording: with several performers each label names its performer."""
@@ -215,14 +202,17 @@ def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
 def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str]:
     """List the files in folders that are neither recordings, nor skeletons, nor labels of a recording."""
     files = [
-        (path, is_systems(path.relative_to(place)))
+        (path, recordings.is_systems(path.relative_to(place)))
         for place in places
         if place.is_dir()
         for path in sorted(place.rglob("*"))
         if path.is_file() and path not in used and path.suffix.lower() != ".asf"
         if not path.name.startswith(utkinect.LABELS)
     ]
-    notes = [f"{path.name} ({'a system wrote it' if hidden else instead_of_recording(path)})" for path, hidden in files]
+    notes = [
+        f"{path.name} ({'a system wrote it' if hidden else recordings.instead_of_recording(path)})"
+        for path, hidden in files
+    ]
     if notes:
         yield f"{counted(len(notes), 'file')} passed over: {_listed(notes)}"
 
@@ -239,10 +229,8 @@ def _short(library: MotionLibrary) -> Iterator[str]:
     """List the motions that are too short to be compared with."""
     short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
     if short:
-        yield (
-            f"{len(short)} of {counted(len(library), 'motion')} shorter than {_MIN_WINDOW:g} s, too short for any "
-            f"window, and kept for playback alone: {_listed(motion.name for motion in short)}"
-        )
+        listed = _listed(motion.name for motion in short)
+        yield f"{len(short)} of {counted(len(library), 'motion')} below {_MIN_WINDOW:g} s, for playback alone: {listed}"
 
 
 def _long(clips: Sequence[Clip]) -> Iterator[str]:

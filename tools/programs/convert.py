@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Reading, find_recordings
+from kinespace.library import Reading, Skeleton, find_recordings
 from kinespace.library.motion_library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
-from kinespace.library.skeleton import Skeleton
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.takes import events_of, ordered_frames, seen_in

@@ -50,8 +50,6 @@ def run(options: argparse.Namespace) -> int:
     long = [each for each, _ in found if each.duration > _MAX_SECONDS]
     if long:
         advice = f"cut at quieter moments by --stillness above {options.stillness:g}"
-        say(
-            f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, because the performer never stood still: divide "
-            f"these rows where the motions change, or {advice}"
-        )
+        what = "divide these rows where the motions change"
+        say(f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, without a standstill: {what}, or {advice}")
     return 0

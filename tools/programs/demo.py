@@ -20,21 +20,11 @@ from rich.table import Table
 from rich.text import Text
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.stream.frame import Announcement
+from kinespace.stream import Announcement, Settings
 from kinespace.stream.recognition import Answer
-from kinespace.stream.recognizer import Settings
 from kinespace.tools.cli.arguments import add_shared
+from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, clip_cues
-from kinespace.tools.feeding.service import (
-    AnswerMatcher,
-    BackgroundService,
-    Expected,
-    Listener,
-    Received,
-    Transport,
-    answer_in,
-    expected_answers,
-)
 from kinespace.tools.terminal.console import console, table_of
 from kinespace.tools.terminal.live_table import score_shown
 
@@ -81,14 +71,14 @@ def run(options: argparse.Namespace) -> int:
     motions = chosen(whole)
     library = whole.without(motions=motions)
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
-    expected = expected_answers(cues, library, settings)
+    expected = service.expected_answers(cues, library, settings)
     watched = console.is_terminal and not options.json
-    with BackgroundService(options.transport, library=library, settings=settings) as service:
-        sender, receiver = service.connect()
+    with service.BackgroundService(options.transport, library=library, settings=settings) as background:
+        sender, receiver = background.connect()
         show = _Show([motion.class_name for motion in motions], expected, options.transport)
         with (
             closing(sender),
-            closing(Listener(receiver)) as listener,
+            closing(service.Listener(receiver)) as listener,
             Live(console=console, auto_refresh=False) if watched else nullcontext() as live,
         ):
             sender.announce(Announcement(PERFORMER, library.skeleton.joints))
@@ -115,9 +105,11 @@ def chosen(library: MotionLibrary) -> list[Clip]:
 class _Show:
     """The motions played so far, their answers, and their table."""
 
-    def __init__(self, classes: Sequence[str], expected: Sequence[Expected], transport: Transport) -> None:
+    def __init__(
+        self, classes: Sequence[str], expected: Sequence[service.Expected], transport: service.Transport
+    ) -> None:
         self.played = {name: _Played() for name in classes}
-        self._matcher, self._transport = AnswerMatcher(expected), transport
+        self._matcher, self._transport = service.AnswerMatcher(expected), transport
         #: The frames to which an answer comes, by their indices.
         self._answered = [each.cue for each in expected]
         #: The answers that came, expected or not, and those that were given up.
@@ -134,11 +126,11 @@ class _Show:
         """Wait no longer for the answers that are owed now."""
         self._given_up += self.owed
 
-    def take_in(self, received: Sequence[Received]) -> bool:
+    def take_in(self, received: Sequence[service.Received]) -> bool:
         """Note the answers that came; say whether there were any that were expected."""
         news = False
         for each in received:
-            if not (answer := answer_in(each.packet)):
+            if not (answer := service.answer_in(each.packet)):
                 continue
             self.came += 1
             if expected := self._matcher.match(answer):
@@ -200,7 +192,7 @@ class _Show:
         )
 
 
-def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _Show, live: Live | None) -> None:
+def _play(cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, show: _Show, live: Live | None) -> None:
     """Play the motions, and draw the table after answers where there is a terminal."""
     pace, patience = Pace(), _PATIENCE
     for cue in cues:
@@ -218,7 +210,7 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: Listener, show: _S
         live.update(show.table(console.width), refresh=True)
 
 
-def _wait(listener: Listener, show: _Show, most: int, patience: float) -> float:
+def _wait(listener: service.Listener, show: _Show, most: int, patience: float) -> float:
     """Wait until no more than some answers are owed, or nothing came for too long; give the patience that is left.
 
     Who says nothing is not waited for again: the demo ends soon.

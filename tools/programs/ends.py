@@ -299,7 +299,7 @@ def open_servers(
         page = PagePlan(options.page, sender.address, control, options.keys)
         yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], [], requests)
     if options.ws:
-        from kinespace.tools.page.websocket import SocketPlan  # noqa: PLC0415 - slow to load
+        from kinespace.tools.page.server import SocketPlan  # noqa: PLC0415 - slow to load
 
         sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
         networks = tuple(map(str, _and_here(_networks(options))))

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 
 from rich.table import Table
 
-from kinespace.stream import osc
-from kinespace.stream.frame import Announcement
+from kinespace.stream import Announcement, osc
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
 from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
 from kinespace.tools.terminal.console import console, note, say, table_of
@@ -139,10 +138,8 @@ class Exchange:
     def _silence(self) -> str:
         """Say that no answer came, and list checks."""
         if self._received:
-            return (
-                f"no answers about {self._announcement.performer!r} came, but {self._received} other packets: do the "
-                "frames reach the recogniser, and can it use their joints? It counts and shows both"
-            )
+            other = f"{self._received} other packets: do frames reach the recogniser, and can it use their joints?"
+            return f"no answers about {self._announcement.performer!r} came, but {other}"
         if self.reached_nobody:
             return "no answers came"
         return "no answers came: is a recogniser running, and does it send its answers here?"

@@ -11,8 +11,7 @@ from kinespace.tools.terminal.console import say
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = "check this preset, or file, and print it, to be copied and edited"
-    parser.add_argument("name", nargs="?", metavar="NAME", help=text)
+    parser.add_argument("name", nargs="?", metavar="NAME", help="check this preset, or file, and print it for a copy")
 
 
 def run(options: argparse.Namespace) -> int:

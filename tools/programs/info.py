@@ -14,24 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_rows, find_recordings
+from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_rows, find_recordings, opened
 from kinespace.library.recordings import instead_of_recording, is_recording, labelled
 from kinespace.library.windows.courses import without_course
-from kinespace.library.windows.index import opened
+from kinespace.stream import Frame
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
-from kinespace.tools.cli.arguments import (
-    BUILT_IN,
-    add_reading,
-    add_shared,
-    class_at,
-    library_at,
-    preset_named,
-    reading_of,
-)
+from kinespace.tools.cli import arguments
 from kinespace.tools.terminal.console import print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
@@ -43,11 +34,13 @@ _OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = f"a library, a recording, a folder of them, or a class of the built-in library (default: {BUILT_IN})"
+    text = (
+        f"a library, a recording, a folder of them, or a class of the built-in library (default: {arguments.BUILT_IN})"
+    )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE|CLASS", help=text)
     parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
-    add_shared(parser, "--json", "--feed", "--actor-in")
-    add_reading(parser)
+    arguments.add_shared(parser, "--json", "--feed", "--actor-in")
+    arguments.add_reading(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -57,9 +50,9 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
     show: Callable[[Mapping[str, Any]], None]
     if file and file.suffix.lower() == ENDING:
-        described, show = _raw(file, preset_named(feed) if feed else None), _show_raw
+        described, show = _raw(file, arguments.preset_named(feed) if feed else None), _show_raw
     elif file and (is_recording(file) or (file.is_dir() and file.suffix != ".npz")):
-        described, show = _recordings(file, reading_of(options), clips=options.clips), _show_recordings
+        described, show = _recordings(file, arguments.reading_of(options), clips=options.clips), _show_recordings
     elif file and file.is_file() and file.suffix != ".npz":
         raise ValueError(f"{file}: expected a recording or a library, got {instead_of_recording(file)}")
     else:
@@ -200,12 +193,12 @@ def _show_recordings(described: Mapping[str, Any]) -> None:
 
 def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
     """Sum up a library's motions, or a class of the built-in one; give its joints, licence and attribution."""
-    chosen = class_at(file) if file and file != BUILT_IN and not file.suffix else ""
-    library = library_at(None if chosen else file)
+    chosen = arguments.class_at(file) if file and file != arguments.BUILT_IN and not file.suffix else ""
+    library = arguments.library_at(None if chosen else file)
     kept = [clip for clip in library.motions if chosen in ("", clip.class_name)]
     motions = [_row(clip, f"{clip.class_name} {clip.actor} {clip.take}".strip()) for clip in kept]
     indices = {name: index for index, name in enumerate(library.classes)}
-    described = {"library": str(file or BUILT_IN), **_summed_up(motions)}
+    described = {"library": str(file or arguments.BUILT_IN), **_summed_up(motions)}
     described["classes"] = [{**row, "index": indices.get(row["class"])} for row in described["classes"]]
     described |= {
         "joints": list(library.skeleton.joints),

@@ -16,19 +16,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from kinespace.library import MotionLibrary
-from kinespace.stream.frame import Announcement, Frame
-from kinespace.stream.recognizer import Settings
+from kinespace.stream import Announcement, Frame, Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
+from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
-from kinespace.tools.feeding.service import (
-    AnswerMatcher,
-    BackgroundService,
-    Listener,
-    Received,
-    Transport,
-    answer_in,
-    expected_answers,
-)
 from kinespace.tools.terminal.console import console, table_of
 
 #: Seconds after the last frame in which answers may still come.
@@ -62,7 +53,7 @@ class Latency(NamedTuple):
         Round trip of each echoed packet, seconds.
     """
 
-    transport: Transport
+    transport: service.Transport
     rate_hz: float
     sent: int
     answered: int
@@ -92,7 +83,7 @@ class Latency(NamedTuple):
         }
 
 
-def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
+def measure(transport: service.Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
     """Feed a recogniser in another process and time its answers.
 
     The feed plays every eighth motion of the built-in library, one after the other, again and again. Each frame carries
@@ -119,23 +110,23 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
     warm = int(_WARM_UP * rate_hz)
     positions = without_pause(library.motions[::_EVERY], rate_hz, seconds)
     cues = _cues(positions, rate_hz, seconds)
-    expected = expected_answers(cues, library, settings)
+    expected = service.expected_answers(cues, library, settings)
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
     with (
-        BackgroundService(transport, settings=settings) as service,
-        BackgroundService(transport, echo=True) as echo,
+        service.BackgroundService(transport, settings=settings) as background,
+        service.BackgroundService(transport, echo=True) as echo,
         ExitStack() as opened,
     ):
-        (sender, answers_at), (echo_sender, echoes_at) = service.connect(), echo.connect()
-        listener = Listener(answers_at, echoes_at)
+        (sender, answers_at), (echo_sender, echoes_at) = background.connect(), echo.connect()
+        listener = service.Listener(answers_at, echoes_at)
         for each in (sender, echo_sender, listener):
             opened.callback(each.close)
         sender.announce(Announcement("latency", library.skeleton.joints))
         sent, echo_sent, received = _played(cues, (sender, echo_sender), listener, rate_hz)
-    matcher = AnswerMatcher(expected)
+    matcher = service.AnswerMatcher(expected)
     echoes = [each for each in received if each.receiver is echoes_at]
-    answers = [(answer_in(each.packet), each.arrival) for each in received if each.receiver is answers_at]
+    answers = [(service.answer_in(each.packet), each.arrival) for each in received if each.receiver is answers_at]
     pairs = [(matcher.match(answer), arrival) for answer, arrival in answers if answer]
     return Latency(
         transport=transport,
@@ -149,8 +140,8 @@ def measure(transport: Transport, *, rate_hz: float, seconds: float, settings: S
 
 
 def _played(
-    cues: Sequence[Cue], senders: Sequence[FrameSender], listener: Listener, rate_hz: float
-) -> tuple[list[float], list[float], list[Received]]:
+    cues: Sequence[Cue], senders: Sequence[FrameSender], listener: service.Listener, rate_hz: float
+) -> tuple[list[float], list[float], list[service.Received]]:
     """Send every frame when it is due, and its copy to the echo half a frame later.
 
     Returns
@@ -160,7 +151,7 @@ def _played(
     sent, copied = list[float](), list[float]()
     # Greetings from the connection are not part of the run.
     listener.listen_until(time.perf_counter() + _SETTLE)
-    pace, received = Pace(), list["Received"]()
+    pace, received = Pace(), list[service.Received]()
     for cue in cues:
         packets = [sender.encode(cue) for sender in senders]
         for sender, packet, moments, later in zip(senders, packets, (sent, copied), (0.0, 0.5), strict=True):
@@ -190,7 +181,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Measure each transport and print a table, or one JSON object; return the exit status."""
-    transports: Sequence[Transport] = ("osc", "zmq") if options.transport == "both" else (options.transport,)
+    transports: Sequence[service.Transport] = ("osc", "zmq") if options.transport == "both" else (options.transport,)
     if options.json and len(transports) > 1:
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
     settings = settings_of(options)

@@ -38,8 +38,7 @@ _MAX_WAIT = 100
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("port", nargs="?", metavar="[HOST:]PORT", help=f"default: the feed's port, else {OSC_IN}")
-    text = "read the packets as this feed, and ask the sender for frames if the feed needs it"
-    parser.add_argument("--feed", metavar="NAME", help=text)
+    parser.add_argument("--feed", metavar="NAME", help="read the packets as this feed, and ask its sender for frames")
     parser.add_argument("--seconds", type=positive, default=5.0, help="seconds to listen (default %(default)s)")
     add_shared(parser, "--sender", "--json")
 
@@ -218,10 +217,9 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
     if len(shown) > _MAX_SHOWN:
         console.print(f"and {len(shown) - _MAX_SHOWN}{' or more' if len(shown) >= MAX_KINDS else ''} other kinds")
     if guess:
-        say(
-            f"looks like {guess.preset.name} ({guess.preset.product}): {guess.understood:.0%} of the messages, "
-            f"{len(guess.joints)} of {len(guess.preset.sent)} joints, {guess.frames} frames"
-        )
+        preset, understood = guess.preset, f"{guess.understood:.0%} of the messages"
+        joints = f"{len(guess.joints)} of {len(preset.sent)} joints, {guess.frames} frames"
+        say(f"looks like {preset.name} ({preset.product}): {understood}, {joints}")
         if named := named_joints(survey):
             say(summary(named.title or "our", named.joints))
         if guess.frames:

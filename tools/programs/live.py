@@ -19,10 +19,10 @@ from typing import Any
 
 from rich.live import Live
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.naming import Naming
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.stream import BackgroundViews
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.source import FeedSource
@@ -31,25 +31,12 @@ from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
-from kinespace.stream.service.background import BackgroundViews
 from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.loop import Recognising, Service
 from kinespace.stream.service.worker import Terms
 from kinespace.stream.zeromq import Keyring
-from kinespace.tools.cli.arguments import (
-    OSC_IN,
-    add_names,
-    add_settings,
-    add_shared,
-    count,
-    joints_in_order,
-    library_at,
-    names,
-    naming_of,
-    positive,
-    preset_named,
-    settings_of,
-)
+from kinespace.tools.cli import arguments
+from kinespace.tools.cli.arguments import count
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
@@ -76,52 +63,49 @@ MAX_CONNECTIONS = 16_384
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    add_shared(parser, "--osc-in", "--zmq-in")
+    arguments.add_shared(parser, "--osc-in", "--zmq-in")
     text = f"send OSC answers there (default {OSC_OUT}, unless --zmq-out or --out is given)"
     parser.add_argument("--osc-out", metavar="[HOST:]PORT", help=text)
     parser.add_argument("--zmq-out", metavar="ENDPOINT", help="publish ZeroMQ answers")
     text = "read the feed of this product, by default on its own port; or FILE.toml: see kinespace feeds"
     parser.add_argument("--feed", metavar="NAME", help=text)
-    add_shared(parser, "--sender")
+    arguments.add_shared(parser, "--sender")
     text = (
         f"answer in the layouts of these programs instead of to {OSC_OUT} (native: as well as): "
         f"{', '.join((*LAYOUTS, LSL, MIDI))}; FILE.toml: messages of your own; sender:PORT replies"
     )
-    parser.add_argument("--out", type=names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text)
-    text = (
-        "the joints of frames whose sender never names them, in order: the library's names, or a preset that lists "
-        "them, like kinectv2, or FILE.toml (default: the library's joints)"
+    parser.add_argument(
+        "--out", type=arguments.names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text
     )
+    text = "joints of frames whose sender never names them, in order, or a preset that lists them, or FILE.toml"
     parser.add_argument("--joints", metavar="A,B,...", help=text)
-    add_names(parser, "senders")
-    add_shared(parser, "--library")
-    add_settings(parser)
-    parser.add_argument("--allow", type=names, default=(), metavar="A,B,...", help="recognise these performers only")
+    arguments.add_names(parser, "senders")
+    arguments.add_shared(parser, "--library")
+    arguments.add_settings(parser)
+    parser.add_argument(
+        "--allow", type=arguments.names, default=(), metavar="A,B,...", help="recognise these performers only"
+    )
     text = "read packets from these networks alone; let them teach; let them and this machine get the answers by ZeroMQ"
-    parser.add_argument("--allow-from", type=names, default=(), metavar="NETWORK,...", help=text)
-    add_shared(parser, "--keys", "--open")
+    parser.add_argument("--allow-from", type=arguments.names, default=(), metavar="NETWORK,...", help=text)
+    arguments.add_shared(parser, "--keys", "--open")
     parser.add_argument("--performers", type=int, default=32, help="how many performers at most (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
-    add_shared(parser, "--overwrite")
-    text = "publish bodies on --zmq-out, for kinespace page elsewhere"
-    parser.add_argument("--bodies", action="store_true", help=text)
-    add_shared(parser, "--page")
+    arguments.add_shared(parser, "--overwrite")
+    parser.add_argument("--bodies", action="store_true", help="publish bodies on --zmq-out, for a page elsewhere")
+    arguments.add_shared(parser, "--page")
     text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
     parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
     text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"
-    parser.add_argument("--ws-origin", type=names, default=(), metavar="ORIGIN,...", help=text)
+    parser.add_argument("--ws-origin", type=arguments.names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
-    text = "spread performers over processes (default: none)"
-    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
-    text = "watch a camera, a film or a stream, as kinespace camera does"
-    parser.add_argument("--camera", metavar="0|FILE|URL", help=text)
-    add_shared(parser, "--people", "--size")
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes")
+    parser.add_argument("--camera", metavar="0|FILE|URL", help="watch a camera, a film or a stream: kinespace camera")
+    arguments.add_shared(parser, "--people", "--size")
     parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")
-    text = "let people teach motions by showing them, and keep them there"
-    parser.add_argument("--teach", type=Path, metavar="FILE", help=text)
+    parser.add_argument("--teach", type=Path, metavar="FILE", help="let people teach motions, and keep them there")
     text = "movement, relative to the body, that counts as rest; twice as much begins a motion (default %(default)s)"
-    parser.add_argument("--stillness", type=positive, default=STILLNESS, help=text)
+    parser.add_argument("--stillness", type=arguments.positive, default=STILLNESS, help=text)
     text = "taught motions may be done by either side (default: with --camera)"
     parser.add_argument("--either-side", action=argparse.BooleanOptionalAction, help=text)
     text = 'answer a performer who is being taught as usual (default: "unknown", without events)'
@@ -135,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
     if options.log:
         log_as(options.log)
     if not (options.osc_in or options.zmq_in or options.feed):
-        options.osc_in = OSC_IN
+        options.osc_in = arguments.OSC_IN
     if not (options.osc_out or options.zmq_out or options.out):
         options.osc_out = OSC_OUT
     with Keyring(options.keys) if options.keys else nullcontext() as keyring:
@@ -150,7 +134,7 @@ def workers(text: str) -> int:
 def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     _allow_many_connections()
-    settings, record = settings_of(options), options.record
+    settings, record = arguments.settings_of(options), options.record
     preset = _checked(options, settings)
     performers, lessons = recognisers(options, preset)
     # What workers send is read as a source is.
@@ -221,7 +205,7 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
 
 def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:
     """Make recognisers that the service's own loop calls, or that work in processes of their own."""
-    settings = settings_of(options)
+    settings = arguments.settings_of(options)
     if not options.workers:
         views = BackgroundViews()
         return Performers(library, settings, most=options.performers, joints=joints, views=views, classes=classes)
@@ -232,14 +216,14 @@ def _made(options: argparse.Namespace, library: Known, joints: SentJoints, class
 
 def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Recognising, Lessons | None]:
     """Make the recognisers, and the lessons if people may teach."""
-    library, naming = options.library, naming_of(options)
+    library, naming = options.library, arguments.naming_of(options)
     nothing = library == _NO_LIBRARY
     if nothing and not options.teach:
         raise ValueError("--library none: expected --teach with it")
     if options.joints and preset:
         raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
-    joints = naming.read(joints_in_order(options.joints)).joints if options.joints else ()
-    motions = library_at(None if nothing else library)
+    joints = naming.read(arguments.joints_in_order(options.joints)).joints if options.joints else ()
+    motions = arguments.library_at(None if nothing else library)
     if naming.convention or naming.finds:
         motions = motions.in_our_names(Naming())
     if nothing:
@@ -252,7 +236,7 @@ def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Rec
     if options.teach:
         lessons = _lessons(options, None if nothing else motions, sent)
         return lessons.performers, lessons
-    _require_room_for(motions, settings_of(options))
+    _require_room_for(motions, arguments.settings_of(options))
     return _made(options, motions, sent), None
 
 
@@ -283,7 +267,7 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
     def performers(index: WindowIndex, classes: Sequence[str]) -> Recognising:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = replace(sent, assumed=sent.assumed if covers else ())
-        _require_room_for(index, settings_of(options))
+        _require_room_for(index, arguments.settings_of(options))
         return _made(options, index, joints, classes)
 
     # People before a camera seldom think of their sides.
@@ -321,14 +305,14 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
         if options.feed:
             name = option.replace("_", "-")
             raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
-        options.osc_in = options.osc_in or OSC_IN
+        options.osc_in = options.osc_in or arguments.OSC_IN
     if options.record:
         require_place_for(options.record, overwrite=options.overwrite)
         # `--overwrite` is no leave to write over what this program reads or teaches.
         read = [Path(each).resolve() for each in (options.teach, options.library, options.feed) if each]
         if options.record.resolve() in read:
             raise ValueError(f"{options.record}: expected a file for each purpose, got one for several")
-    preset = preset_named(options.feed) if options.feed else None
+    preset = arguments.preset_named(options.feed) if options.feed else None
     if preset and not (options.osc_in or options.zmq_in):
         options.osc_in = f"127.0.0.1:{preset.port}"
     return preset

@@ -16,24 +16,13 @@ from dataclasses import replace
 from itertools import chain, count, pairwise
 from pathlib import Path
 
-from kinespace.library import Clip, MotionLibrary, Reading, find_recordings
+from kinespace.library import Clip, MotionLibrary, Reading, Skeleton, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.library.skeleton import Skeleton
-from kinespace.stream import osc, zeromq
-from kinespace.stream.frame import Announcement
+from kinespace.stream import Announcement, osc, zeromq
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.arguments import (
-    BUILT_IN,
-    OSC_IN,
-    add_reading,
-    add_shared,
-    class_at,
-    not_negative,
-    positive,
-    reading_of,
-)
+from kinespace.tools.cli import arguments
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
 from kinespace.tools.feeding.service import Listener
@@ -46,26 +35,26 @@ _MEETING = 0.5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = (
-        "recordings, folders of them, or classes of the built-in library, whose motions are played; or one .kinerec "
-        "(default: built-in, all its motions)"
-    )
+    text = f"recordings, folders, or classes of the built-in library; or one {ENDING} (default: built-in, all)"
     parser.add_argument("clips", nargs="*", type=Path, metavar="CLIP|CLASS", help=text)
-    add_reading(parser)
-    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default: {OSC_IN})")
-    text = "publish on ZeroMQ instead; connects, put @ before it to bind"
-    parser.add_argument("--zmq", metavar="ENDPOINT", help=text)
+    arguments.add_reading(parser)
+    parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default: {arguments.OSC_IN})")
+    parser.add_argument("--zmq", metavar="ENDPOINT", help="publish on ZeroMQ instead; connects, @ before it binds")
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
-    add_shared(parser, "--keys", "--open")
+    arguments.add_shared(parser, "--keys", "--open")
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     text = "factor on the recorded speed (default %(default)s)"
-    parser.add_argument("--speed", type=positive, default=1.0, help=text)
-    parser.add_argument("--pause", type=not_negative, default=1.0, help="seconds between clips (default %(default)s)")
+    parser.add_argument("--speed", type=arguments.positive, default=1.0, help=text)
+    parser.add_argument(
+        "--pause", type=arguments.not_negative, default=1.0, help="seconds between clips (default %(default)s)"
+    )
     text = "begin each recording at this second"
-    parser.add_argument("--from", type=not_negative, default=0.0, dest="begin", metavar="S", help=text)
-    parser.add_argument("--to", type=positive, dest="end", metavar="S", help="end each recording at this second")
+    parser.add_argument("--from", type=arguments.not_negative, default=0.0, dest="begin", metavar="S", help=text)
+    parser.add_argument(
+        "--to", type=arguments.positive, dest="end", metavar="S", help="end each recording at this second"
+    )
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
-    add_shared(parser, "--json")
+    arguments.add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -80,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     ValueError
         A place is no recording, folder or class, a recording cannot be used, or an option does not apply to the places.
     """
-    places, reading = options.clips, reading_of(options)
+    places, reading = options.clips, arguments.reading_of(options)
     if options.end is not None and options.end <= options.begin:
         raise ValueError(f"--to: expected more than --from ({options.begin:g}), got {options.end:g}")
     zmq_to = Endpoint.parse(options.zmq, bind=False, to_anybody=options.open) if options.zmq else None
@@ -92,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
             raise ValueError(f"replay: {ENDING} is sent bit for bit: no --listen")
     with ExitStack() as opened:
         keyring = opened.enter_context(Keyring(options.keys)) if options.keys else None
-        osc_to = options.osc or (None if zmq_to else OSC_IN)
+        osc_to = options.osc or (None if zmq_to else arguments.OSC_IN)
         if is_raw:
             return replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
         recordings = recordings_in(places, reading)
@@ -151,9 +140,9 @@ def recordings_in(places: Sequence[Path], reading: Reading) -> list[Path | Clip]
 
 def _in_place(place: Path) -> Sequence[Path | Clip]:
     """Give the motions of the built-in library, or of its class of that name, if no path has that name."""
-    if place == BUILT_IN and not place.exists():
+    if place == arguments.BUILT_IN and not place.exists():
         return MotionLibrary.builtin().motions
-    if name := class_at(place):
+    if name := arguments.class_at(place):
         return [each for each in MotionLibrary.builtin().motions if each.class_name == name]
     return find_recordings([place])
 

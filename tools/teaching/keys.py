@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import count
 from typing import Self
 
-from kinespace.library.motion_library import NOTHING
+from kinespace.library import NOTHING
 from kinespace.stream.teaching import Asked, Command, commands
 from kinespace.tools.teaching.lessons import Lessons
 from kinespace.tools.terminal.live_table import LiveTable

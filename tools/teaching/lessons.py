@@ -13,17 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.library.clip import Clip
+from kinespace.library import Clip, Skeleton
 from kinespace.library.motion_library import MIN_JOINTS, NOTHING, MotionLibrary
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.taught import teaches_itself
-from kinespace.stream.frame import Frame
+from kinespace.stream import Event, EventKind, Frame, Recognizer, Settings
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Event, EventKind
-from kinespace.stream.recognizer import Recognizer, Settings
 from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.stream.teaching.commands import Tried

@@ -11,9 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from kinespace.library.naming.hdm05 import title_of
+from kinespace.stream import Done, Event, EventKind, Recognition
 from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Done, Event, EventKind, Recognition
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice, State, Step, as_line
 from kinespace.tools.terminal.console import console, printable, say, shortened, table_of
@@ -107,11 +107,10 @@ class PlainLines(Sink):
         self._last[recognition.performer] = recognition.label, began, recognition.time
         self._silence.note(recognition.performer)
         if recognition.label != before:
-            say(
-                f"{recognition.time - began:10.3f} s  {recognition.performer}  {recognition.label}  "
-                f"score {recognition.score:.3f}  margin {recognition.margin:.3f}",
-                _facts("label", recognition.performer, recognition.label, score=round(recognition.score, 4)),
-            )
+            name, label, score = recognition.performer, recognition.label, recognition.score
+            facts = _facts("label", name, label, score=round(score, 4))
+            measured = f"score {score:.3f}  margin {recognition.margin:.3f}"
+            say(f"{recognition.time - began:10.3f} s  {name}  {label}  {measured}", facts)
 
     def publish_gone(self, performer: str) -> None:
         """Print that a performer has left."""
@@ -128,11 +127,9 @@ class PlainLines(Sink):
     def publish_done(self, done: Done) -> None:
         """Print the motion that was done, at the time of the performer's last answer."""
         _, began, last = self._last.get(done.performer, ("", done.start, done.end))
-        say(
-            f"{last - began:10.3f} s  {done.performer}  done: {done.label} {done.count}, "
-            f"{done.duration:.1f} s, speed {done.speed:.2f}, amplitude {done.amplitude:.2f}",
-            _facts("done", done.performer, done.label, count=done.count),
-        )
+        how = f"{done.duration:.1f} s, speed {done.speed:.2f}, amplitude {done.amplitude:.2f}"
+        facts = _facts("done", done.performer, done.label, count=done.count)
+        say(f"{last - began:10.3f} s  {done.performer}  done: {done.label} {done.count}, {how}", facts)
 
     def publish_status(self, status: Status) -> None:
         """Forget performers that have left, so that their return is printed."""

@@ -15,8 +15,7 @@ from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.inputs import ZmqDecoder
 from kinespace.stream.zeromq import messages as answers
-from kinespace.tools.page.server import Gate
-from kinespace.tools.page.websocket import answer, as_text, packed
+from kinespace.tools.page.server import Gate, answer, as_text, packed
 
 
 def _decoded(message: str | bytes) -> tuple[ZmqDecoder, list[object]]:

@@ -128,6 +128,20 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
+class Gone:
+    """A performer has left: nothing more is answered."""
+
+    performer: str
+
+
+@dataclass(frozen=True, slots=True)
+class Classes:
+    """The class names, in the order in which indices count them."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Seen:
     """A motion whose course was seen (`stream.recognizer.done`): its first part, or all of it.
 

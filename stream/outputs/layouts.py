@@ -31,10 +31,10 @@ from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.osc import OscReceiver, OscSender, address_part
 from kinespace.stream.osc import messages as answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
-from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import GONE, Done, Event, EventKind, Recognition
+from kinespace.stream.outputs.sink import Message, Sink
+from kinespace.stream.recognition import GONE, Classes, Done, Event, EventKind, Gone, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice
+from kinespace.stream.teaching.commands import Notice, State, Taught
 from kinespace.stream.teaching.commands import encode as encode_notice
 
 _Last = TypeVar("_Last", int, float)
@@ -55,6 +55,26 @@ class Layout:
     port: int
     #: Notes for a person, a line each.
     notes: Sequence[str] = ()
+
+    def encode(self, message: Message) -> bytes | None:
+        """Encode whatever a service has to say."""
+        packet = None
+        match message:
+            case Recognition():
+                packet = self.recognition(message)
+            case Event():
+                packet = self.event(message)
+            case Done():
+                packet = self.done(message)
+            case Gone(performer):
+                packet = self.gone(performer)
+            case Classes(names):
+                packet = self.classes(names)
+            case Status():
+                packet = self.status(message)
+            case State() | Taught():
+                packet = self.notice(message)
+        return packet
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Encode one recognition."""
@@ -303,34 +323,11 @@ class LayoutSink(Sink):
         """Answers that the system would not send."""
         return self.sender.failed
 
-    def publish(self, recognition: Recognition) -> None:
-        """Send one recognition."""
-        self._send(self.layout.recognition(recognition), recognition.performer)
-
-    def publish_event(self, event: Event) -> None:
-        """Send one event."""
-        self._send(self.layout.event(event), event.performer)
-
-    def publish_done(self, done: Done) -> None:
-        """Send a motion that was done."""
-        self._send(self.layout.done(done), done.performer)
-
-    def publish_gone(self, performer: str) -> None:
-        """Send that a performer has left."""
-        self._send(self.layout.gone(performer), performer)
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Send the class names."""
-        self._send(self.layout.classes(classes))
+    def send(self, message: Message) -> None:
+        """Send a message, if the layout has one."""
+        about = message.performer if isinstance(message, Recognition | Event | Done | Gone) else None
+        self._send(self.layout.encode(message), about)
         self.notes = self.layout.notes
-
-    def publish_status(self, status: Status) -> None:
-        """Send the status."""
-        self._send(self.layout.status(status))
-
-    def publish_notice(self, notice: Notice) -> None:
-        """Send a notice of teaching."""
-        self._send(self.layout.notice(notice))
 
     def _send(self, packet: bytes | None, performer: str | None = None) -> None:  # noqa: ARG002 - all get all
         if packet is not None:
@@ -368,11 +365,10 @@ class ReplySink(LayoutSink):
     def __str__(self) -> str:
         return f"{self.layout.name} the sender{f':{self.port}' if self.port else ''}"
 
-    def publish_gone(self, performer: str) -> None:
-        """Send nothing: the sender has gone."""
-
-    def publish_notice(self, notice: Notice) -> None:
-        """Send nothing: a sender of frames need not teach."""
+    def send(self, message: Message) -> None:
+        """Send a message, but none to a sender that has gone, or that need not teach."""
+        if not isinstance(message, Gone | Notice):
+            super().send(message)
 
     def _send(self, packet: bytes | None, performer: str | None = None) -> None:
         if packet is None:

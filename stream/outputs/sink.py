@@ -5,9 +5,12 @@ from importlib import import_module
 from types import ModuleType
 
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.recognition import Classes, Done, Event, Gone, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice
+from kinespace.stream.teaching.commands import Notice, State, Taught
+
+#: Whatever a service has to say.
+Message = Recognition | Event | Done | Gone | Classes | Frame | Status | Notice
 
 
 class Sink:
@@ -16,8 +19,30 @@ class Sink:
     #: Answers that could not be sent; calls that raised in spite of all, and what the last one raised.
     failed = raised = 0
     error = ""
+    #: Whether it has use for frames.
+    watches = False
     #: Notes for a person, a line each.
     notes: Sequence[str] = ()
+
+    def send(self, message: Message) -> None:
+        """Pass on a message; a sink overrides this, or the methods below of those messages that it has use for."""
+        match message:
+            case Recognition():
+                self.publish(message)
+            case Event():
+                self.publish_event(message)
+            case Done():
+                self.publish_done(message)
+            case Gone(performer):
+                self.publish_gone(performer)
+            case Classes(names):
+                self.publish_classes(names)
+            case Frame():
+                self.publish_frame(message)
+            case Status():
+                self.publish_status(message)
+            case State() | Taught():
+                self.publish_notice(message)
 
     def publish(self, recognition: Recognition) -> None:
         """Pass on one recognition."""
@@ -32,7 +57,7 @@ class Sink:
         """Pass on that a performer has left: nothing more is answered."""
 
     def publish_frame(self, frame: Frame) -> None:
-        """Pass on a frame that the recognisers have got; the service calls this only where a sink overrides it."""
+        """Pass on a frame that the recognisers have got; the service sends them to sinks that watch."""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Pass on the list of classes."""

@@ -1,16 +1,11 @@
 """Answers as ZeroMQ messages, and bodies for programs that draw them."""
 
-import json
-from collections.abc import Sequence
 from typing import Protocol
 
 from kinespace.library import Skeleton
 from kinespace.stream.frame import Frame
-from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.recognizer.carried import Carried
-from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice, as_json
 from kinespace.stream.zeromq import ZmqSender, messages
 from kinespace.stream.zeromq.messages import encode_body
 
@@ -49,33 +44,10 @@ class ZmqSink(Sink):
         """Answers that ZeroMQ would not take."""
         return self.sender.failed
 
-    def publish(self, recognition: Recognition) -> None:
-        """Send one recognition."""
-        self.sender.send(messages.encode_recognition(recognition))
-
-    def publish_event(self, event: Event) -> None:
-        """Send one event."""
-        self.sender.send(messages.encode_event(event))
-
-    def publish_done(self, done: Done) -> None:
-        """Send a motion that was done."""
-        self.sender.send(messages.encode_done(done))
-
-    def publish_gone(self, performer: str) -> None:
-        """Send that a performer has left."""
-        self.sender.send(messages.encode_gone(performer))
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Send the class names."""
-        self.sender.send(messages.encode_classes(classes))
-
-    def publish_status(self, status: Status) -> None:
-        """Send the status."""
-        self.sender.send(messages.encode_status(status, named=self._named))
-
-    def publish_notice(self, notice: Notice) -> None:
-        """Send a notice of teaching."""
-        self.sender.send([b"teach/", json.dumps(as_json(notice)).encode()])
+    def send(self, message: Message) -> None:
+        """Send a message; no frame."""
+        if parts := messages.encode(message, named=self._named):
+            self.sender.send(parts)
 
     def close(self) -> None:
         """Close the socket."""
@@ -102,6 +74,8 @@ class BodySink(Sink):
     performers
         The performers.
     """
+
+    watches = True
 
     def __init__(self, sender: ZmqSender, performers: Shown) -> None:
         self._sender, self._performers = sender, performers

@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Concatenate, NamedTuple, ParamSpec, Protocol, Self, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 import zmq
@@ -16,8 +16,8 @@ from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.inputs.source import APART, TENDING, Source
 from kinespace.stream.osc.messages import address_part
-from kinespace.stream.outputs.sink import Sink
-from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
+from kinespace.stream.outputs.sink import Message, Sink
+from kinespace.stream.recognition import Classes, Done, Event, EventKind, Gone, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching import Asked, State, Step, commands
@@ -135,7 +135,6 @@ _MAX_SLEEP = 0.1
 _MAX_LAST_STEPS = 32
 #: Seconds after being stopped in which packets that have arrived are still answered, at most.
 MAX_ENDING = 0.5
-_Told = ParamSpec("_Told")
 #: What may be a source, and the recognisers of several performers: here, or in workers.
 AnySource: TypeAlias = "Source | RequestSource | GatewaySource | Worker"
 Recognising: TypeAlias = "Performers | Gateway"
@@ -224,7 +223,7 @@ class Service:
         #: Seconds within which work is due by the clock even when no packet comes; inf if there never is any.
         self._tended_within = min([*within, *([TENDING] if control else [])], default=math.inf)
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
-        self._watching = [sink for sink in sinks if type(sink).publish_frame is not Sink.publish_frame]
+        self._watching = [sink for sink in sinks if sink.watches]
 
     def __enter__(self) -> Self:
         return self
@@ -321,7 +320,7 @@ class Service:
             self._forget_counts(asked.command.performer)
         if refused and (now := self._clock()) >= self._next_refusal:
             self._next_refusal = now + REFUSED_EVERY
-            tell(self.sinks, Sink.publish_notice, refused[0])
+            tell(self.sinks, refused[0])
         if self._control and asked.command:
             self._control.carry_out(asked)
         elif asked.reply:
@@ -370,7 +369,7 @@ class Service:
         for event in events:
             if isinstance(event, Frame):
                 self._rates[event.performer] += 1
-                tell(self._watching, Sink.publish_frame, event)
+                tell(self._watching, event)
         return len(events) - answers.count(None)
 
     def _as_answered(self, recognition: Recognition) -> Recognition:
@@ -393,7 +392,7 @@ class Service:
     def publish(self, recognition: Recognition, took: float) -> None:
         """Publish an answer, made here or elsewhere, and what happened; its frame came `took` seconds ago."""
         recognition = self._as_answered(recognition)
-        tell(self.sinks, Sink.publish, recognition)
+        tell(self.sinks, recognition)
         self._publish_events(recognition.events)
         if recognition.done:
             self._publish_done(recognition.done)
@@ -406,13 +405,13 @@ class Service:
             if event.kind is EventKind.END and motion not in self._begun:
                 continue
             (self._begun.add if event.kind is EventKind.START else self._begun.discard)(motion)
-            tell(self.sinks, Sink.publish_event, event)
+            tell(self.sinks, event)
 
     def _publish_done(self, done: Done) -> None:
         """Count a motion that was done, and publish it."""
         self._done[done.performer, done.index] += 1
         counted = replace(done, count=self._done[done.performer, done.index])
-        tell(self.sinks, Sink.publish_done, counted)
+        tell(self.sinks, counted)
 
     def _forget_counts(self, performer: str) -> None:
         """Count a performer's motions from 1 again, by the name or as it stands in addresses; for none everybody's."""
@@ -424,14 +423,14 @@ class Service:
         self._begun = {motion for motion in self._begun if motion[0] not in gone}
         for performer in performers:
             self._forget_counts(performer)
-            tell(self.sinks, Sink.publish_gone, performer)
+            tell(self.sinks, Gone(performer))
 
     def _publish_on_time(self) -> None:
         now = self._clock()
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
             classes = self._control.classes if self._control else self.performers.classes
-            tell(self.sinks, Sink.publish_classes, classes)
+            tell(self.sinks, Classes(tuple(classes)))
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and nobody knows who is silent.
@@ -441,7 +440,7 @@ class Service:
             self._latest_rates = self._rates.read(now, self.performers.names)
             self._note_answered()
             status = self.status()
-            tell(self.sinks, Sink.publish_status, status)
+            tell(self.sinks, status)
 
     def status(self) -> Status:
         """Give the counters as they are now."""
@@ -480,13 +479,11 @@ class Service:
         return "".join(f", from {host}:{port}" for host, port in self._admission.senders(performer))
 
 
-def tell(
-    sinks: Iterable[Sink], what: Callable[Concatenate[Sink, _Told], None], *told: _Told.args, **named: _Told.kwargs
-) -> None:
-    """Call a method of all sinks; an error of one is counted there, and keeps what is told from nobody else."""
+def tell(sinks: Iterable[Sink], message: Message) -> None:
+    """Give all sinks a message; an error of one is counted there, and keeps what is told from nobody else."""
     for sink in sinks:
         try:
-            getattr(sink, what.__name__)(*told, **named)
+            sink.send(message)
         except BrokenPipeError:
             # Whoever read what this program prints has gone: all programs end then.
             raise

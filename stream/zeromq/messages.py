@@ -18,6 +18,7 @@ Answers as ZeroMQ messages: a topic and a JSON object.
 `[b"classes/"][JSON]`, `[b"status/"][JSON]`. NaN and infinity are null, because JSON has neither.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
@@ -28,9 +29,10 @@ import numpy as np
 
 from kinespace.library import Skeleton
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
-from kinespace.stream.recognition import GONE, Answer, Done, Event, Progress, Recognition
+from kinespace.stream.recognition import GONE, Answer, Classes, Done, Event, Gone, Progress, Recognition
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
+from kinespace.stream.teaching.commands import State, Taught, as_json
 
 VERSION = 1
 #: Bytes of a header; one with 31 joint names has 500.
@@ -223,6 +225,27 @@ class _Received(msgspec.Struct, rename={"label": "class"}):
 
 
 _read = msgspec.json.Decoder(_Received).decode
+
+
+def encode(message: object, *, named: bool = True) -> list[bytes] | None:
+    """Encode whatever a service has to say; None for what is not sent. `named` as of `encode_status`."""
+    parts = None
+    match message:
+        case Recognition():
+            parts = encode_recognition(message)
+        case Event():
+            parts = encode_event(message)
+        case Done():
+            parts = encode_done(message)
+        case Gone(performer):
+            parts = encode_gone(performer)
+        case Classes(names):
+            parts = encode_classes(names)
+        case Status():
+            parts = encode_status(message, named=named)
+        case State() | Taught():
+            parts = [b"teach/", json.dumps(as_json(message)).encode()]
+    return parts
 
 
 def encode_recognition(recognition: Recognition) -> list[bytes]:

@@ -5,8 +5,10 @@ import socket
 from collections import deque
 from collections.abc import Sequence
 
-from kinespace.stream import Announcement, Done, Event, Frame, Performers, Recognition
+from kinespace.stream import Announcement, Event, Frame, Performers, Recognition
 from kinespace.stream.outputs import Sink
+from kinespace.stream.outputs.sink import Message
+from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.service.loop import Service
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Notice, State, Step
@@ -60,37 +62,19 @@ class FakeSink(Sink):
     """Keeps everything it gets, in order."""
 
     def __init__(self) -> None:
-        self.told: list[Recognition | Event | Done | Status | Notice | tuple[str, ...]] = []
+        self.told: list[Message | tuple[str, ...]] = []
         self.gone: list[str] = []
+        self.frames: list[Frame] = []
         self.closed = False
 
-    def publish(self, recognition: Recognition) -> None:
-        """Keep a recognition."""
-        self.told.append(recognition)
-
-    def publish_event(self, event: Event) -> None:
-        """Keep an event."""
-        self.told.append(event)
-
-    def publish_done(self, done: Done) -> None:
-        """Keep a motion that was done."""
-        self.told.append(done)
-
-    def publish_gone(self, performer: str) -> None:
-        """Keep who has left."""
-        self.gone.append(performer)
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Keep the classes."""
-        self.told.append(tuple(classes))
-
-    def publish_status(self, status: Status) -> None:
-        """Keep a status."""
-        self.told.append(status)
-
-    def publish_notice(self, notice: Notice) -> None:
-        """Keep a notice of teaching."""
-        self.told.append(notice)
+    def send(self, message: Message) -> None:
+        """Keep a message."""
+        if isinstance(message, Gone):
+            self.gone.append(message.performer)
+        elif isinstance(message, Frame):
+            self.frames.append(message)
+        else:
+            self.told.append(message.names if isinstance(message, Classes) else message)
 
     def close(self) -> None:
         """Close nothing, but remember it."""

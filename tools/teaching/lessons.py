@@ -21,6 +21,7 @@ from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.taught import teaches_itself
 from kinespace.stream import Event, EventKind, Frame, Recognizer, Settings
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognition import Classes
 from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
@@ -61,6 +62,8 @@ class Lessons(Sink):
     sinks
         The sinks for notices, for the classes when they change, and for the ends of motions whose class is gone.
     """
+
+    watches = True
 
     def __init__(
         self,
@@ -110,7 +113,7 @@ class Lessons(Sink):
                 notices = [State("", Step.DONE, 0.0, f"sensitivity {share:g}")]
             case commands.List() if asked.reply is None:
                 # Whoever asks by OSC gets the answer there.
-                tell(self.sinks, Sink.publish_classes, self.classes)
+                tell(self.sinks, Classes(tuple(self.classes)))
                 notices = [State("", Step.DONE, 0.0, self._listed())]
             case command:
                 notices = map(self._explained, self._teacher.command(command, self._clock()))
@@ -181,7 +184,7 @@ class Lessons(Sink):
                 self._opener.open(Change(each.roster, self.performers.settings, each.number, before))
                 continue
             states += [each] if isinstance(each, State) else []
-            tell(self.sinks, Sink.publish_notice, each)
+            tell(self.sinks, each)
         return states
 
     def _exchange(self, roster: Roster, index: WindowIndex | None) -> Sequence[Notice | Changed]:
@@ -190,8 +193,8 @@ class Lessons(Sink):
         ended = self.performers.exchange(index, self.classes) if index else []
         # Without a library no start was published.
         for event in ended if self.answers else ():
-            tell(self.sinks, Sink.publish_event, event)
-        tell(self.sinks, Sink.publish_classes, self.classes)
+            tell(self.sinks, event)
+        tell(self.sinks, Classes(tuple(self.classes)))
         self.answers = index is not None
         return ()
 

@@ -15,6 +15,7 @@ from kinespace.stream.inputs import Admission, OscDecoder, Source
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
 from kinespace.stream.outputs.layouts import LayoutFileError, WrittenLayout
+from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step, commands
@@ -67,13 +68,13 @@ def test_the_native_sink_sends_the_osc_answers() -> None:
     sender = SimpleNamespace(send=sent.append, failed=2, close=lambda: sent.append(b"closed"))
     for layout in (NativeLayout(), LAYOUTS["vrchat"]()):
         sink = LayoutSink(layout, sender)  # type: ignore[arg-type]  # not all of a sender is used
-        sink.publish(recognition())
-        sink.publish_event(START)
-        sink.publish_done(DONE)
-        sink.publish_gone("Ada L")
-        sink.publish_classes(CLASSES)
-        sink.publish_status(STATUS)
-        sink.publish_notice(told)
+        sink.send(recognition())
+        sink.send(START)
+        sink.send(DONE)
+        sink.send(Gone("Ada L"))
+        sink.send(Classes(tuple(CLASSES)))
+        sink.send(STATUS)
+        sink.send(told)
     assert sent[:7] == [
         osc.encode_recognition(recognition()),
         osc_answers.encode_event(START, recognition().time),
@@ -209,18 +210,18 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
             senders[name].settimeout(60.0)
         sink = ReplySink(NativeLayout(), receiver, 0 if back else senders["p"].getsockname()[1], admission)
         assert str(sink) == ("native the sender" if back else f"native the sender:{sink.port}")
-        sink.publish(recognition())
+        sink.send(recognition())
         receiver.socket.settimeout(60.0)
         for name, sender in senders.items():
             sender.sendto(osc.encode_frame(Frame(name, 1.0, np.zeros((3, 3)))), receiver.address)
             assert source.take(1.0)
         for name, sender in senders.items():
             answer = dataclasses.replace(recognition(), performer=name)
-            sink.publish(answer)
+            sink.send(answer)
             packet, came_from = sender.recvfrom(2000)
             assert packet == osc.encode_recognition(answer)
             assert came_from[1] == receiver.address[1]
-        sink.publish_status(STATUS)
+        sink.send(STATUS)
         assert {sender.recv(2000) for sender in senders.values()} == {osc_answers.encode_status(STATUS)}
         assert sink.failed == 0
         sink.close()
@@ -299,7 +300,7 @@ def test_titles_are_sent_and_a_title_in_place_of_a_class_is_said(tmp_path: Path)
     layout = _layout(tmp_path, message.format("squat1Reps") + message.format("kick") + message.format("bow"))
     assert _read(layout.event(Event("ann", EventKind.START, "squat1Reps", 1, 0.75, 4.0))) == [("/a", ["squat"])]
     sink = LayoutSink(layout, None)  # type: ignore[arg-type]  # nothing is sent
-    sink.publish_classes(("kickLFront1Reps", "squat1Reps"))
+    sink.send(Classes(("kickLFront1Reps", "squat1Reps")))
     assert sink.notes == ["layout: no class is called 'kick', which is a title: kickLFront1Reps is meant"]
     layout.classes(("kick", "squat1Reps"))
     assert layout.notes == []

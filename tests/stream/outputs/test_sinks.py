@@ -14,6 +14,7 @@ from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, R
 from kinespace.stream.outputs import ZmqSink
 from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
+from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -67,28 +68,28 @@ def test_a_port_is_sent_notes_and_controllers(port: _Port) -> None:
     sink = MidiSink("Loop")
     assert str(sink) == "MIDI Loop 2"
     for performer, score in (("ann", 0.75), ("ann", 0.75), ("bob", 1.0)):
-        sink.publish(_answer(performer, score))
+        sink.send(_answer(performer, score))
     controls = [(SCORE, 95), (PHASE, 64), (SPEED, 80), (AMPLITUDE, 127)]
     first = [f"control_change channel=0 control={control} value={value} time=0" for control, value in controls]
     controls[0] = SCORE, 127
     second = [f"control_change channel=1 control={control} value={value} time=0" for control, value in controls]
     assert port.sent == [*first, *second]
     port.sent.clear()
-    sink.publish_event(START)
-    sink.publish_event(END)
-    sink.publish_done(DONE)
+    sink.send(START)
+    sink.send(END)
+    sink.send(DONE)
     assert port.sent == [
         "note_on channel=0 note=61 velocity=95 time=0",
         "note_off channel=0 note=61 velocity=95 time=0",
         "note_on channel=1 note=36 velocity=111 time=0",
         "note_off channel=1 note=36 velocity=111 time=0",
     ]
-    sink.publish_gone("ann")
+    sink.send(Gone("ann"))
     port.unplugged = True
-    sink.publish_event(Event("cy", EventKind.START, "bow", 0, 0.5, 9.0))
+    sink.send(Event("cy", EventKind.START, "bow", 0, 0.5, 9.0))
     assert sink.failed == 1
     port.unplugged = False
-    sink.publish_event(Event("cy", EventKind.START, "bow", 0, 0.5, 9.0))
+    sink.send(Event("cy", EventKind.START, "bow", 0, 0.5, 9.0))
     assert port.sent[-1].startswith("note_on channel=0 note=60")
     sink.close()
     assert port.sent[-2:] == ["reset", "closed"]
@@ -104,9 +105,9 @@ def test_a_port_that_is_not_there_is_said_with_those_that_are(port: _Port) -> No
 def test_a_file_holds_the_notes(tmp_path: Path) -> None:
     """Mido reads them back, with the time between them."""
     sink = MidiSink(f"{tmp_path / 'take.mid'}")
-    sink.publish(_answer("ann", 0.75))
+    sink.send(_answer("ann", 0.75))
     for event in (START, END):
-        sink.publish_event(event)
+        sink.send(event)
     sink.close()
     notes = [each for each in mido.MidiFile(tmp_path / "take.mid") if not each.is_meta]
     assert [(each.type, each.note, each.velocity) for each in notes] == [("note_on", 61, 95), ("note_off", 61, 95)]
@@ -118,7 +119,7 @@ def test_a_program_that_is_killed_leaves_the_notes_until_then(tmp_path: Path) ->
     path = tmp_path / "take.mid"
     sink = MidiSink(f"{path}")
     for number in range(1, 40):
-        sink.publish_event(START)
+        sink.send(START)
         path.with_name("killed.mid").write_bytes(path.read_bytes())
         assert len([each for each in mido.MidiFile(tmp_path / "killed.mid") if not each.is_meta]) == number
     sink.close()
@@ -161,13 +162,13 @@ def test_everything_is_published() -> None:
     event = Event("ann", EventKind.START, "bow", 0, 0.5, 1.0)
     done = Done("ann", "bow", 0, 0.0, 1.0, 0.9, 1.0, 1.0, 2)
     status = Status(InputCounts(), PerformerCounts(), 0, {"ann": 30.0}, 0.0, 0.0)
-    sink.publish(answer)
-    sink.publish_event(event)
-    sink.publish_done(done)
-    sink.publish_gone("ann")
-    sink.publish_classes(("bow",))
-    sink.publish_status(status)
-    sink.publish_notice(State("ann", Step.WAITING))
+    sink.send(answer)
+    sink.send(event)
+    sink.send(done)
+    sink.send(Gone("ann"))
+    sink.send(Classes(("bow",)))
+    sink.send(status)
+    sink.send(State("ann", Step.WAITING))
     assert sender.sent == [
         zeromq.encode_recognition(answer),
         zeromq_answers.encode_event(event),
@@ -177,7 +178,7 @@ def test_everything_is_published() -> None:
         zeromq_answers.encode_status(status),
         [b"teach/", b'{"performer": "ann", "state": "waiting", "seconds": 0.0}'],
     ]
-    ZmqSink(open_to_all, named=False).publish_status(status)  # type: ignore[arg-type]  # as above
+    ZmqSink(open_to_all, named=False).send(status)  # type: ignore[arg-type]  # as above
     assert open_to_all.sent == [zeromq_answers.encode_status(status, named=False)]
     sink.close()
     assert (str(sink), sink.failed, sender.closed) == ("ZeroMQ here", 3, True)
@@ -189,7 +190,7 @@ def test_at_most_thirty_bodies_are_sent_a_second(rate: float) -> None:
     sender = Sender()
     sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
     for index in range(round(3 * rate)):
-        sink.publish_frame(Frame("ann", 1.0 + index / rate, POSE))
+        sink.send(Frame("ann", 1.0 + index / rate, POSE))
     assert 3 * 20 <= len(sender.sent) <= 3 * 30 + 1
     headers = [json.loads(parts[1]) for parts in sender.sent]
     assert ["names" in header for header in headers] == [number % 30 == 1 for number in range(len(headers))]
@@ -202,13 +203,13 @@ def test_a_sender_that_begins_anew_is_shown_at_once() -> None:
     sender = Sender()
     sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
     for moment, count in ((100.0, 1), (1.0, 2), (1.001, 2), (1.05, 3)):
-        sink.publish_frame(Frame("ann", moment, POSE))
+        sink.send(Frame("ann", moment, POSE))
         assert len(sender.sent) == count
-    sink.publish_gone("ann")
-    sink.publish_frame(Frame("ann", 1.051, POSE))
+    sink.send(Gone("ann"))
+    sink.send(Frame("ann", 1.051, POSE))
     assert len(sender.sent) == 4
     for number in range(255):
-        sink.publish_frame(Frame(f"{number}", 1.0, POSE))
+        sink.send(Frame(f"{number}", 1.0, POSE))
     for name in ("ann", "one more", "ann"):
-        sink.publish_frame(Frame(name, 1.052, POSE))
+        sink.send(Frame(name, 1.052, POSE))
     assert len(sender.sent) == 4 + 255 + 2

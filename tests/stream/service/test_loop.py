@@ -13,12 +13,13 @@ from synthetic import STICK, STICK_CLASSES, stick_clip
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc, zeromq
 from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
+from kinespace.stream.outputs.sink import Message
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
 from kinespace.stream.service.worker import SentFrame
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import Asked, State, Step, commands
 from kinespace.stream.zeromq import Endpoint
 
@@ -64,15 +65,7 @@ def opened() -> Iterator[ExitStack]:
 class Watching(FakeSink):
     """Keeps the frames, too."""
 
-    notes = ("one frame at a time",)
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.frames: list[Frame] = []
-
-    def publish_frame(self, frame: Frame) -> None:
-        """Keep a frame."""
-        self.frames.append(frame)
+    notes, watches = ("one frame at a time",), True
 
 
 def test_all_that_waits_is_answered_to_all(sticks: MotionLibrary, source: FakeSource) -> None:
@@ -98,8 +91,8 @@ def test_a_program_whose_reader_has_gone_ends(sticks: MotionLibrary, source: Fak
     """As `kinespace live --log json | head` does."""
 
     class Unread(FakeSink):
-        def publish_status(self, status: Status) -> None:
-            raise BrokenPipeError(status)
+        def send(self, message: Message) -> None:
+            raise BrokenPipeError(message)
 
     with pytest.raises(BrokenPipeError):
         Service(Performers(sticks), [source], [Unread()]).step(0.0)
@@ -108,11 +101,9 @@ def test_a_program_whose_reader_has_gone_ends(sticks: MotionLibrary, source: Fak
 class Broken(Sink):
     """Raises whatever it is told."""
 
-    def __getattribute__(self, name: str) -> object:
-        """Raise, where a method of a sink is asked for."""
-        if name.startswith("publish"):
-            raise OverflowError(name)
-        return super().__getattribute__(name)
+    def send(self, message: Message) -> None:
+        """Raise."""
+        raise OverflowError(type(message).__name__)
 
 
 def test_a_sinks_error_is_counted_and_ends_nothing(sticks: MotionLibrary, source: FakeSource) -> None:
@@ -128,7 +119,7 @@ def test_a_sinks_error_is_counted_and_ends_nothing(sticks: MotionLibrary, source
     assert sinks[1].events
     assert sinks[1].gone == ["p"]
     assert service.status().unsent >= len(sinks[1].told)
-    assert "Broken: OverflowError: publish_gone" in service.status().notes
+    assert "Broken: OverflowError: Gone" in service.status().notes
 
 
 def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, bench: Bench) -> None:
@@ -425,12 +416,13 @@ class SlowSink(FakeSink):
         super().__init__()
         self.clock, self.ages, self.came = clock, list[float](), list[float]()
 
-    def publish(self, recognition: Recognition) -> None:
-        """Keep a recognition, its age and its moment."""
-        super().publish(recognition)
-        self.clock.now += _ANSWER
-        self.came.append(self.clock.now)
-        self.ages.append(self.clock.now - recognition.time)
+    def send(self, message: Message) -> None:
+        """Keep a message; of a recognition its age and its moment."""
+        super().send(message)
+        if isinstance(message, Recognition):
+            self.clock.now += _ANSWER
+            self.came.append(self.clock.now)
+            self.ages.append(self.clock.now - message.time)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from programs import PATIENCE
 
 from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
 from kinespace.stream.outputs.lsl_sink import FURTHER, LslSink
+from kinespace.stream.recognition import Gone
 from kinespace.tools.feeding.lsl_feed import Layout, LslFeed
 
 pylsl = pytest.importorskip("pylsl", reason="pylsl finds no library of LSL", exc_type=(ImportError, RuntimeError))
@@ -74,14 +75,14 @@ def _answer(at: float) -> Recognition:
 def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
     """An event's stamp lies as far before the answer as on the sender's clock, but for what LSL mistakes."""
     with closing(LslSink()) as sink:
-        sink.publish(_answer(100.0))
+        sink.send(_answer(100.0))
         scores, events = _inlet("kinespace-ann"), _inlet("kinespace-events")
         labels = scores.info().get_channel_labels()
         assert labels == [*CLASSES, *FURTHER]
-        sink.publish(_answer(101.0))
+        sink.send(_answer(101.0))
         now = pylsl.local_clock()
-        sink.publish_event(Event("ann", EventKind.START, "jump", 1, 0.75, 100.5))
-        sink.publish_done(Done("ann", "jump", 1, 99.0, 1.5, 0.875, 1.25, 0.75, 3))
+        sink.send(Event("ann", EventKind.START, "jump", 1, 0.75, 100.5))
+        sink.send(Done("ann", "jump", 1, 99.0, 1.5, 0.875, 1.25, 0.75, 3))
         sample, _ = _pulled(lambda: scores.pull_sample(timeout=PATIENCE))
         answered = _answer(0.0)
         assert sample == pytest.approx([0.25, 0.75, 1.0, answered.margin, 0.5, 1.25, 0.75])
@@ -89,7 +90,7 @@ def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
             (got,), stamp = _pulled(lambda: events.pull_sample(timeout=PATIENCE))
             assert got == text
             assert now - before - CLOCKS <= stamp + events.time_correction() <= pylsl.local_clock() - before + CLOCKS
-        sink.publish_gone("ann")
+        sink.send(Gone("ann"))
         assert str(sink) == "LSL"
 
 

@@ -55,7 +55,7 @@ class Stage:
         """Recognise a frame, show it to the teacher, and give the answer if performers are answered."""
         (answer,) = self.lessons.performers.push_all([event], time.monotonic())
         if isinstance(event, Frame):
-            self.lessons.publish_frame(event)
+            self.lessons.send(event)
         return answer if self.lessons.answers else None
 
     def command(self, command: Command) -> list[State]:
@@ -142,7 +142,7 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
     assert (first.done, second.done) == (2, 2)
     assert (first.seconds, second.seconds) == (pytest.approx(30.0, abs=1.5), pytest.approx(40.0, abs=1.5))
     assert _show(stage, 50, "squat1Reps", 1)[:1] == ["my squat"]
-    stage.lessons.publish_event(Event("ann", EventKind.START, "my squat", 0, 0.9, 52.0))
+    stage.lessons.send(Event("ann", EventKind.START, "my squat", 0, 0.9, 52.0))
     stage.command(commands.Wrong())
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 3)
     assert stage.heard.notices[-2] == Taught("nothing", 1, pytest.approx(3.0, abs=1.0), "good", Tried())

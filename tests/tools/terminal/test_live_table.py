@@ -15,6 +15,7 @@ import pytest
 from rich.console import Console
 
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
@@ -70,12 +71,12 @@ def test_plain_lines_come_on_change_only(capsys: pytest.CaptureFixture[str]) -> 
     """A performer's line is printed when the label changes, and again after a status without the performer."""
     lines = PlainLines()
     for best in ("bow", "bow", "wave", "wave", "bow"):
-        lines.publish(recognition("me", best))
-    lines.publish(recognition("me", "bow", outcome=Outcome.STILL))
-    lines.publish(recognition("you", "bow"))
-    lines.publish_status(status("you"))
+        lines.send(recognition("me", best))
+    lines.send(recognition("me", "bow", outcome=Outcome.STILL))
+    lines.send(recognition("you", "bow"))
+    lines.send(status("you"))
     for name in ("you", "me"):
-        lines.publish(recognition(name, "bow"))
+        lines.send(recognition(name, "bow"))
     printed = capsys.readouterr().out.splitlines()
     assert [line.split()[3] for line in printed] == ["bow", "wave", "bow", "still", "bow", "bow"]
     assert [line.split()[2] for line in printed] == ["me"] * 4 + ["you", "me"]
@@ -85,10 +86,10 @@ def test_plain_lines_come_on_change_only(capsys: pytest.CaptureFixture[str]) -> 
 def test_the_table_shows_the_latest_of_each_performer() -> None:
     """Each performer has one row with the last label, score, margin, runner-up and rate; the caption has the counts."""
     table = LiveTable(CLASSES)
-    table.publish(recognition("me", "bow"))
-    table.publish(recognition("you", "wave", score=0.75))
-    table.publish(recognition("me", "jump", score=0.5))
-    table.publish_status(status("me", "you"))
+    table.send(recognition("me", "bow"))
+    table.send(recognition("you", "wave", score=0.75))
+    table.send(recognition("me", "jump", score=0.5))
+    table.send(status("me", "you"))
     drawn = shown(table)
     (mine,) = [line for line in drawn.splitlines() if line.startswith("me ")]
     (yours,) = [line for line in drawn.splitlines() if line.startswith("you ")]
@@ -102,13 +103,13 @@ def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) 
     """Their counts stand below the table, the last three classes of each performer; in lines each has its own."""
     table, lines = LiveTable(CLASSES), PlainLines()
     for sink in (table, lines):
-        sink.publish(recognition("me", "bow", time=2.0))
+        sink.send(recognition("me", "bow", time=2.0))
         for name, count in (("bow", 1), ("wave", 1), ("jump", 1), ("bow", 2), ("hop", 7)):
-            sink.publish_done(Done("me", name, 0, 1.0, 1.5, 0.9, 1.25, 0.5, count))
-        sink.publish_status(status("me"))
+            sink.send(Done("me", name, 0, 1.0, 1.5, 0.9, 1.25, 0.5, count))
+        sink.send(status("me"))
     assert "me done: jump 1, bow 2, hop 7" in shown(table)
     assert "me  done: hop 7, 1.5 s, speed 1.25, amplitude 0.50" in capsys.readouterr().out
-    table.publish_status(status())
+    table.send(status())
     assert "done" not in shown(table)
 
 
@@ -120,7 +121,7 @@ def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> 
     )
     table, lines = LiveTable(CLASSES), PlainLines()
     for sink in (table, lines, lines):
-        sink.publish_status(noticed)
+        sink.send(noticed)
     printed = capsys.readouterr().out
     for told in (
         *("performer me: times are milliseconds", "you: frames refused: 2 joints, from 10.0.0.5"),
@@ -139,20 +140,20 @@ def test_a_performer_whose_frames_stop_is_not_shown_as_living(
     monkeypatch.setattr(live_table.time, "monotonic", lambda: now[0])
     for _ in range(2):
         for sink in (table, lines):
-            sink.publish(recognition("me", "bow"))
-            sink.publish_status(status("me"))
+            sink.send(recognition("me", "bow"))
+            sink.send(status("me"))
         assert "no frames" not in shown(table)
         now[0] += 3.0
         for sink in (table, lines, lines):
-            sink.publish_status(status("me"))
+            sink.send(status("me"))
         assert "no frames for 3 s" in shown(table)
     for sink in (table, lines):
-        sink.publish_status(replace(status(), performers={"me": 0.0}, outcomes=PerformerCounts(opening=2)))
+        sink.send(replace(status(), performers={"me": 0.0}, outcomes=PerformerCounts(opening=2)))
     assert "no frames for 3 s" in shown(table), "others' frames wait"
     for sink in (table, lines):
-        sink.publish_status(replace(status("me"), outcomes=PerformerCounts(opening=3)))
+        sink.send(replace(status("me"), outcomes=PerformerCounts(opening=3)))
     assert "no frames" not in shown(table), "frames wait while the library opens"
-    lines.publish_gone("me")
+    lines.send(Gone("me"))
     printed = capsys.readouterr().out
     assert printed.count("performer me: no frames\n") == 2
     assert printed.count("performer me: gone\n") == 1
@@ -193,15 +194,15 @@ def test_no_name_steers_a_terminal_or_forges_a_line(
         logged(way)
     sink: LiveTable | PlainLines = LiveTable(CLASSES) if way == "table" else PlainLines()
     hostile = Recognition(HOSTILE, 1.0, Outcome.NAMED, (HOSTILE,), np.ones(1), movement=0.1, share=0.9, gap=0.8)
-    sink.publish(hostile)
+    sink.send(hostile)
     for kind in (EventKind.START, EventKind.END, EventKind.START):
-        sink.publish_event(Event(HOSTILE, kind, HOSTILE, 0, 0.9, 2.0))
-    sink.publish_done(Done(HOSTILE, HOSTILE, 0, 1.0, 1.0, 0.9, 1.0, 1.0))
+        sink.send(Event(HOSTILE, kind, HOSTILE, 0, 0.9, 2.0))
+    sink.send(Done(HOSTILE, HOSTILE, 0, 1.0, 1.0, 0.9, 1.0, 1.0))
     said = {HOSTILE: HOSTILE}
     odd = replace(status(HOSTILE), notes=(HOSTILE,), refused=said, doubted=said, compared=said, clocks=said)
-    sink.publish_status(odd)
-    sink.publish_notice(State(HOSTILE, Step.REFUSED, 0.0, HOSTILE))
-    sink.publish_gone(HOSTILE)
+    sink.send(odd)
+    sink.send(State(HOSTILE, Step.REFUSED, 0.0, HOSTILE))
+    sink.send(Gone(HOSTILE))
     for line in summary(odd, 1 / 30):
         say(line)
     note(HOSTILE)

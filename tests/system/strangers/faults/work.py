@@ -138,7 +138,7 @@ def midi(folder: Path) -> Iterator[str]:
         yield ""
         return
     for _ in range(_NOTES):
-        sink.publish_event(Event("ann", EventKind.START, "bow", 0, 0.5, 1.0))
+        sink.send(Event("ann", EventKind.START, "bow", 0, 0.5, 1.0))
     sink.close()
     yield ""
     content = path.read_bytes()

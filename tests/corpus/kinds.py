@@ -108,6 +108,9 @@ def _frames(
     )
 
 
+_TRACKED = ("RX", "RY", "RZ", "TX", "TY", "TZ")
+
+
 def _motive() -> str:
     """Motive 2 and 3: seven rows, a rotation before each position, and a marker of the skeleton behind the bones."""
     columns = [
@@ -177,15 +180,36 @@ def _vicon_old() -> str:
     return f"TRAJECTORIES\n60,Hz\n{head}{rows}"
 
 
-def _qualisys(*, columns: bool = True) -> str:
-    names = "\t".join(NAMES)
+def _qualisys(*, columns: bool = True, end: str = "") -> str:
+    """Give a Qualisys table, which has frames and times where its columns have names."""
+    names = "\t".join(NAMES) + end
     head = f"NO_OF_FRAMES\t{len(BODY)}\nNO_OF_MARKERS\t16\nFREQUENCY\t60\nDATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
     heads = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
     return (
         head
         + f"Frame\tTime\t{heads}\n" * columns
-        + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1}\t{index / RATE:.5f}", "\t")
+        + _frames(
+            lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1}\t{index / RATE:.5f}", "\t"
+        ).replace("\n", end + "\n")
     )
+
+
+def _tracker() -> str:
+    """Vicon Tracker: turns before each position."""
+    head = _several_rows([f"{n}:{n}" for n in NAMES], _TRACKED, (["", ""], ["Frame", "Sub Frame"]), "first")
+    units = "," + ",rad,rad,rad,mm,mm,mm" * 16 + "\n"
+    turned = _frames(
+        lambda frame: np.concatenate([frame * 0 + 0.5, frame * 1000], axis=1).ravel().tolist(),
+        lambda place: f"{place + 1},0",
+    )
+    return f"Objects\n60\n{head}{units}{turned}"
+
+
+def _visual3d() -> str:
+    rows = [["", *[cell or name for name in NAMES for _ in "xyz"]] for cell in ("walk.c3d", "", "TARGET", "ORIGINAL")]
+    rows += [["ITEM", *"XYZ" * 16]]
+    head = "".join("\t".join(row) + "\n" for row in rows)
+    return head + _frames(lambda frame: frame.ravel().tolist(), lambda place: str(place + 1), "\t")
 
 
 def _tidy() -> str:
@@ -369,6 +393,18 @@ def _tables() -> dict[str, Kind]:
         "lists in fields": (_points('"[{:.4f}, {:.4f}, {:.4f}]"'), {}),
         "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
         "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
+        "axes from 1": (table(head=lambda name, axis: f"{name}_{'xyz'.index(axis) + 1}", more=[(f"q_{n}", 0.5) for n in range(1, 5)]), {"tells": "no positions: q"}),
+        "weights": (_points("{:.4f},{:.4f},{:.4f},1.0").replace(",".join(NAMES), ",".join(f"{n}.X,{n}.Y,{n}.Z,{n}.W" for n in NAMES)), {}),
+        "turns beside": (table(more=[(f"Hips turn.{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips turn"}),
+        "rate and unit after //": ("// fs=60 n=48\n// posUnit=mm\n" + table(clock=None, positions=BODY * 1000), {}),
+        "single quotes": ("'" + table().replace(",", "','").replace("\n", "'\n'").removesuffix("'"), {}),
+        "seconds with s": (table(times=[f"{time:.4f}s" for time in TIMES]), {}),
+        "h, m, s, f": (_in_front("h,m,s,f,", lambda n, _: f"10,59,{(n + 30) // 60},{(n + 30) % 60},"), {}),
+        "Vicon Tracker": (_tracker(), {}),
+        "Venus3D": ("#Venus3D CSV Data\n#Sample Rate,,60.000000\n#Units,,mm\n" + _in_front("ID,Sample,Time,", lambda n, t: f"{n},{n},{t:.6f},", table(head=lambda n, a: f"{n}({a.upper()})", clock=None, positions=1000 * BODY)), {}),
+        "Visual3D": (_visual3d(), {"ending": "txt", "rate": 30.0, "tells": "times: none"}),
+        "a row a joint, by number and name": (_long("{time:.4f},{id},{joint},{x:.4f},{y:.4f},{z:.4f}").replace("id,joint", "joint_index,joint_name"), {}),
+        "Qualisys, tabs behind": (_qualisys(columns=False, end="\t"), {"ending": "tsv"}),
         "hours, minutes, seconds": (_in_front("hour,minute,second,ms,", lambda _, t: f"10,{59 if t < 0.2 else 0},{int(t + 59.8) % 60},{(t + 59.8) % 1 * 1000:.3f},".replace("10,0,", "11,0,")), {}),
         "days": (table(clock="datenum", times=[f"{45413.4 + time / 86400:.11f}" for time in TIMES]), {}),
         "seconds since 1970": (table(clock="timestamp", times=[f"{1.7e9 + time:.4f}" for time in TIMES]), {}),
@@ -384,6 +420,12 @@ def _tables() -> dict[str, Kind]:
         "BOM, CRLF": Kind("csv", table().replace("\n", "\r\n").encode("utf-8-sig")),
         "tabs in a .txt": Kind("txt", table(mark="\t").encode()),
         "two dimensions": Kind("csv", table().replace("_z", "_w").encode(), "no z", reads=False),
+        "turns": Kind(
+            "csv",
+            table(head="{}_{}".format, positions=BODY * 0 + 0.5, more=[(f"{n}_w", 0.5) for n in NAMES]).encode(),
+            "positions",
+            reads=False,
+        ),
         "angles": Kind("csv", table(head="{}_rot_{}".format).encode(), "positions", reads=False),
     }
 
@@ -438,6 +480,8 @@ def _trcs() -> dict[str, Kind]:
         "metres, cut to four letters": (trc(unit="mete", positions=BODY), {"near": 6e-3}),
         "Windows' NaN": (trc(positions=gone).replace("\t\t\n", "\t-nan(ind)\t-1.#IND\tNaN\n"), {"tells": "never seen", "lacking": ("RightFoot",)}),
         "spaces between all": (trc().replace("\t\t\t", " ").replace("\t", " "), {}),
+        "a label for each axis": (trc().replace(heads, "\t".join(f"{name}_{axis}" for name in NAMES for axis in "xyz")), {}),
+        "two tabs more in front": (trc().replace("Time\t", "Time\t\t\t"), {}),
         "a label twice": (trc().replace("RightLeg", "LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
@@ -472,6 +516,14 @@ def _bvh_body(names: Sequence[str] = NAMES, *, moves: bool = False) -> tuple[Nod
     return nodes[0], np.round(frames, 4)
 
 
+def _twice(text: str) -> str:
+    """Put a BVH's body, and its numbers, twice into one file."""
+    body, motion = text.removeprefix("HIERARCHY\n").split("MOTION\n")
+    frames, period, *rows = motion.splitlines()
+    both = "\n".join([frames, period, *(f"{row} {row}" for row in rows)])
+    return f"HIERARCHY\n{body}{body}MOTION\n{both}\n"
+
+
 def _bvhs() -> dict[str, Kind]:
     root, frames = _bvh_body()
     plain = bvh_text(root, frames.tolist(), period="0.0166667")
@@ -495,6 +547,10 @@ def _bvhs() -> dict[str, Kind]:
         "one small position": (bvh_text(moving, glitch.tolist(), period="0.0166667"), {}),
         "noise for positions": (bvh_text(moving, noise.tolist(), period="0.0166667"), {}),
         "a name twice": (plain.replace("JOINT RightLeg", "JOINT LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
+        "comments": ("# made by a tool\n" + plain.replace("MOTION", "// its frames\nMOTION"), {}),
+        "scales beside positions": (bvh_text(moving, moved.tolist(), period="0.0166667").replace("CHANNELS 6", "CHANNELS 7 Xscale", 1).replace("\n0.1", "\n1 0.1"), {}),
+        "frames a second for Frame Time": (plain.replace("Time: 0.0166667", "Time: 60"), {"tells": "taken for frames a second"}),
+        "two ROOTs": (_twice(plain), {"people": ("Hips", "Hips_2")}),
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
     # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.

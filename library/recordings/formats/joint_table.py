@@ -33,7 +33,7 @@ from kinespace.library.recordings.formats.errors import RecordingError, number_o
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
-from kinespace.library.recordings.formats.timed_frames import are_shuffled, clock_of, laid, timing
+from kinespace.library.recordings.formats.timed_frames import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.
@@ -49,6 +49,8 @@ _CLOCK = re.compile(
     re.IGNORECASE,
 )
 _DATE = re.compile(r"\d+([-./])\d+\1\d+")
+#: A time with its unit.
+_WITH_UNIT = re.compile(r"(\S*\d\S*?) ?([^\W\d]+)")
 #: SMPTE's frames per second, and where they do not show; and the number by which their numbers are divided at first.
 _OF_SMPTE, _USUAL_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), (30, 60, 120), 1000.0
 #: Seconds after which a clock of twelve hours begins anew.
@@ -364,7 +366,8 @@ def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
     texts = [each for each in free if each not in head.people and number_of(first[each]) is None]
     if not head.joints:
         return texts if coordinate_of(_label(first, texts)) else []
-    return [*head.labels, *texts, *head.people, *free] if head.labels or texts or head.people else []
+    labels = [*(each for each in head.labels if each in texts), *head.labels, *texts, *head.people]
+    return [*labels, *free] if labels else []
 
 
 def _label(row: Sequence[str], columns: Sequence[int]) -> str:
@@ -451,4 +454,6 @@ def _moment(path: Path, line: int, text: str) -> float:
     if clock := _CLOCK.fullmatch(text.strip()) if ":" in text else None:
         hours, minutes, seconds, frame = (float((each or "0").replace(",", ".")) for each in clock.groups())
         return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
+    if (found := _WITH_UNIT.fullmatch(text.strip())) and (unit := SECONDS.get(found[2].lower())):
+        return _number(path, line, found[1]) * unit
     return math.nan if _DATE.fullmatch(text.strip()) else _number(path, line, text)

@@ -220,6 +220,17 @@ def _tidy() -> str:
     )
 
 
+#: Numbers of a hand and a body, which both begin at 0; and names whose sides stand in a column of their own.
+_PARTS = tuple(f"hand_{number}" if number < 6 else f"pose_{number - 6}" for number in range(16))
+_SIDED = tuple(f"{name[:4]}_{name[4:]}" if name[:4] == "Left" else name.replace("Right", "Right_") for name in NAMES)
+
+
+def _apart(names: Sequence[str], head: str) -> str:
+    """Give a row a joint, whose name stands in two columns."""
+    cells = [name.replace("_", ",") if "_" in name else f"none,{name}" for name in names]
+    return _long("{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}", names=cells).replace("time,joint", f"time,{head}")
+
+
 def _two_long() -> str:
     rows = "".join(
         f"{time:.4f},{who},{name},{x + shift:.4f},{y:.4f},{z:.4f}\n"
@@ -403,6 +414,9 @@ def _tables() -> dict[str, Kind]:
         "Vicon Tracker": (_tracker(), {}),
         "Venus3D": ("#Venus3D CSV Data\n#Sample Rate,,60.000000\n#Units,,mm\n" + _in_front("ID,Sample,Time,", lambda n, t: f"{n},{n},{t:.6f},", table(head=lambda n, a: f"{n}({a.upper()})", clock=None, positions=1000 * BODY)), {}),
         "Visual3D": (_visual3d(), {"ending": "txt", "rate": 30.0, "tells": "times: none"}),
+        "a row a joint, with a class and a running id": (_long("{frame}-{id},{frame},walk,{joint},{x:.4f},{y:.4f},{z:.4f}").replace("frame-id,frame,walk", "row_id,frame,label"), {"rate": 30.0, "tells": "frame numbers"}),
+        "a row a joint, sides apart": (_apart(_SIDED, "side,joint"), {"names": _SIDED}),
+        "a row a joint, numbers by part": (_apart(_PARTS, "type,landmark_id"), {"names": _PARTS}),
         "a row a joint, by number and name": (_long("{time:.4f},{id},{joint},{x:.4f},{y:.4f},{z:.4f}").replace("id,joint", "joint_index,joint_name"), {}),
         "Qualisys, tabs behind": (_qualisys(columns=False, end="\t"), {"ending": "tsv"}),
         "hours, minutes, seconds": (_in_front("hour,minute,second,ms,", lambda _, t: f"10,{59 if t < 0.2 else 0},{int(t + 59.8) % 60},{(t + 59.8) % 1 * 1000:.3f},".replace("10,0,", "11,0,")), {}),

@@ -61,6 +61,8 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
+#: Values of a column that are a body's sides, no people.
+_SIDES = frozenset({"left", "right", "l", "r"})
 #: A number in a field of several, as `[0.1 0.2 0.3]`, and the characters of such a field, at most.
 _PART, _MAX_POINT = re.compile(r"[^\s,;()\[\]]+"), 120
 #: The endings of tables in text.
@@ -370,6 +372,39 @@ def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
     return [*labels, *free] if labels else []
 
 
+def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tuple[list[int], list[int], list[str]]:
+    """Give the columns of times, the one that tells people apart, and the name of what stands in each row."""
+    counts = [len({row[column] for row in rows}) for column in range(len(first))]
+    # What differs from row to row numbers the rows.
+    told = [column for column, count in enumerate(counts) if 2 * count <= len(rows)]
+    clocks, those = [each for each in head.clocks if each in told], _labels_in(head, first)
+    labels = [[each] for each in those if each in told and counts[each] > 1] if head.joints else [those]
+
+    def fits(*columns: int) -> bool:
+        return len({_label(row, [*clocks, *columns]) for row in rows}) == len(rows)
+
+    people = [each for each in head.people if each in told and counts[each] > 1]
+    others = [each for each in dict.fromkeys((*those, *people, *head.free)) if each in told]
+    alone = ((label, -1) for label in labels if fits(*label))
+    pairs = ((label, each) for label in labels for each in others if each not in label and fits(*label, each, *people))
+    label, other = next(chain(alone, pairs), ((labels or [those[:1]])[0], -1))
+    names, people = [_label(row, label) for row in rows], [each for each in people if each not in label][:1]
+    if other < 0 or other in people:
+        return clocks, people, names
+    parts = dict[str, set[str]]()
+    for name, row in zip(names, rows, strict=True):
+        parts.setdefault(name, set()).add(row[other])
+    shared = set[str]().union(*(each for each in parts.values() if len(each) > 1))
+    if len({*map(frozenset, parts.values())}) == 1 and not {each.lower() for each in shared} <= _SIDES:
+        return clocks, [other], names
+    # A hand's numbers are not a body's.
+    return (
+        clocks,
+        people,
+        [f"{row[other]}_{n}" if row[other] in shared else n for n, row in zip(names, rows, strict=True)],
+    )
+
+
 def _label(row: Sequence[str], columns: Sequence[int]) -> str:
     return "_".join(row[each].strip() for each in columns)
 
@@ -406,26 +441,17 @@ def _read(path: Path) -> _Table:
 
 def _turned(path: Path, table: _Table) -> _Table:
     """Make a table whose rows are frames of one whose rows are joints or coordinates."""
-    head, rows = table.header, [row for _, row in table.rows]
-    labels = _labels_in(head, table.first)
+    head = table.header
     values = [*head.joints[""]] if head.joints else [each for each in head.free if is_value(head.names[each])]
-    if head.joints:
-        labels = [next((each for each in labels if len({row[each] for row in rows}) > 1), labels[0])]
-    # What differs from row to row numbers the rows.
-    clocks = [each for each in head.clocks if 2 * len({row[each] for row in rows}) <= len(rows)]
-    free = [each for each in (*head.people, *head.free) if each not in labels and len({row[each] for row in rows}) > 1]
-    people = [each for each in free if each in head.people]
-    if clocks and not people and len({_label(row, [*clocks, *labels]) for row in rows}) < len(rows):
-        people = [each for each in free if len({_label(row, [*clocks, *labels, each]) for row in rows}) == len(rows)]
-    kept = [*clocks, *people[:1]]
+    clocks, people, labels = _labelled(head, table.first, [row for _, row in table.rows])
     frames, seen = dict[tuple[int, str], tuple[int, list[str], dict[str, list[str]]]](), Counter[tuple[str, str]]()
-    for line, row in table.rows:
-        key, label = _label(row, kept), _label(row, labels)
-        *_, places = frames.setdefault((seen[key, label], key), (line, [row[each] for each in kept], {}))
+    for (line, row), label in zip(table.rows, labels, strict=True):
+        key = _label(row, [*clocks, *people])
+        *_, places = frames.setdefault((seen[key, label], key), (line, [row[each] for each in (*clocks, *people)], {}))
         places[label] = [row[each] for each in values]
         seen[key, label] += 1
-    names = few([*dict.fromkeys(_label(row, labels) for row in rows)])
-    lead = [*(head.names[each] for each in clocks), *["person"] * len(people[:1])]
+    names = few([*dict.fromkeys(labels)])
+    lead = [*(head.names[each] for each in clocks), *["person"] * len(people)]
     ends = ["_x", "_y", "_z"] if head.joints else [""]
     header = header_of([[*lead, *(name + end for name in names for end in ends)]])
     if header is None:

@@ -404,6 +404,8 @@ def _tables() -> dict[str, Kind]:
         "lists in fields": (_points('"[{:.4f}, {:.4f}, {:.4f}]"'), {}),
         "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
         "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
+        "a picture's places and the world's": (table(head="{}_world_{}".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
+        "forces beside": (table(head=lambda n, a: f"{n}.Pos{a.upper()}", more=[(f"FP1.{kind}{a}", 0.5) for kind in ("Cop", "For", "Mom") for a in "XYZ"]), {"tells": "no positions: FP1.Cop"}),
         "axes from 1": (table(head=lambda name, axis: f"{name}_{'xyz'.index(axis) + 1}", more=[(f"q_{n}", 0.5) for n in range(1, 5)]), {"tells": "no positions: q"}),
         "weights": (_points("{:.4f},{:.4f},{:.4f},1.0").replace(",".join(NAMES), ",".join(f"{n}.X,{n}.Y,{n}.Z,{n}.W" for n in NAMES)), {}),
         "turns beside": (table(more=[(f"Hips turn.{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips turn"}),

@@ -145,8 +145,12 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
         others = [j for j, axes in whole.items() if _NO_PLACES & {*words_of(j)} or (turns and len(axes) == 4)]
-        if len(whole) - len(others) > len(best[0]):
-            joints = {joint: axes for joint, axes in whole.items() if joint not in others}
+        joints = {joint: axes for joint, axes in whole.items() if joint not in others}
+        # Of places in the world and in a picture those in the world count.
+        if len(joints) <= 2 * len(world := [joint for joint in joints if "world" in words_of(joint)]):
+            others += [joint for joint in joints if joint not in world]
+            joints = {joint: joints[joint] for joint in world}
+        if len(joints) > len(best[0]):
             best = {joint: _three(axes) for joint, axes in joints.items()}, others, units - {""}
     return best
 

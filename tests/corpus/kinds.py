@@ -108,9 +108,6 @@ def _frames(
     )
 
 
-_TRACKED = ("RX", "RY", "RZ", "TX", "TY", "TZ")
-
-
 def _motive() -> str:
     """Motive 2 and 3: seven rows, a rotation before each position, and a marker of the skeleton behind the bones."""
     columns = [
@@ -148,22 +145,15 @@ def _motive() -> str:
     return head + _frames(numbers, lambda index: f"{index},{index / RATE:.6f}")
 
 
-def _vicon() -> str:
-    """Vicon Nexus: forces first, then Trajectories in millimetres, with the rate in a line of its own."""
+def _vicon(title: str = "Trajectories", axes: Sequence[str] = "XYZ", units: str = "mm,mm,mm") -> str:
+    """Vicon Nexus and Tracker: forces first, then millimetres, perhaps behind turns, with the rate in its own line."""
     forces = (
         "Devices\n600\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n1,0,0.1,0.2,700.5\n1,1,0.1,0.2,700.6\n\n"
     )
-    head = _several_rows(
-        [f"Ann:{name}" for name in NAMES], ["X", "Y", "Z"], (["", ""], ["Frame", "Sub Frame"]), "first"
-    )
-    units = ",," + ",".join(["mm"] * 3 * len(NAMES)) + "\n"
-    return (
-        forces
-        + f"Trajectories\n{RATE:.0f}\n"
-        + head
-        + units
-        + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1},0")
-    )
+    head = _several_rows([f"Ann:{name}" for name in NAMES], axes, (["", ""], ["Frame", "Sub Frame"]), "first")
+    turns = np.full((16, len(axes) - 3), 0.5)
+    rows = _frames(lambda frame: np.hstack([turns, frame * 1000]).ravel().tolist(), lambda index: f"{index + 1},0")
+    return f"{forces}{title}\n{RATE:.0f}\n{head},,{','.join([units] * 16)}\n{rows}"
 
 
 def _vicon_parts() -> str:
@@ -180,43 +170,14 @@ def _vicon_old() -> str:
     return f"TRAJECTORIES\n60,Hz\n{head}{rows}"
 
 
-def _qualisys(*, columns: bool = True, end: str = "") -> str:
-    """Give a Qualisys table, which has frames and times where its columns have names."""
-    names = "\t".join(NAMES) + end
+def _qualisys(*, columns: bool = True) -> str:
+    names = "\t".join(NAMES)
     head = f"NO_OF_FRAMES\t{len(BODY)}\nNO_OF_MARKERS\t16\nFREQUENCY\t60\nDATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
     heads = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
     return (
         head
         + f"Frame\tTime\t{heads}\n" * columns
-        + _frames(
-            lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1}\t{index / RATE:.5f}", "\t"
-        ).replace("\n", end + "\n")
-    )
-
-
-def _tracker() -> str:
-    """Vicon Tracker: turns before each position."""
-    head = _several_rows([f"{n}:{n}" for n in NAMES], _TRACKED, (["", ""], ["Frame", "Sub Frame"]), "first")
-    units = "," + ",rad,rad,rad,mm,mm,mm" * 16 + "\n"
-    turned = _frames(
-        lambda frame: np.concatenate([frame * 0 + 0.5, frame * 1000], axis=1).ravel().tolist(),
-        lambda place: f"{place + 1},0",
-    )
-    return f"Objects\n60\n{head}{units}{turned}"
-
-
-def _visual3d() -> str:
-    rows = [["", *[cell or name for name in NAMES for _ in "xyz"]] for cell in ("walk.c3d", "", "TARGET", "ORIGINAL")]
-    rows += [["ITEM", *"XYZ" * 16]]
-    head = "".join("\t".join(row) + "\n" for row in rows)
-    return head + _frames(lambda frame: frame.ravel().tolist(), lambda place: str(place + 1), "\t")
-
-
-def _tidy() -> str:
-    return "frame,timestamp,keypoint,x,y,z,score\n" + "".join(
-        f"{index},{index / RATE:.4f},{name},{x:.4f},{y:.4f},{z:.4f},0.99\n"
-        for index, frame in enumerate(BODY)
-        for name, (x, y, z) in zip(NAMES, frame.tolist(), strict=True)
+        + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1}\t{index / RATE:.5f}", "\t")
     )
 
 
@@ -366,7 +327,7 @@ def _tables() -> dict[str, Kind]:
         "Vicon Nexus": (_vicon(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "times: none"}),
-        "a row a joint": (_tidy(), {}),
+        "a row a joint": (_long("{frame},{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}", end=",score").replace("time,joint", "timestamp,keypoint"), {}),
         "seconds beside milliseconds": (_in_front("Frame,SubFrame,seconds,ms,", lambda n, t: f"{n},0,{int(t + 0.5)},{(t + 0.5) % 1 * 1000:.3f},"), {}),
         "seconds beside nanoseconds": (_in_front("stamp.secs,stamp.nsecs,", lambda _, t: f"{17 * 10**8 + int(t + 0.5)},{int((t + 0.5) % 1 * 1e9)},"), {"near": 1e-3}),
         "whole seconds alone": (_in_front("time,", lambda n, _: f"{n // 10},"), {"rate": 10.0, "tells": "stands for several frames"}),
@@ -408,19 +369,20 @@ def _tables() -> dict[str, Kind]:
         "forces beside": (table(head=lambda n, a: f"{n}.Pos{a.upper()}", more=[(f"FP1.{kind}{a}", 0.5) for kind in ("Cop", "For", "Mom") for a in "XYZ"]), {"tells": "no positions: FP1.Cop"}),
         "axes from 1": (table(head=lambda name, axis: f"{name}_{'xyz'.index(axis) + 1}", more=[(f"q_{n}", 0.5) for n in range(1, 5)]), {"tells": "no positions: q"}),
         "weights": (_points("{:.4f},{:.4f},{:.4f},1.0").replace(",".join(NAMES), ",".join(f"{n}.X,{n}.Y,{n}.Z,{n}.W" for n in NAMES)), {}),
+        "turns": (table(positions=BODY * 0 + 0.5, more=[(f"{n}_w", 0.5) for n in NAMES]), {"reads": False, "tells": "positions"}),
         "turns beside": (table(more=[(f"Hips turn.{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips turn"}),
         "rate and unit after //": ("// fs=60 n=48\n// posUnit=mm\n" + table(clock=None, positions=BODY * 1000), {}),
         "single quotes": ("'" + table().replace(",", "','").replace("\n", "'\n'").removesuffix("'"), {}),
         "seconds with s": (table(times=[f"{time:.4f}s" for time in TIMES]), {}),
         "h, m, s, f": (_in_front("h,m,s,f,", lambda n, _: f"10,59,{(n + 30) // 60},{(n + 30) % 60},"), {}),
-        "Vicon Tracker": (_tracker(), {}),
+        "Vicon Tracker": (_vicon("Objects", ("RX", "RY", "RZ", "TX", "TY", "TZ"), "rad,rad,rad,mm,mm,mm"), {}),
         "Venus3D": ("#Venus3D CSV Data\n#Sample Rate,,60.000000\n#Units,,mm\n" + _in_front("ID,Sample,Time,", lambda n, t: f"{n},{n},{t:.6f},", table(head=lambda n, a: f"{n}({a.upper()})", clock=None, positions=1000 * BODY)), {}),
-        "Visual3D": (_visual3d(), {"ending": "txt", "rate": 30.0, "tells": "times: none"}),
+        "Visual3D": (table(clock="ITEM", mark="\t", times=range(1, 49), head=lambda _, axis: axis.upper(), first="".join("\t" + "\t".join(cell or name for name in NAMES for _ in "xyz") + "\n" for cell in ("walk.c3d", "", "TARGET", "ORIGINAL"))), {"ending": "txt", "rate": 30.0, "tells": "times: none"}),
         "a row a joint, with a class and a running id": (_long("{frame}-{id},{frame},walk,{joint},{x:.4f},{y:.4f},{z:.4f}").replace("frame-id,frame,walk", "row_id,frame,label"), {"rate": 30.0, "tells": "frame numbers"}),
         "a row a joint, sides apart": (_apart(_SIDED, "side,joint"), {"names": _SIDED}),
         "a row a joint, numbers by part": (_apart(_PARTS, "type,landmark_id"), {"names": _PARTS}),
         "a row a joint, by number and name": (_long("{time:.4f},{id},{joint},{x:.4f},{y:.4f},{z:.4f}").replace("id,joint", "joint_index,joint_name"), {}),
-        "Qualisys, tabs behind": (_qualisys(columns=False, end="\t"), {"ending": "tsv"}),
+        "Qualisys, tabs behind": (_qualisys(columns=False).replace("\n", "\t\n"), {"ending": "tsv"}),
         "hours, minutes, seconds": (_in_front("hour,minute,second,ms,", lambda _, t: f"10,{59 if t < 0.2 else 0},{int(t + 59.8) % 60},{(t + 59.8) % 1 * 1000:.3f},".replace("10,0,", "11,0,")), {}),
         "days": (table(clock="datenum", times=[f"{45413.4 + time / 86400:.11f}" for time in TIMES]), {}),
         "seconds since 1970": (table(clock="timestamp", times=[f"{1.7e9 + time:.4f}" for time in TIMES]), {}),
@@ -436,12 +398,6 @@ def _tables() -> dict[str, Kind]:
         "BOM, CRLF": Kind("csv", table().replace("\n", "\r\n").encode("utf-8-sig")),
         "tabs in a .txt": Kind("txt", table(mark="\t").encode()),
         "two dimensions": Kind("csv", table().replace("_z", "_w").encode(), "no z", reads=False),
-        "turns": Kind(
-            "csv",
-            table(head="{}_{}".format, positions=BODY * 0 + 0.5, more=[(f"{n}_w", 0.5) for n in NAMES]).encode(),
-            "positions",
-            reads=False,
-        ),
         "angles": Kind("csv", table(head="{}_rot_{}".format).encode(), "positions", reads=False),
     }
 
@@ -532,14 +488,6 @@ def _bvh_body(names: Sequence[str] = NAMES, *, moves: bool = False) -> tuple[Nod
     return nodes[0], np.round(frames, 4)
 
 
-def _twice(text: str) -> str:
-    """Put a BVH's body, and its numbers, twice into one file."""
-    body, motion = text.removeprefix("HIERARCHY\n").split("MOTION\n")
-    frames, period, *rows = motion.splitlines()
-    both = "\n".join([frames, period, *(f"{row} {row}" for row in rows)])
-    return f"HIERARCHY\n{body}{body}MOTION\n{both}\n"
-
-
 def _bvhs() -> dict[str, Kind]:
     root, frames = _bvh_body()
     plain = bvh_text(root, frames.tolist(), period="0.0166667")
@@ -549,6 +497,7 @@ def _bvhs() -> dict[str, Kind]:
     glitch[20, 7] = 0.01
     noise[:, 6:9] = 1e-7
     head, motion = plain.split("Frame Time")
+    twice = plain.replace("MOTION", plain.removeprefix("HIERARCHY\n").partition("MOTION")[0] + "MOTION")
     texts = {
         "plain": (plain, {}),
         "a frame more": (plain.replace("Frames: 48", "Frames: 47"), {"tells": "the header says 47, there are 48"}),
@@ -566,7 +515,7 @@ def _bvhs() -> dict[str, Kind]:
         "comments": ("# made by a tool\n" + plain.replace("MOTION", "// its frames\nMOTION"), {}),
         "scales beside positions": (bvh_text(moving, moved.tolist(), period="0.0166667").replace("CHANNELS 6", "CHANNELS 7 Xscale", 1).replace("\n0.1", "\n1 0.1"), {}),
         "frames a second for Frame Time": (plain.replace("Time: 0.0166667", "Time: 60"), {"tells": "taken for frames a second"}),
-        "two ROOTs": (_twice(plain), {"people": ("Hips", "Hips_2")}),
+        "two ROOTs": ("".join(f"{row[:-1]} {row}" if row[0] in "-0123456789" else row for row in twice.splitlines(keepends=True)), {"people": ("Hips", "Hips_2")}),
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
     # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.

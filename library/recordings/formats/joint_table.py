@@ -261,8 +261,8 @@ class _Table:
     def people(self, path: Path, moments: NDArray[np.float64] | None) -> dict[str, NDArray[np.intp]]:
         """Give the rows of each person; RecordingError where bodies stand at one time, and no column tells whose."""
         size = len(self.places())
-        several = {column: each for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2}
-        told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several.items()}
+        several = ((column, each) for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2)
+        told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several}
         column = next((each for each in self.header.people if each in told), None)
         if column is None and moments is not None and not (np.diff(moments) > 0).all():
             pairs = ((each, np.stack([moments, numbers])) for each, numbers in told.items())
@@ -391,11 +391,11 @@ def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tupl
     names, people = [_label(row, label) for row in rows], [each for each in people if each not in label][:1]
     if other < 0 or other in people:
         return clocks, people, names
-    parts = dict[str, set[str]]()
-    for name, row in zip(names, rows, strict=True):
-        parts.setdefault(name, set()).add(row[other])
-    shared = set[str]().union(*(each for each in parts.values() if len(each) > 1))
-    if len({*map(frozenset, parts.values())}) == 1 and not {each.lower() for each in shared} <= _SIDES:
+    parts = {(name, row[other]) for name, row in zip(names, rows, strict=True)}
+    times = Counter(name for name, _ in parts)
+    shared = {part for name, part in parts if times[name] > 1}
+    # Each of the people has all joints.
+    if len(parts) == len(times) * len(shared) and not {each.lower() for each in shared} <= _SIDES:
         return clocks, [other], names
     # A hand's numbers are not a body's.
     return (

@@ -123,13 +123,11 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
             # A tab may stand at a line's end, too.
             front -= front % 2 and not first[-1]
             row = [*("Frame", "Time")[:front], *(f"{name} {axis}" for name in names for axis in "xyz")]
-        if found := _of_several(rows, place):
-            return found
-        joints, others, units = _of_one(row, first)
-        if len(joints) > 1:
-            return _header(rows, row, joints, others, units)
-        if long := _of_long(row):
-            return _header(rows, row, *long)
+        if several := _of_several(rows, place):
+            return several
+        one = _of_one(row, first)
+        if found := one if len(one[0]) > 1 else _of_long(row):
+            return _header(rows, row, *found)
     return None
 
 
@@ -145,13 +143,12 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
         others = [j for j, axes in whole.items() if _NO_PLACES & {*words_of(j)} or (turns and len(axes) == 4)]
-        joints = {joint: axes for joint, axes in whole.items() if joint not in others}
+        places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
-        if len(joints) <= 2 * len(world := [joint for joint in joints if "world" in words_of(joint)]):
-            others += [joint for joint in joints if joint not in world]
-            joints = {joint: joints[joint] for joint in world}
-        if len(joints) > len(best[0]):
-            best = {joint: _three(axes) for joint, axes in joints.items()}, others, units - {""}
+        if len(places) <= 2 * len(world := [joint for joint in places if "world" in words_of(joint)]):
+            places, others = world, others + [joint for joint in places if joint not in world]
+        if len(places) > len(best[0]):
+            best = {joint: _three(whole[joint]) for joint in places}, others, units - {""}
     return best
 
 
@@ -162,9 +159,8 @@ def _three(axes: Mapping[str, int]) -> tuple[int, int, int]:
 
 def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
     """Say whether the first frame has lengths of 1 in all columns that come by four: quaternions have."""
-    numbers = [[number_of(first[column]) for column in four if column < len(first)] for four in fours]
-    lengths = [sum(each**2 for each in four if each is not None) for four in numbers]
-    seen = [length for length in lengths if math.isfinite(length)]
+    numbers = ([number_of(first[column]) or 0.0 for column in four] for four in fours if max(four) < len(first))
+    seen = [length for four in numbers if math.isfinite(length := math.hypot(*four))]
     return bool(seen) and all(abs(length - 1) < _OF_ONE for length in seen)
 
 
@@ -224,11 +220,7 @@ def _filled(row: Sequence[str], size: int) -> list[str]:
 
 
 def _header(
-    rows: Sequence[Sequence[str]],
-    names: Sequence[str],
-    joints: _Columns,
-    others: list[str],
-    units: set[str],
+    rows: Sequence[Sequence[str]], names: Sequence[str], joints: _Columns, others: list[str], units: set[str]
 ) -> Header:
     taken = {column for axes in joints.values() for column in axes}
     words = {column: words_of(name) for column, name in enumerate(names) if column not in taken}

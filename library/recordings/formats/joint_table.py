@@ -61,8 +61,6 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: Values of a column that are a body's sides, no people.
-_SIDES = frozenset({"left", "right", "l", "r"})
 #: A number in a field of several, as `[0.1 0.2 0.3]`, and the characters of such a field, at most.
 _PART, _MAX_POINT = re.compile(r"[^\s,;()\[\]]+"), 120
 #: The endings of tables in text.
@@ -394,8 +392,8 @@ def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tupl
     parts = {(name, row[other]) for name, row in zip(names, rows, strict=True)}
     times = Counter(name for name, _ in parts)
     shared = {part for name, part in parts if times[name] > 1}
-    # Each of the people has all joints.
-    if len(parts) == len(times) * len(shared) and not {each.lower() for each in shared} <= _SIDES:
+    # Each of the people has all joints; sides are no people.
+    if len(parts) == len(times) * len(shared) and not {each.lower() for each in shared} <= {"left", "right", "l", "r"}:
         return clocks, [other], names
     # A hand's numbers are not a body's.
     return (

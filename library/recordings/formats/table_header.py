@@ -29,8 +29,6 @@ _WAYS = (
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?|1234?")
-#: Share by which the length of a turn may differ from 1.
-_OF_ONE = 0.01
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
     r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
@@ -126,7 +124,7 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
         if several := _of_several(rows, place):
             return several
         one = _of_one(row, first)
-        if found := one if len(one[0]) > 1 else _of_long(row):
+        if found := one if len(one[0]) > 1 else _of_long(row, first):
             return _header(rows, row, *found)
     return None
 
@@ -161,15 +159,23 @@ def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
     """Say whether the first frame has lengths of 1 in all columns that come by four: quaternions have."""
     numbers = ([number_of(first[column]) or 0.0 for column in four] for four in fours if max(four) < len(first))
     seen = [length for four in numbers if math.isfinite(length := math.hypot(*four))]
-    return bool(seen) and all(abs(length - 1) < _OF_ONE for length in seen)
+    return bool(seen) and all(math.isclose(length, 1, rel_tol=0.01) for length in seen)
 
 
-def _of_long(row: Sequence[str]) -> tuple[_Columns, list[str], set[str]] | None:
-    """Find the axes, or the values, in the header of a table whose rows are joints, or coordinates."""
-    found = {axis[1].lower(): place for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))}
-    units = {axis[2].lower() for name in row if (axis := _AXIS.fullmatch(name.strip())) and axis[2]}
-    if {*found} == {*"xyz"} and len(row) > 3:
-        return {"": _three(found)}, [], units
+def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]] | None:
+    """Find the axes, or the values, in the header of a table whose cells name joints, or coordinates."""
+    axes = [
+        (axis[1].lower(), axis[2], place) for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))
+    ]
+    units = {unit.lower() for _, unit, _ in axes if unit}
+    threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
+    # Where joints stand beside each other a cell in front of each names it.
+    labels = [place for place, name in enumerate(row[: len(first)]) if _LABELS & {*words_of(name)}]
+    beside = {first[max((each for each in labels if each < three[0]), default=0)]: three for three in threes if first}
+    if len(beside) == len(threes) > 1:
+        return beside, [], units
+    if threes and len(row) > 3:
+        return {"": threes[0]}, [], units
     return ({}, [], set()) if len(row) > 2 and any(map(is_value, row)) else None
 
 

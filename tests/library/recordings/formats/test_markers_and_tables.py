@@ -75,14 +75,11 @@ def test_a_gap_is_listed(tmp_path: Path) -> None:
 
 def test_tables_labels_and_libraries_are_told_apart(tmp_path: Path) -> None:
     """A table of joints is told from a labels file and from a motion library."""
-    for name, text, is_table in (
-        ("a.csv", csv_table(("a", "b"), WALK[:, :2]), True),
-        ("b.csv", "start_s,end_s\n", False),
-    ):
-        (tmp_path / name).write_text(text)
-        assert joint_table.is_joint_table(tmp_path / name) is is_table
+    (tmp_path / "a.csv").write_text(csv_table(("a", "b"), WALK[:, :2]))
+    (tmp_path / "b.csv").write_text("start_s,end_s\n")
     np.savez(tmp_path / "library.npz", header=np.zeros(3))
-    assert not joint_table.is_joint_table(tmp_path / "library.npz")
+    names = ("a.csv", "b.csv", "library.npz")
+    assert [joint_table.is_joint_table(tmp_path / name) for name in names] == [True, False, False]
 
 
 # --- the parts ---------------------------------------------------------------------------------------------------

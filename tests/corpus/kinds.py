@@ -124,14 +124,7 @@ def _motive() -> str:
         for title, cells in (
             ("Type", types),
             ("Name", [name for name, _, _ in columns]),
-            (
-                "ID",
-                [
-                    f"{index:032X}"
-                    for index, name in enumerate(dict.fromkeys(name for name, _, _ in columns))
-                    for _ in range(7 if index < len(NAMES) else 4)
-                ],
-            ),
+            ("ID", [f"{sum(map(ord, name)):032X}" for name, _, _ in columns]),
             ("", [kind for _, kind, _ in columns]),
         )
     )
@@ -368,6 +361,7 @@ def _tables() -> dict[str, Kind]:
         "a picture's places and the world's": (table(head="{}_world_{}".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
         "forces beside": (table(head=lambda n, a: f"{n}.Pos{a.upper()}", more=[(f"FP1.{kind}{a}", 0.5) for kind in ("Cop", "For", "Mom") for a in "XYZ"]), {"tells": "no positions: FP1.Cop"}),
         "joints' names in cells": ("Time,SkeletonId" + ",Joint,Status,PositionX,PositionY,PositionZ,RotationX,RotationY" * 16 + "\n" + "".join(f"{t:.4f},7" + "".join(f",{n},TRACKED,{x:.4f},{y:.4f},{z:.4f},0.5,0" for n, (x, y, z) in zip(NAMES, frame, strict=True)) + "\n" for t, frame in zip(TIMES, BODY.tolist(), strict=True)), {}),
+        "commas within and between": (table().replace(".", ","), {"reads": False, "tells": "expected 49 fields, got 98: commas in numbers"}),
         "axes from 1": (table(head=lambda name, axis: f"{name}_{'xyz'.index(axis) + 1}", more=[(f"q_{n}", 0.5) for n in range(1, 5)]), {"tells": "no positions: q"}),
         "weights": (_points("{:.4f},{:.4f},{:.4f},1.0").replace(",".join(NAMES), ",".join(f"{n}.X,{n}.Y,{n}.Z,{n}.W" for n in NAMES)), {}),
         "turns": (table(positions=BODY * 0 + 0.5, more=[(f"{n}_w", 0.5) for n in NAMES]), {"reads": False, "tells": "positions"}),

@@ -202,7 +202,13 @@ class _Table:
         self.needed = max([*self.columns, *head.clocks, *head.people]) + 1 if self.is_wide else len(self.first)
 
     def take(self, path: Path, line: int, row: list[str]) -> None:
-        """Take in a row."""
+        """Take in a row; refuse one of another width than the header's."""
+        missing, beyond = self.needed - len(row), sum(map(bool, row[len(self.header.names) :]))
+        if missing > len(row) or 5 * beyond > self.needed + 5:
+            want, why = (len(self.header.names), ": commas in numbers, too?") if beyond else (self.needed, "")
+            refuse(path, line, f"expected {want} fields, got {len(row)}{why}")
+        self.short += missing > 0
+        row = row + [""] * missing
         if not self.is_wide:
             self.rows.append((line, row))
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
@@ -331,11 +337,8 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
         cells = _spread(row, table.points) if table.points else row
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
-        elif 2 * len(cells) < table.needed:
-            refuse(path, line, f"expected {table.needed} fields, got {len(cells)}")
         else:
-            table.short += len(cells) < table.needed
-            table.take(path, line, cells + [""] * (table.needed - len(cells)))
+            table.take(path, line, cells)
     if table is None and (header := header_of(head)):
         yield _Table(header, [], line)
 

@@ -172,7 +172,7 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     # Where joints stand beside each other a cell in front of each names it.
     labels = [place for place, name in enumerate(row[: len(first)]) if _LABELS & {*words_of(name)}]
     beside = {first[max((each for each in labels if each < three[0]), default=0)]: three for three in threes if first}
-    if len(beside) == len(threes) > 1:
+    if len(beside) == len(threes) > 1 and all(number_of(name) is None for name in beside):
         return beside, [], units
     if threes and len(row) > 3:
         return {"": threes[0]}, [], units

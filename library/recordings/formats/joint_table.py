@@ -203,12 +203,13 @@ class _Table:
 
     def take(self, path: Path, line: int, row: list[str]) -> None:
         """Take in a row; refuse one of another width than the header's."""
-        missing, beyond = self.needed - len(row), sum(map(bool, row[len(self.header.names) :]))
+        missing, width = self.needed - len(row), len(self.header.names)
+        beyond = sum(map(bool, row[width:])) if len(row) > width else 0
         if missing > len(row) or 5 * beyond > self.needed + 5:
-            want, why = (len(self.header.names), ": commas in numbers, too?") if beyond else (self.needed, "")
+            want, why = (width, ": commas in numbers, too?") if beyond else (self.needed, "")
             refuse(path, line, f"expected {want} fields, got {len(row)}{why}")
-        self.short += missing > 0
-        row = row + [""] * missing
+        if missing > 0:
+            self.short, row = self.short + 1, row + [""] * missing
         if not self.is_wide:
             self.rows.append((line, row))
             memory.require(len(self.rows) * len(row) * _CELL, "memory")

@@ -156,10 +156,10 @@ def _three(axes: Mapping[str, int]) -> tuple[int, int, int]:
 
 
 def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
-    """Say whether the first frame has lengths of 1 in all columns that come by four: quaternions have."""
+    """Say whether the first frame has lengths of 1, or none, in all columns that come by four: quaternions have."""
     numbers = ([number_of(first[column]) or 0.0 for column in four] for four in fours if max(four) < len(first))
-    seen = [length for four in numbers if math.isfinite(length := math.hypot(*four))]
-    return bool(seen) and all(math.isclose(length, 1, rel_tol=0.01) for length in seen)
+    seen = (length for four in numbers if math.isfinite(length := math.hypot(*four)) and length)
+    return all(math.isclose(length, 1, rel_tol=0.01) for length in seen)
 
 
 def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]] | None:

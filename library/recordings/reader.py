@@ -29,8 +29,8 @@ _TABLES = (*joint_table.TEXTS, ".npz")
 #: Films: `tools` finds bodies in them, so that its reader is handed in as well.
 FILMS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 #: Readers of the files that hold their own skeleton, by ending.
-_READERS: dict[str, Callable[..., Clip | list[Clip]]] = {
-    ".bvh": bvh.read_clip,
+_READERS: dict[str, Callable[..., list[Clip]]] = {
+    ".bvh": bvh.read_clips,
     _C3D: c3d.read_clips,
     ".trc": trc.read_clips,
 }
@@ -263,8 +263,7 @@ class RecordingReader:
             return [restricted(utkinect.read_clip(path), reading.joints)]
         read = _READERS.get(ending, joint_table.read_clips)
         metres = metres_of(reading.unit) if reading.unit else None
-        found = read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)
-        return [found] if isinstance(found, Clip) else found
+        return read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)
 
     def _body(self, path: Path) -> acclaim.AcclaimSkeleton:
         file = self._reading.asf or acclaim.find_asf(path)

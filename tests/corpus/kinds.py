@@ -124,14 +124,7 @@ def _motive() -> str:
         for title, cells in (
             ("Type", types),
             ("Name", [name for name, _, _ in columns]),
-            (
-                "ID",
-                [
-                    f"{index:032X}"
-                    for index, name in enumerate(dict.fromkeys(name for name, _, _ in columns))
-                    for _ in range(7 if index < len(NAMES) else 4)
-                ],
-            ),
+            ("ID", [f"{sum(map(ord, name)):032X}" for name, _, _ in columns]),
             ("", [kind for _, kind, _ in columns]),
         )
     )
@@ -145,22 +138,15 @@ def _motive() -> str:
     return head + _frames(numbers, lambda index: f"{index},{index / RATE:.6f}")
 
 
-def _vicon() -> str:
-    """Vicon Nexus: forces first, then Trajectories in millimetres, with the rate in a line of its own."""
+def _vicon(title: str = "Trajectories", axes: Sequence[str] = "XYZ", units: str = "mm,mm,mm") -> str:
+    """Vicon Nexus and Tracker: forces first, then millimetres, perhaps behind turns, with the rate in its own line."""
     forces = (
         "Devices\n600\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n1,0,0.1,0.2,700.5\n1,1,0.1,0.2,700.6\n\n"
     )
-    head = _several_rows(
-        [f"Ann:{name}" for name in NAMES], ["X", "Y", "Z"], (["", ""], ["Frame", "Sub Frame"]), "first"
-    )
-    units = ",," + ",".join(["mm"] * 3 * len(NAMES)) + "\n"
-    return (
-        forces
-        + f"Trajectories\n{RATE:.0f}\n"
-        + head
-        + units
-        + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1},0")
-    )
+    head = _several_rows([f"Ann:{name}" for name in NAMES], axes, (["", ""], ["Frame", "Sub Frame"]), "first")
+    turns = np.full((16, len(axes) - 3), 0.5)
+    rows = _frames(lambda frame: np.hstack([turns, frame * 1000]).ravel().tolist(), lambda index: f"{index + 1},0")
+    return f"{forces}{title}\n{RATE:.0f}\n{head},,{','.join([units] * 16)}\n{rows}"
 
 
 def _vicon_parts() -> str:
@@ -188,12 +174,15 @@ def _qualisys(*, columns: bool = True) -> str:
     )
 
 
-def _tidy() -> str:
-    return "frame,timestamp,keypoint,x,y,z,score\n" + "".join(
-        f"{index},{index / RATE:.4f},{name},{x:.4f},{y:.4f},{z:.4f},0.99\n"
-        for index, frame in enumerate(BODY)
-        for name, (x, y, z) in zip(NAMES, frame.tolist(), strict=True)
-    )
+#: Numbers of a hand and a body, which both begin at 0; and names whose sides stand in a column of their own.
+_PARTS = tuple(f"hand_{number}" if number < 6 else f"pose_{number - 6}" for number in range(16))
+_SIDED = tuple(f"{name[:4]}_{name[4:]}" if name[:4] == "Left" else name.replace("Right", "Right_") for name in NAMES)
+
+
+def _apart(names: Sequence[str], head: str) -> str:
+    """Give a row a joint, whose name stands in two columns."""
+    cells = [name.replace("_", ",") if "_" in name else f"none,{name}" for name in names]
+    return _long("{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}", names=cells).replace("time,joint", f"time,{head}")
 
 
 def _two_long() -> str:
@@ -331,7 +320,7 @@ def _tables() -> dict[str, Kind]:
         "Vicon Nexus": (_vicon(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "times: none"}),
-        "a row a joint": (_tidy(), {}),
+        "a row a joint": (_long("{frame},{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}", end=",score").replace("time,joint", "timestamp,keypoint"), {}),
         "seconds beside milliseconds": (_in_front("Frame,SubFrame,seconds,ms,", lambda n, t: f"{n},0,{int(t + 0.5)},{(t + 0.5) % 1 * 1000:.3f},"), {}),
         "seconds beside nanoseconds": (_in_front("stamp.secs,stamp.nsecs,", lambda _, t: f"{17 * 10**8 + int(t + 0.5)},{int((t + 0.5) % 1 * 1e9)},"), {"near": 1e-3}),
         "whole seconds alone": (_in_front("time,", lambda n, _: f"{n // 10},"), {"rate": 10.0, "tells": "stands for several frames"}),
@@ -369,6 +358,26 @@ def _tables() -> dict[str, Kind]:
         "lists in fields": (_points('"[{:.4f}, {:.4f}, {:.4f}]"'), {}),
         "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
         "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
+        "a picture's places and the world's": (table(head="{}_world_{}".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
+        "forces beside": (table(head=lambda n, a: f"{n}.Pos{a.upper()}", more=[(f"FP1.{kind}{a}", 0.5) for kind in ("Cop", "For", "Mom") for a in "XYZ"]), {"tells": "no positions: FP1.Cop"}),
+        "joints' names in cells": ("Time,SkeletonId" + ",Joint,Status,PositionX,PositionY,PositionZ,RotationX,RotationY" * 16 + "\n" + "".join(f"{t:.4f},7" + "".join(f",{n},TRACKED,{x:.4f},{y:.4f},{z:.4f},0.5,0" for n, (x, y, z) in zip(NAMES, frame, strict=True)) + "\n" for t, frame in zip(TIMES, BODY.tolist(), strict=True)), {}),
+        "commas within and between": (table().replace(".", ","), {"reads": False, "tells": "expected 49 fields, got 98: commas in numbers"}),
+        "axes from 1": (table(head=lambda name, axis: f"{name}_{'xyz'.index(axis) + 1}", more=[(f"q_{n}", 0.5) for n in range(1, 5)]), {"tells": "no positions: q"}),
+        "weights": (_points("{:.4f},{:.4f},{:.4f},1.0").replace(",".join(NAMES), ",".join(f"{n}.X,{n}.Y,{n}.Z,{n}.W" for n in NAMES)), {}),
+        "turns": (table(positions=BODY * 0 + 0.5, more=[(f"{n}_w", 0.5) for n in NAMES]), {"reads": False, "tells": "positions"}),
+        "turns beside": (table(more=[(f"Hips turn.{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips turn"}),
+        "rate and unit after //": ("// fs=60 n=48\n// posUnit=mm\n" + table(clock=None, positions=BODY * 1000), {}),
+        "single quotes": ("'" + table().replace(",", "','").replace("\n", "'\n'").removesuffix("'"), {}),
+        "seconds with s": (table(times=[f"{time:.4f}s" for time in TIMES]), {}),
+        "h, m, s, f": (_in_front("h,m,s,f,", lambda n, _: f"10,59,{(n + 30) // 60},{(n + 30) % 60},"), {}),
+        "Vicon Tracker": (_vicon("Objects", ("RX", "RY", "RZ", "TX", "TY", "TZ"), "rad,rad,rad,mm,mm,mm"), {}),
+        "Venus3D": ("#Venus3D CSV Data\n#Sample Rate,,60.000000\n#Units,,mm\n" + _in_front("ID,Sample,Time,", lambda n, t: f"{n},{n},{t:.6f},", table(head=lambda n, a: f"{n}({a.upper()})", clock=None, positions=1000 * BODY)), {}),
+        "Visual3D": (table(clock="ITEM", mark="\t", times=range(1, 49), head=lambda _, axis: axis.upper(), first="".join("\t" + "\t".join(cell or name for name in NAMES for _ in "xyz") + "\n" for cell in ("walk.c3d", "", "TARGET", "ORIGINAL"))), {"ending": "txt", "rate": 30.0, "tells": "times: none"}),
+        "a row a joint, with a class and a running id": (_long("{frame}-{id},{frame},walk,{joint},{x:.4f},{y:.4f},{z:.4f}").replace("frame-id,frame,walk", "row_id,frame,label"), {"rate": 30.0, "tells": "frame numbers"}),
+        "a row a joint, sides apart": (_apart(_SIDED, "side,joint"), {"names": _SIDED}),
+        "a row a joint, numbers by part": (_apart(_PARTS, "type,landmark_id"), {"names": _PARTS}),
+        "a row a joint, by number and name": (_long("{time:.4f},{id},{joint},{x:.4f},{y:.4f},{z:.4f}").replace("id,joint", "joint_index,joint_name"), {}),
+        "Qualisys, tabs behind": (_qualisys(columns=False).replace("\n", "\t\n"), {"ending": "tsv"}),
         "hours, minutes, seconds": (_in_front("hour,minute,second,ms,", lambda _, t: f"10,{59 if t < 0.2 else 0},{int(t + 59.8) % 60},{(t + 59.8) % 1 * 1000:.3f},".replace("10,0,", "11,0,")), {}),
         "days": (table(clock="datenum", times=[f"{45413.4 + time / 86400:.11f}" for time in TIMES]), {}),
         "seconds since 1970": (table(clock="timestamp", times=[f"{1.7e9 + time:.4f}" for time in TIMES]), {}),
@@ -438,6 +447,8 @@ def _trcs() -> dict[str, Kind]:
         "metres, cut to four letters": (trc(unit="mete", positions=BODY), {"near": 6e-3}),
         "Windows' NaN": (trc(positions=gone).replace("\t\t\n", "\t-nan(ind)\t-1.#IND\tNaN\n"), {"tells": "never seen", "lacking": ("RightFoot",)}),
         "spaces between all": (trc().replace("\t\t\t", " ").replace("\t", " "), {}),
+        "a label for each axis": (trc().replace(heads, "\t".join(f"{name}_{axis}" for name in NAMES for axis in "xyz")), {}),
+        "two tabs more in front": (trc().replace("Time\t", "Time\t\t\t"), {}),
         "a label twice": (trc().replace("RightLeg", "LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
@@ -481,6 +492,7 @@ def _bvhs() -> dict[str, Kind]:
     glitch[20, 7] = 0.01
     noise[:, 6:9] = 1e-7
     head, motion = plain.split("Frame Time")
+    twice = plain.replace("MOTION", plain.removeprefix("HIERARCHY\n").partition("MOTION")[0] + "MOTION")
     texts = {
         "plain": (plain, {}),
         "a frame more": (plain.replace("Frames: 48", "Frames: 47"), {"tells": "the header says 47, there are 48"}),
@@ -495,6 +507,10 @@ def _bvhs() -> dict[str, Kind]:
         "one small position": (bvh_text(moving, glitch.tolist(), period="0.0166667"), {}),
         "noise for positions": (bvh_text(moving, noise.tolist(), period="0.0166667"), {}),
         "a name twice": (plain.replace("JOINT RightLeg", "JOINT LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
+        "comments": ("# made by a tool\n" + plain.replace("MOTION", "// its frames\nMOTION"), {}),
+        "scales beside positions": (bvh_text(moving, moved.tolist(), period="0.0166667").replace("CHANNELS 6", "CHANNELS 7 Xscale", 1).replace("\n0.1", "\n1 0.1"), {}),
+        "frames a second for Frame Time": (plain.replace("Time: 0.0166667", "Time: 60"), {"tells": "taken for frames a second"}),
+        "two ROOTs": ("".join(f"{row[:-1]} {row}" if row[0] in "-0123456789" else row for row in twice.splitlines(keepends=True)), {"people": ("Hips", "Hips_2")}),
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
     # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.

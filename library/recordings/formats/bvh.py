@@ -16,6 +16,7 @@ import re
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,9 @@ from kinespace.library.recordings.formats.rotations import BLOCK, turns
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
-_CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
+_CHANNEL = re.compile(r"([xyz])(position|rotation|scale)", re.IGNORECASE)
+#: Frames per second at least: longer Frame Times count the frames.
+_SLOWEST = 0.2
 #: An offset shorter than this share of the largest offset counts as none.
 _NO_OFFSET = 1e-6
 #: A joint's position channels replace its offset where half of them are longer than this share of it.
@@ -84,7 +87,7 @@ def _statements(path: Path) -> Iterator[Line]:
     # Joint names come in any encoding; a name that is not UTF-8 must not stop the reader.
     for number, text in enumerate(memory.lines(path, errors="replace"), start=1):
         for piece in re.split(r"([{}])", text) if "{" in text or "}" in text else (text,):
-            if words := piece.split():
+            if (words := piece.split()) and not words[0].startswith(("#", "//")):
                 yield Line(path, number, words)
 
 
@@ -125,9 +128,7 @@ class _HierarchyReader:
 
     def _name(self, word: str, statement: Line) -> None:
         if (word == "root") != (self._open == [-1]):
-            statement.fail("expected one ROOT with all joints: one performer in a file")
-        if word == "root" and self.joints:
-            statement.fail("a second ROOT: expected one performer in a file")
+            statement.fail("expected a ROOT, and all joints within one")
         name = " ".join(statement.words[1:])
         if word == "end":
             parent = self._open[-1]
@@ -204,6 +205,9 @@ def read_bvh(path: Path, frame_rate: float | None = None) -> BvhMotion:
     announced, rate, line = _motion_header(statements, line, frame_rate)
     size = sum(len(joint.channels) for joint in hierarchy.joints)
     frames, values, notes = 0, array("d"), list[str]()
+    if rate < _SLOWEST:
+        rate = round(1 / rate, 6)
+        notes.append(f"times: the Frame Time {rate:g} is taken for frames a second")
     for line in statements:
         try:
             values.extend(numbers_in(line.words, path, line.number, size))
@@ -344,10 +348,20 @@ def _kept(
     return kept, tuple(parents)
 
 
-def read_clip(
+def _performers(motion: BvhMotion) -> Iterator[BvhMotion]:
+    """Give the motion of each ROOT that has joints."""
+    columns = np.cumsum([0, *(len(joint.channels) for joint in motion.joints)])
+    roots = [place for place, joint in enumerate(motion.joints) if joint.parent < 0]
+    for first, end in pairwise([*roots, len(motion.joints)]):
+        joints = tuple(replace(joint, parent=max(joint.parent - first, -1)) for joint in motion.joints[first:end])
+        if len(joints) > 1:
+            yield replace(motion, joints=joints, channels=motion.channels[:, columns[first] : columns[end]])
+
+
+def read_clips(
     path: Path, *, metres_per_unit: float | None = None, frame_rate: float | None = None, joints: Sequence[str] = ()
-) -> Clip:
-    """Read a BVH into a clip.
+) -> list[Clip]:
+    """Read a BVH into a clip for each ROOT, one usually.
 
     Parameters
     ----------
@@ -363,7 +377,7 @@ def read_clip(
 
     Returns
     -------
-    The clip: positions (frames, joints, 3) in metres, and `rotations`, the recorded angles in radians.
+    The clips: positions (frames, joints, 3) in metres, and `rotations`, the recorded angles in radians.
 
     Raises
     ------
@@ -374,7 +388,13 @@ def read_clip(
     OSError
         The file cannot be opened.
     """
-    motion = read_bvh(path, frame_rate)
+    bodies = [*_performers(read_bvh(path, frame_rate))]
+    clips = [hdm05.titled(_clip(body, metres_per_unit, joints, path.stem), path) for body in bodies]
+    roots, _ = short_names([body.joints[0].name for body in bodies])
+    return [replace(clip, actor=root) for clip, root in zip(clips, roots, strict=True)] if len(clips) > 1 else clips
+
+
+def _clip(motion: BvhMotion, metres_per_unit: float | None, joints: Sequence[str], name: str) -> Clip:
     displaced, passing = _displaced(motion)
     kept, parents = _kept(motion.joints, displaced, joints)
     names, twice = short_names([motion.joints[index].name for index in kept])
@@ -384,12 +404,11 @@ def read_clip(
         raise ValueError("expected places of joints, got numbers too large to compute with")
     positions *= metres_per_unit or guessed_metres(positions)
     turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
-    clip = Clip(
+    return Clip(
         skeleton=skeleton,
         positions=positions,
         frame_rate=motion.frame_rate,
-        name=path.stem,
+        name=name,
         rotations=np.radians(motion.channels[:, turns]),
         notes=(*motion.notes, *twice, *passing),
     )
-    return hdm05.titled(clip, path)

@@ -45,7 +45,7 @@ def mended(words: Sequence[str]) -> list[str]:
 def number_of(field: str) -> float | None:
     """Read a field of a table: NaN where it is empty or says that there is no number, None for any other text."""
     try:
-        return float(field)
+        return float(field.strip("'"))
     except ValueError:
         if _NOTHING.fullmatch(field):
             return math.nan

@@ -33,7 +33,7 @@ from kinespace.library.recordings.formats.errors import RecordingError, number_o
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
-from kinespace.library.recordings.formats.timed_frames import are_shuffled, clock_of, laid, timing
+from kinespace.library.recordings.formats.timed_frames import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.
@@ -49,6 +49,8 @@ _CLOCK = re.compile(
     re.IGNORECASE,
 )
 _DATE = re.compile(r"\d+([-./])\d+\1\d+")
+#: A time with its unit.
+_WITH_UNIT = re.compile(r"(\S*\d\S*?) ?([^\W\d]+)")
 #: SMPTE's frames per second, and where they do not show; and the number by which their numbers are divided at first.
 _OF_SMPTE, _USUAL_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), (30, 60, 120), 1000.0
 #: Seconds after which a clock of twelve hours begins anew.
@@ -200,7 +202,14 @@ class _Table:
         self.needed = max([*self.columns, *head.clocks, *head.people]) + 1 if self.is_wide else len(self.first)
 
     def take(self, path: Path, line: int, row: list[str]) -> None:
-        """Take in a row."""
+        """Take in a row; refuse one of another width than the header's."""
+        missing, width = self.needed - len(row), len(self.header.names)
+        beyond = sum(map(bool, row[width:])) if len(row) > width else 0
+        if missing > len(row) or 5 * beyond > self.needed + 5:
+            want, why = (width, ": commas in numbers, too?") if beyond else (self.needed, "")
+            refuse(path, line, f"expected {want} fields, got {len(row)}{why}")
+        if missing > 0:
+            self.short, row = self.short + 1, row + [""] * missing
         if not self.is_wide:
             self.rows.append((line, row))
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
@@ -257,8 +266,8 @@ class _Table:
     def people(self, path: Path, moments: NDArray[np.float64] | None) -> dict[str, NDArray[np.intp]]:
         """Give the rows of each person; RecordingError where bodies stand at one time, and no column tells whose."""
         size = len(self.places())
-        several = {column: each for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2}
-        told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several.items()}
+        several = ((column, each) for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2)
+        told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several}
         column = next((each for each in self.header.people if each in told), None)
         if column is None and moments is not None and not (np.diff(moments) > 0).all():
             pairs = ((each, np.stack([moments, numbers])) for each, numbers in told.items())
@@ -329,11 +338,8 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
         cells = _spread(row, table.points) if table.points else row
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
-        elif 2 * len(cells) < table.needed:
-            refuse(path, line, f"expected {table.needed} fields, got {len(cells)}")
         else:
-            table.short += len(cells) < table.needed
-            table.take(path, line, cells + [""] * (table.needed - len(cells)))
+            table.take(path, line, cells)
     if table is None and (header := header_of(head)):
         yield _Table(header, [], line)
 
@@ -364,7 +370,41 @@ def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
     texts = [each for each in free if each not in head.people and number_of(first[each]) is None]
     if not head.joints:
         return texts if coordinate_of(_label(first, texts)) else []
-    return [*head.labels, *texts, *head.people, *free] if head.labels or texts or head.people else []
+    labels = [*(each for each in head.labels if each in texts), *head.labels, *texts, *head.people]
+    return [*labels, *free] if labels else []
+
+
+def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tuple[list[int], list[int], list[str]]:
+    """Give the columns of times, the one that tells people apart, and the name of what stands in each row."""
+    counts = [len({row[column] for row in rows}) for column in range(len(first))]
+    # What differs from row to row numbers the rows.
+    told = [column for column, count in enumerate(counts) if 2 * count <= len(rows)]
+    clocks, those = [each for each in head.clocks if each in told], _labels_in(head, first)
+    labels = [[each] for each in those if each in told and counts[each] > 1] if head.joints else [those]
+
+    def fits(*columns: int) -> bool:
+        return len({_label(row, [*clocks, *columns]) for row in rows}) == len(rows)
+
+    people = [each for each in head.people if each in told and counts[each] > 1]
+    others = [each for each in dict.fromkeys((*those, *people, *head.free)) if each in told]
+    alone = ((label, -1) for label in labels if fits(*label))
+    pairs = ((label, each) for label in labels for each in others if each not in label and fits(*label, each, *people))
+    label, other = next(chain(alone, pairs), ((labels or [those[:1]])[0], -1))
+    names, people = [_label(row, label) for row in rows], [each for each in people if each not in label][:1]
+    if other < 0 or other in people:
+        return clocks, people, names
+    parts = {(name, row[other]) for name, row in zip(names, rows, strict=True)}
+    times = Counter(name for name, _ in parts)
+    shared = {part for name, part in parts if times[name] > 1}
+    # Each of the people has all joints; sides are no people.
+    if len(parts) == len(times) * len(shared) and not {each.lower() for each in shared} <= {"left", "right", "l", "r"}:
+        return clocks, [other], names
+    # A hand's numbers are not a body's.
+    return (
+        clocks,
+        people,
+        [f"{row[other]}_{n}" if row[other] in shared else n for n, row in zip(names, rows, strict=True)],
+    )
 
 
 def _label(row: Sequence[str], columns: Sequence[int]) -> str:
@@ -403,26 +443,17 @@ def _read(path: Path) -> _Table:
 
 def _turned(path: Path, table: _Table) -> _Table:
     """Make a table whose rows are frames of one whose rows are joints or coordinates."""
-    head, rows = table.header, [row for _, row in table.rows]
-    labels = _labels_in(head, table.first)
+    head = table.header
     values = [*head.joints[""]] if head.joints else [each for each in head.free if is_value(head.names[each])]
-    if head.joints:
-        labels = [next((each for each in labels if len({row[each] for row in rows}) > 1), labels[0])]
-    # What differs from row to row numbers the rows.
-    clocks = [each for each in head.clocks if 2 * len({row[each] for row in rows}) <= len(rows)]
-    free = [each for each in (*head.people, *head.free) if each not in labels and len({row[each] for row in rows}) > 1]
-    people = [each for each in free if each in head.people]
-    if clocks and not people and len({_label(row, [*clocks, *labels]) for row in rows}) < len(rows):
-        people = [each for each in free if len({_label(row, [*clocks, *labels, each]) for row in rows}) == len(rows)]
-    kept = [*clocks, *people[:1]]
+    clocks, people, labels = _labelled(head, table.first, [row for _, row in table.rows])
     frames, seen = dict[tuple[int, str], tuple[int, list[str], dict[str, list[str]]]](), Counter[tuple[str, str]]()
-    for line, row in table.rows:
-        key, label = _label(row, kept), _label(row, labels)
-        *_, places = frames.setdefault((seen[key, label], key), (line, [row[each] for each in kept], {}))
+    for (line, row), label in zip(table.rows, labels, strict=True):
+        key = _label(row, [*clocks, *people])
+        *_, places = frames.setdefault((seen[key, label], key), (line, [row[each] for each in (*clocks, *people)], {}))
         places[label] = [row[each] for each in values]
         seen[key, label] += 1
-    names = few([*dict.fromkeys(_label(row, labels) for row in rows)])
-    lead = [*(head.names[each] for each in clocks), *["person"] * len(people[:1])]
+    names = few([*dict.fromkeys(labels)])
+    lead = [*(head.names[each] for each in clocks), *["person"] * len(people)]
     ends = ["_x", "_y", "_z"] if head.joints else [""]
     header = header_of([[*lead, *(name + end for name in names for end in ends)]])
     if header is None:
@@ -451,4 +482,6 @@ def _moment(path: Path, line: int, text: str) -> float:
     if clock := _CLOCK.fullmatch(text.strip()) if ":" in text else None:
         hours, minutes, seconds, frame = (float((each or "0").replace(",", ".")) for each in clock.groups())
         return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
+    if (found := _WITH_UNIT.fullmatch(text.strip())) and (unit := SECONDS.get(found[2].lower())):
+        return _number(path, line, found[1]) * unit
     return math.nan if _DATE.fullmatch(text.strip()) else _number(path, line, text)

@@ -7,6 +7,7 @@ coordinate, and a column names it. Rows above say how often frames come, and the
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,12 +22,13 @@ from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
 
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
-    re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[xyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
-    re.compile(r"(?P<joint>.*[a-z0-9\])])(?P<axis>[XYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
-    re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[xyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
-    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-2])[\W_]*"),
+    re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
+    re.compile(r"(?P<joint>.*[a-z0-9\])])(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
+    re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
+    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
 )
-_NUMBERED = str.maketrans("012", "xyz")
+#: The axes of a place; a fourth number is a part of a turn, or a weight.
+_AXES = re.compile("w?xyz|0123?|1234?")
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
     r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
@@ -44,11 +46,13 @@ _PERSON = re.compile(
 #: Rows above the first frame that may name joints.
 _DEEP = 12
 _RATE = re.compile(
-    r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|rate)\b.*", re.IGNORECASE
+    r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*", re.IGNORECASE
 )
 _ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
 _LEADING = re.compile(r"\s*(\d+\.?\d*)")
-_UNIT = re.compile(r"(length )?units?\W*", re.IGNORECASE)
+_UNIT = re.compile(r"(length |pos\w*? ?)?units?\W*", re.IGNORECASE)
+#: The columns of x, y and z, by joint.
+_Columns = Mapping[str, tuple[int, int, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,7 @@ class Header:
     """
 
     names: Sequence[str]
-    joints: Mapping[str, tuple[int, int, int]]
+    joints: _Columns
     clocks: Sequence[int]
     people: Sequence[int]
     free: Sequence[int]
@@ -91,7 +95,7 @@ class Header:
 def coordinate_of(name: str) -> tuple[str, str] | None:
     """Give the joint and the axis in the name of one coordinate, like `/p1/wrist_l:tx`; None for another name."""
     named = next((found for way in _WAYS[:2] if (found := way.fullmatch(name)) and not found["unit"]), None)
-    return (plain(named["joint"]), named["axis"].lower()) if named else None
+    return (plain(named["joint"]), axis) if named and (axis := named["axis"].lower()) != "w" else None
 
 
 def is_numbers(row: Sequence[str], *, named: bool = False) -> bool:
@@ -114,47 +118,73 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
         row = ["", *rows[place]] if len(rows[place]) == len(first) - 1 and first[-1] else rows[place]
         if row and row[0].strip() == "MARKER_NAMES":
             front = len(first) - 3 * (len(names := [*filter(None, row[1:])]))
+            # A tab may stand at a line's end, too.
+            front -= front % 2 and not first[-1]
             row = [*("Frame", "Time")[:front], *(f"{name} {axis}" for name in names for axis in "xyz")]
-        axes = [name.strip().lower() for name in row]
-        if min(map(axes.count, "xyz")) > 1 and (found := _of_several(rows, place)):
-            return found
-        joints, others, units = _of_one(row)
-        if len(joints) > 1:
-            return _header(rows, row, joints, others, units)
-        if long := _of_long(row):
-            return _header(rows, row, *long)
+        if several := _of_several(rows, place):
+            return several
+        one = _of_one(row, first)
+        if found := one if len(one[0]) > 1 else _of_long(row, first):
+            return _header(rows, row, *found)
     return None
 
 
-def _of_one(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, None], set[str]]:
+def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]]:
     """Find the joints that one row names with their axes, other things of three columns, and the units behind them."""
-    best: tuple[dict[str, dict[str, int]], dict[str, None], set[str]] = ({}, {}, set())
+    best: tuple[_Columns, list[str], set[str]] = ({}, [], set())
     for way in _WAYS:
         found, units = dict[str, dict[str, int]](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
-                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower().translate(_NUMBERED), place)
+                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
                 units.add((named.groupdict().get("unit") or "").lower())
-        whole = {joint: axes for joint, axes in found.items() if len(axes) == 3}
-        others = {joint: None for joint in whole if _NO_PLACES & {*words_of(joint)}}
-        if len(whole) - len(others) > len(best[0]):
-            best = {joint: axes for joint, axes in whole.items() if joint not in others}, others, units - {""}
+        whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
+        turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
+        others = [j for j, axes in whole.items() if _NO_PLACES & {*words_of(j)} or (turns and len(axes) == 4)]
+        places = [joint for joint in whole if joint not in others]
+        # Of places in the world and in a picture those in the world count.
+        if len(places) <= 2 * len(world := [joint for joint in places if "world" in words_of(joint)]):
+            places, others = world, others + [joint for joint in places if joint not in world]
+        if len(places) > len(best[0]):
+            best = {joint: _three(whole[joint]) for joint in places}, others, units - {""}
     return best
 
 
-def _of_long(row: Sequence[str]) -> tuple[dict[str, dict[str, int]], dict[str, None], set[str]] | None:
-    """Find the axes, or the values, in the header of a table whose rows are joints, or coordinates."""
-    found = {axis[1].lower(): place for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))}
-    units = {axis[2].lower() for name in row if (axis := _AXIS.fullmatch(name.strip())) and axis[2]}
-    if {*found} == {*"xyz"} and len(row) > 3:
-        return {"": found}, {}, units
-    return ({}, {}, set()) if len(row) > 2 and any(map(is_value, row)) else None
+def _three(axes: Mapping[str, int]) -> tuple[int, int, int]:
+    x, y, z = (axes[axis] for axis in sorted({*axes} - {"w"})[:3])
+    return x, y, z
+
+
+def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
+    """Say whether the first frame has lengths of 1, or none, in all columns that come by four: quaternions have."""
+    numbers = ([number_of(first[column]) or 0.0 for column in four] for four in fours if max(four) < len(first))
+    seen = (length for four in numbers if math.isfinite(length := math.hypot(*four)) and length)
+    return all(math.isclose(length, 1, rel_tol=0.01) for length in seen)
+
+
+def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]] | None:
+    """Find the axes, or the values, in the header of a table whose cells name joints, or coordinates."""
+    axes = [
+        (axis[1].lower(), axis[2], place) for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))
+    ]
+    units = {unit.lower() for _, unit, _ in axes if unit}
+    threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
+    # Where joints stand beside each other a cell in front of each names it.
+    labels = [place for place, name in enumerate(row[: len(first)]) if _LABELS & {*words_of(name)}]
+    beside = {first[max((each for each in labels if each < three[0]), default=0)]: three for three in threes if first}
+    if len(beside) == len(threes) > 1 and all(number_of(name) is None for name in beside):
+        return beside, [], units
+    if threes and len(row) > 3:
+        return {"": threes[0]}, [], units
+    return ({}, [], set()) if len(row) > 2 and any(map(is_value, row)) else None
 
 
 def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     """Read a header whose row of axes is below a row of names."""
     size = len(rows[place])
-    axes = [name.strip().lower() for name in rows[place]]
+    axes = [name.strip().lower().removeprefix("t") for name in rows[place]]
+    if min(map(axes.count, "xyz")) < 2:
+        return None
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
     above = [_filled(row, size) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
     below = below if rows[:place] else []
@@ -181,12 +211,12 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     joints = dict[str, dict[str, int]]()
     for column in ours:
         joints.setdefault(named[column], {}).setdefault(axes[column], column)
-    joints = {joint: each for joint, each in joints.items() if joint and len(each) == 3}
-    others = {joint: None for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}}
-    joints = {joint: each for joint, each in joints.items() if joint not in others}
+    whole = {joint: _three(each) for joint, each in joints.items() if joint and len(each) == 3}
+    others = [joint for joint in whole if _NO_PLACES & {*words_of(joint)[-1:]}]
+    whole = {joint: each for joint, each in whole.items() if joint not in others}
     units = {row[column] for row in below for column in ours} - {""}
     names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
-    return _header(rows[:place], names, joints, others, units) if len(joints) > 1 else None
+    return _header(rows[:place], names, whole, others, units) if len(whole) > 1 else None
 
 
 def _filled(row: Sequence[str], size: int) -> list[str]:
@@ -196,13 +226,9 @@ def _filled(row: Sequence[str], size: int) -> list[str]:
 
 
 def _header(
-    rows: Sequence[Sequence[str]],
-    names: Sequence[str],
-    joints: Mapping[str, Mapping[str, int]],
-    others: Mapping[str, None],
-    units: set[str],
+    rows: Sequence[Sequence[str]], names: Sequence[str], joints: _Columns, others: list[str], units: set[str]
 ) -> Header:
-    taken = {column for axes in joints.values() for column in axes.values()}
+    taken = {column for axes in joints.values() for column in axes}
     words = {column: words_of(name) for column, name in enumerate(names) if column not in taken}
     times = [c for c, each in words.items() if _TIMES & {*each} or _SECONDS >= {*each} > set()]
     frames = [c for c, each in words.items() if each[:1] and each[0] in _FRAMES]
@@ -215,14 +241,14 @@ def _header(
     named += [metres_of(units.pop())] if len(units) == 1 else []
     return Header(
         [name.strip().strip("#").strip() for name in names],
-        {name: (axes["x"], axes["y"], axes["z"]) for name, axes in _plain(joints).items()},
+        _plain(joints),
         [*times, *(column for column in frames if column not in times)],
         people,
         [column for column in words if column not in {*times, *frames, *people}],
         [column for column, each in words.items() if _LABELS & {*each}],
         next((rate for rate in (*rates, *reversed(alone)) if rate > 1), 0.0),
         next((each for each in named if each), None),
-        list(others),
+        others,
         (any(row and row[0].lower() == "trajectories" for row in rows), len(joints)),
     )
 
@@ -232,12 +258,12 @@ def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
     for row in rows:
         yield from ((name.strip(), value) for name, value in pairwise(row))
         for cell in row:
-            name, mark, value = re.sub("[:=]", ":", cell.strip("# "), count=1).partition(":")
+            name, mark, value = re.sub("[:=]", ":", cell.strip("#/% "), count=1).partition(":")
             if mark:
                 yield name, value
 
 
-def _plain(joints: Mapping[str, Mapping[str, int]]) -> Mapping[str, Mapping[str, int]]:
+def _plain(joints: _Columns) -> _Columns:
     """Leave out words that are no part of a name: those for a position, and one for a joint in front of all."""
     names = Counter(map(plain, joints))
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}

@@ -26,7 +26,7 @@ _TIE = 1e-6
 #: Frames per second of a file without a clock: the rate of MediaPipe's cameras.
 FRAME_RATE = 30.0
 #: Seconds of the units in which files count time, by the words for them in a column's name.
-_UNITS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
+SECONDS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
 _FRAMES = frozenset(WORDS["columns"]["frames"])
 #: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
 _RATES = ((14.0, 500.0), (1.0, 1000.0))
@@ -127,6 +127,11 @@ def words_of(name: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-ZÀ-Þ]?[a-zµμß-ÿ]+|[A-ZÀ-Þ]+(?![a-z])|\d+", name)]
 
 
+def _unit_in(name: str) -> float | None:
+    """Give the seconds of the unit in a column's name."""
+    return next((SECONDS[word] for word in words_of(name) if word in SECONDS), None)
+
+
 def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = None) -> tuple[NDArray[np.float64], str]:
     """Read a column of times by the unit in its name, or else by the steps of its numbers.
 
@@ -146,8 +151,7 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
     since, assumed = moments - moments[0], rate or FRAME_RATE
     steps = np.diff(since)[np.diff(since) > _LEAST_STEP]
     step = float(np.median(steps)) if len(steps) else 0.0
-    words = words_of(name)
-    named = next((_UNITS[word] for word in words if word in _UNITS), None)
+    words, named = words_of(name), _unit_in(name)
     if step >= 1 and (since % 1 == 0).all() and (_FRAMES & {*words} or (step == 1 and named != 1e-3)):
         return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
     units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9, 60.0, 86_400.0) if unit]
@@ -167,13 +171,13 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
 def clock_of(columns: Mapping[str, NDArray[np.float64]]) -> tuple[str, NDArray[np.float64] | None]:
     """Give the column of times that goes on, by its name; of two columns that count seconds and their parts the sum."""
     for name, coarse in columns.items():
-        rises, whole = np.diff(coarse) > 0, next((_UNITS[word] for word in words_of(name) if word in _UNITS), 1.0)
+        rises, whole = np.diff(coarse) > 0, _unit_in(name) or 1.0
         if not rises.any() or 2 * rises.sum() > len(rises) or (coarse % 1).any() or (np.diff(coarse) < 0).any():
             continue
         for part, fine in columns.items():
             falls = np.diff(fine) < 0
             if falls.any() and not (falls & ~rises).any():
-                unit = next((_UNITS[word] for word in words_of(part) if word in _UNITS), 1 / (fine.max() + 1))
+                unit = _unit_in(part) or 1 / (fine.max() + 1)
                 both = (coarse - coarse[0]) * whole + fine * (unit if fine.max() >= 1 else 1.0)
                 others = {each: columns[each] for each in columns if each not in (name, part)}
                 return clock_of({f"s of {name}, {part}": both} | others)
@@ -242,7 +246,7 @@ def _in_order(
         moments = moments + np.cumsum(np.append(0, np.where(falls, np.median(steps[rises]) - steps, 0)))
     if stands:
         # A clock of whole seconds, say: as many frames as there are between its steps.
-        unit = next((_UNITS[word] for word in words_of(name) if word in _UNITS), 1.0)
+        unit = _unit_in(name) or 1.0
         known = known or float((rises[-1] - rises[0]) / (unit * (moments[rises[-1]] - moments[rises[0]])))
         notes.append(f"times: {name!r} stands for several frames: {known:g} frames a second")
         return known

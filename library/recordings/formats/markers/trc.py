@@ -20,12 +20,13 @@ from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import mended, number_of, refuse
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
+from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.library.recordings.formats.timed_frames import timing
 from kinespace.library.recordings.formats.units import metres_of
 
 
 def _labels(path: Path, line: str, announced: int) -> list[str]:
-    """Read the names of the markers, which stand three tabs apart, or else between any blanks."""
+    """Read the names of the markers, which stand three tabs apart, between any blanks, or thrice with their axes."""
     cells = [label.strip() for label in line.split("\t")[2:]]
     if any(cells[::3]) and not any((*cells[1::3], *cells[2::3])) and len(cells[::3]) >= announced > 1:
         # A marker without a name keeps its columns.
@@ -35,6 +36,9 @@ def _labels(path: Path, line: str, announced: int) -> list[str]:
     found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed
     if len(found) < 2:
         refuse(path, 4, f"expected names of markers behind Frame# and Time, got {line[:40]!r}")
+    named = [coordinate_of(label) or ("", "") for label in found]
+    if [axis for _, axis in named] == [*"xyz"] * (len(named) // 3):
+        return [name for name, _ in named[::3]]
     return [*found, *(f"marker {number}" for number in range(len(found) + 1, announced + 1))]
 
 

@@ -117,8 +117,6 @@ REWRITTEN: dict[str, tuple[tuple[str, ...], Callable[[str], str]]] = {
     "case": (("bvh",), lambda text: text.replace("rotation", "ROTATION").replace("ROOT", "root")),
     "braces on the line": (("bvh",), lambda text: text.replace("\n{", " {")),
     "a performer's prefix": (("bvh",), lambda text: text.replace("joint ", "ann:joint ")),
-    "semicolons, decimal commas": (("csv",), lambda text: text.replace(",", ";").replace(".", ",")),
-    "semicolons and more columns": (("csv",), lambda text: text.replace("\n", ",7\n").replace(",", ";")),
 }
 
 

@@ -151,15 +151,15 @@ def test_joints_that_always_coincide_are_one(tmp_path: Path) -> None:
     frames = np.random.default_rng(1).uniform(-90, 90, (5, 15)).tolist()
     path = tmp_path / "tiny.bvh"
     path.write_text(bvh_text(Node("hip", (0.0, 0.0, 0.0), (*MOVES, *TURNS), [same]), frames))
-    clip = bvh.read_clip(path)
+    clip = bvh.read_clips(path)[0]
     assert clip.skeleton.joints == ("hip", "left", "left_end", "right_end")
     assert clip.skeleton.parents == (-1, 0, 1, 1)
     body = Body.of(clip.skeleton)
     lengths = distance_rows(clip.positions, clip.skeleton)[:, body.segments]
     np.testing.assert_allclose(lengths, np.broadcast_to(lengths[0], lengths.shape), atol=1e-12)
     with pytest.raises(ValueError, match="'same' always coincides with another chosen joint"):
-        bvh.read_clip(path, joints=("hip", "same"))
-    chosen = bvh.read_clip(path, joints=("same", "left_end", "right_end"))
+        bvh.read_clips(path, joints=("hip", "same"))
+    chosen = bvh.read_clips(path, joints=("same", "left_end", "right_end"))[0]
     assert (chosen.skeleton.joints, chosen.skeleton.parents) == (("same", "left_end", "right_end"), (-1, 0, 0))
 
 
@@ -174,7 +174,7 @@ def test_the_rate_is_the_whole_number_the_period_was_rounded_from(tmp_path: Path
     """A rounded Frame Time means the whole number of frames per second it was rounded from."""
     root = Node("hip", (0.0, 0.0, 0.0), TURNS, [Node("hip_end", (0.0, 1.0, 0.0))])
     (tmp_path / "tiny.bvh").write_text(bvh_text(root, [[0.0] * 3], period))
-    assert bvh.read_clip(tmp_path / "tiny.bvh").frame_rate == pytest.approx(rate, rel=1e-12)
+    assert bvh.read_clips(tmp_path / "tiny.bvh")[0].frame_rate == pytest.approx(rate, rel=1e-12)
 
 
 def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:

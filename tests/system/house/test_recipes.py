@@ -44,6 +44,66 @@ np.testing.assert_allclose(found, mean / index.body.size(mean))
 print(answer.label)
 """
 
+#: A message more: how many answers a performer got.
+_MESSAGE = {
+    "stream/recognition.py": {
+        "@dataclass(frozen=True, slots=True)\nclass Gone:": (
+            "@dataclass(frozen=True, slots=True)\nclass Beat:\n    performer: str\n    number: int\n\n\n"
+            "@dataclass(frozen=True, slots=True)\nclass Gone:"
+        ),
+    },
+    "stream/osc/messages.py": {
+        "def encode_gone(": (
+            "def encode_beat(beat) -> bytes:\n"
+            '    return encode_message(f"/motion/{address_part(beat.performer)}/beat", beat.number)\n\n\n'
+            "def encode_gone("
+        ),
+    },
+    "stream/zeromq/messages.py": {
+        "import GONE, Answer, ": "import GONE, Answer, Beat, ",
+        "        case Gone(performer):\n": (
+            "        case Beat(performer, number):\n"
+            '            parts = [f"beat/{performer}/".encode(), _encode({"v": VERSION, "number": number})]\n'
+            "        case Gone(performer):\n"
+        ),
+    },
+    "stream/outputs/layouts.py": {
+        "import GONE, Classes": "import GONE, Beat, Classes",
+        "            case Gone(performer):\n": (
+            "            case Beat():\n                packet = answers.encode_beat(message)\n"
+            "            case Gone(performer):\n"
+        ),
+    },
+    "stream/service/loop.py": {
+        "import Classes, Done": "import Beat, Classes, Done",
+        "        self._publish_events(recognition.events)\n": (
+            "        self._publish_events(recognition.events)\n"
+            "        tell(self.sinks, Beat(recognition.performer, len(self._hop_times)))\n"
+        ),
+    },
+}
+#: It goes out by OSC and by ZeroMQ.
+_USES_MESSAGE = """
+from kinespace import Frame, MotionLibrary, Performers, Recognizer
+from kinespace.stream.osc.packet import decode_packet
+from kinespace.stream.outputs.layouts import LayoutSink, NativeLayout
+from kinespace.stream.outputs.zeromq_sink import ZmqSink
+from kinespace.stream.service.loop import Service
+
+class Sent(list):
+    send, failed = list.append, 0
+
+library = MotionLibrary.of_clips([m for m in MotionLibrary.builtin().motions if m.actor == "bd"][:4])
+motion, recognizer = library.motions[0], Recognizer(library)
+frames = [Frame("ann", *each) for each in zip(motion.times, motion.positions)]
+answer = next(answer for frame in frames if (answer := recognizer.push(frame)))
+osc, zmq = Sent(), Sent()
+service = Service(Performers(library), [], [LayoutSink(NativeLayout(), osc), ZmqSink(zmq)])
+service.publish(answer, 0.0)
+assert ("/motion/ann/beat", [0]) in [each for packet in osc for each in decode_packet(packet)]
+assert [b"beat/ann/"] == [parts[0] for parts in zmq if b"beat" in parts[0]]
+"""
+
 
 def _changed(folder: Path, edits: Mapping[str, Mapping[str, str]]) -> None:
     """Copy the program into a folder, and change some of its texts."""
@@ -74,3 +134,11 @@ def test_a_part_of_the_signature_is_added_in_one_file(tmp_path: Path) -> None:
     """It is read off a live window and off the library's alike, learned, and compared."""
     _changed(tmp_path, _PART)
     assert re.fullmatch("squat1Reps|clap5Reps", _run(tmp_path, _USES_PART).strip())
+
+
+@pytest.mark.slow
+def test_a_message_is_added_in_five_files(tmp_path: Path) -> None:
+    """As a value, in each transport, in the layouts, and where the service says it."""
+    assert len(_MESSAGE) == 5
+    _changed(tmp_path, _MESSAGE)
+    _run(tmp_path, _USES_MESSAGE)

@@ -252,14 +252,6 @@ def test_motions_between_stillnesses_are_found(noise: float) -> None:
         assert stretch.duration > 0.6 * motion.duration
 
 
-def test_stretches_end_at_gaps() -> None:
-    """A gap in the middle of a motion divides it, because nobody knows the movement in the gap."""
-    take, moving = _take(1.0)
-    middle = (moving[0].start + moving[0].end) / 2
-    parted = replace(take, gaps=((middle, middle + 0.6),))
-    assert all(found.end <= middle or found.start >= middle + 0.6 for found in stretches_of(parted))
-
-
 def test_relative_movement_is_the_textbook_formula() -> None:
     """Deviation over distance, less the noise that second differences tell, row by row."""
     rows = 1 + np.random.default_rng(2).normal(0, 0.1, (7, 5))
@@ -272,27 +264,6 @@ def test_relative_movement_is_the_textbook_formula() -> None:
     )
     expected = max(swing - bends / 5 / 6, 0) / sum(each**2 for each in mean)
     assert relative_movement(rows) == pytest.approx(expected**0.5)
-
-
-def test_the_meter_measures_as_fast_a_feed_as_a_slow_one() -> None:
-    """Movement is measured alike at any frame rate, thirty times a second over a fifth of a second."""
-    take, moving = _take(1.0)
-    values = {}
-    for every in (1, 2):
-        meter = MovementMeter(take.skeleton)
-        measured = {
-            round(time, 3): value
-            for time, frame in list(zip(take.times.tolist(), take.positions, strict=True))[::every]
-            if (value := meter.push(time, frame)) is not None
-        }
-        values[every] = measured
-    shared = sorted(set(values[1]) & set(values[2]))
-    assert len(shared) > 100
-    assert np.median([abs(values[1][time].body - values[2][time].body) for time in shared]) < 1e-6
-    at = next(time for time in shared if time > moving[0].start + 0.5)
-    rows = distance_rows(take.positions[round(at * 60) - 12 : round(at * 60) + 1 : 2], take.skeleton)
-    assert values[1][at].body == relative_movement(rows)
-    assert np.diff(sorted(values[1])) == pytest.approx(1 / 30, abs=2e-3)
 
 
 def test_hysteresis() -> None:

@@ -17,8 +17,6 @@ from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.inputs.source import (
     MAX_ASIDE,
-    MAX_AT_ONCE,
-    PER_EVENT,
     SHARE,
     SILENCE,
     FeedSource,
@@ -53,17 +51,6 @@ def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
     assert not turns.comes_last(ANN, 10.1)
     assert turns.last(10.1) == [EVE]
     assert not turns.comes_last(EVE, 11.0)
-
-
-def test_the_price_of_a_frame_is_its_time() -> None:
-    """The time of recognition is part of a packet's price: a few thousand frames are too many."""
-    turns = Turns()
-    turns.charge(ANN, 0.0, 1, 1.0)
-    turns.comes_last(EVE, 1.0)
-    turns.charge(EVE, 0.0, round(MAX_AT_ONCE / PER_EVENT) - 1, 1.0)
-    assert not turns.comes_last(EVE, 1.0)
-    turns.charge(EVE, 0.0, 2, 1.0)
-    assert turns.comes_last(EVE, 1.0)
 
 
 def test_the_packets_put_aside_are_bounded() -> None:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fakes import FakeReceiver
 from golden import message
 from programs import LOOPBACK
 
@@ -15,15 +16,7 @@ from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.inputs.source import (
-    MAX_ASIDE,
-    SHARE,
-    SILENCE,
-    FeedSource,
-    Turns,
-    Waiting,
-    is_due,
-)
+from kinespace.stream.inputs.source import MAX_ASIDE, SHARE, SILENCE, FeedSource, Turns, Waiting, is_due
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
 from kinespace.stream.status import InputCounts, Refusals
@@ -63,27 +56,6 @@ def test_the_packets_put_aside_are_bounded() -> None:
     assert turns.take().packet[0] == bytes([turns.thrown_away])
 
 
-class Receiver:
-    """Gives packets with their senders."""
-
-    waited, kernel_drops = 0.0, 0
-
-    def __init__(self) -> None:
-        self.packets: list[tuple[bytes, tuple[str, int]]] = []
-        self.sender: tuple[str, int] | None = None
-
-    def broken(self) -> int:
-        """Have no connections."""
-        return 0
-
-    def receive(self) -> bytes | None:
-        """Give the next packet."""
-        if not self.packets:
-            return None
-        packet, self.sender = self.packets.pop(0)
-        return packet
-
-
 class Costly:
     """Makes as many events of a packet as its bytes say."""
 
@@ -98,8 +70,8 @@ class Costly:
 @pytest.fixture
 def source() -> Source:
     """Give a source in whose account Ann and Eve stand, and Eve has taken too much."""
-    made = Source(Receiver(), Costly())  # type: ignore[arg-type]  # fakes
-    made.receiver.packets = [(b"a", ANN), (b"e" * 2000, EVE)]  # type: ignore[attr-defined]
+    made = Source(FakeReceiver(), Costly())  # type: ignore[arg-type]  # fakes
+    made.receiver.packets.extend([(b"a", ANN), (b"e" * 2000, EVE)])  # type: ignore[attr-defined]
     assert made.take(1.0)
     assert made.take(1.0)
     return made
@@ -108,7 +80,7 @@ def source() -> Source:
 def test_others_go_before_a_greedy_sender(source: Source) -> None:
     """Other senders' packets are taken first; then one packet of the greedy sender, and again the others'."""
     receiver = source.receiver
-    receiver.packets = [(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)]  # type: ignore[attr-defined]
+    receiver.packets.extend([(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)])  # type: ignore[attr-defined]
     assert source.take(1.01) == [b"a"]
     assert source.has_put_aside
     assert source.notes == ["10.0.0.2:4000 sends more than its share: served last"]
@@ -116,7 +88,7 @@ def test_others_go_before_a_greedy_sender(source: Source) -> None:
     assert len(source.take(1.02) or ()) == 2000
     assert source.waited == pytest.approx(0.01)
     assert source.take(1.02) is None
-    receiver.packets = [(b"c", ANN)]  # type: ignore[attr-defined]
+    receiver.packets.extend([(b"c", ANN)])  # type: ignore[attr-defined]
     assert source.take(1.03) == [b"c"]
     assert [len(source.take(1.04) or ()) for _ in range(4)] == [2000, 0, 2000, 0]
     assert not source.has_put_aside
@@ -125,8 +97,9 @@ def test_others_go_before_a_greedy_sender(source: Source) -> None:
 
 def test_a_packet_is_kept_at_its_arrival() -> None:
     """What a packet waited in the system is taken off before it is recorded and decoded."""
-    kept, receiver = [], Receiver()
-    receiver.packets, receiver.waited = [(b"a", ANN)], 0.25
+    kept, receiver = [], FakeReceiver()
+    receiver.packets.append((b"a", ANN))
+    receiver.waited = 0.25
     keeper = SimpleNamespace(note="", keep=lambda *packet: kept.append(packet))
     source = Source(receiver, Costly(), keeper)  # type: ignore[arg-type]  # fakes
     assert source.take(2.0) == [b"a"]
@@ -135,13 +108,13 @@ def test_a_packet_is_kept_at_its_arrival() -> None:
 
 def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
     """Of each performer and sender; other packets are read, and all are counted."""
-    receiver, joints = Receiver(), tuple("abcde")
+    receiver, joints = FakeReceiver(), tuple("abcde")
     source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
 
     def taken(time: float) -> int:
         frames = [osc.encode_frame(Frame(name, time, np.zeros((5, 3)))) for name in ("p", "q")]
         packets = [*frames, osc.encode_announcement(Announcement("p", joints))]
-        receiver.packets = [(packet, sender) for packet in packets for sender in (ANN, EVE)]
+        receiver.packets.extend([(packet, sender) for packet in packets for sender in (ANN, EVE)])
         return sum(len(source.take(100.0) or ()) for _ in range(len(receiver.packets)))
 
     assert [taken(1.0), taken(1.01)] == [6, 6]

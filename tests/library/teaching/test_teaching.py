@@ -91,21 +91,6 @@ def test_what_must_not_be_said_only_lowers_limits(
 
 
 @pytest.mark.slow
-def test_changed_windows_equal_the_windows_of_a_new_library(small_index: WindowIndex) -> None:
-    """Examples added, taken back and added again are compared as if they had all been there at once."""
-    windows = TaughtWindows(small_index, with_base=True)
-    first = _roster(("my squat", "squat1Reps", 0))
-    second = first.with_example(_example(2, "my kick", _motions("kickLFront1Reps")[0]))
-    windows.index_of(second)
-    windows.index_of(first)
-    index = windows.index_of(second)
-    again = TaughtWindows(small_index, with_base=True).index_of(second)
-    assert index.classes == again.classes
-    for mine, other in zip(index.vectors, again.vectors, strict=True):
-        np.testing.assert_array_equal(mine, other)
-
-
-@pytest.mark.slow
 def test_windows_of_undone_examples_are_forgotten() -> None:
     """Of examples that were taught and undone eleven are kept at most; one taught again is compared as before."""
     base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))

@@ -258,7 +258,7 @@ def test_a_stopped_service_answers_the_waiting_packets(
 ) -> None:
     """A service stopped before or while it runs returns after it has answered all waiting packets."""
     monkeypatch.setattr(service_module, "MAX_ENDING", PATIENCE)
-    frames = _frames("bow", frames=3000)
+    frames = _frames("bow", frames=1200)
     bench.sources[0].waiting.extend([frame] for frame in frames)
     bench.service.stop()
     bench.service.run()

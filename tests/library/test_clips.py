@@ -97,10 +97,6 @@ def test_positions_that_are_not_finite_are_refused(value: float) -> None:
 BODY = hdm05.SKELETON
 
 
-def _positions(seed: int, *shape: int) -> np.ndarray:
-    return np.random.default_rng(seed).normal(scale=0.5, size=(*(shape or (20,)), 31, 3))
-
-
 @pytest.mark.usefixtures("arithmetic")
 @given(st.integers(2, 12), st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e3]))
 def test_each_frame_may_turn_and_shift_and_be_mirrored(joints: int, seed: int, scale: float) -> None:
@@ -115,17 +111,6 @@ def test_each_frame_may_turn_and_shift_and_be_mirrored(joints: int, seed: int, s
     np.testing.assert_allclose(distance_rows(moved, skeleton), rows, rtol=1e-9, atol=1e-13 * scale)
     assert np.array_equal(distance_rows(positions * [1.0, -1.0, 1.0], skeleton), rows)
     assert np.array_equal(distance_rows(-4.0 * positions, skeleton), 4.0 * rows)
-
-
-@pytest.mark.usefixtures("arithmetic")
-def test_a_frame_has_the_same_bits_alone_and_among_many() -> None:
-    """Whatever number of frames is measured at once."""
-    positions = _positions(7, 200)
-    expected, begin = distance_rows(positions, BODY), 0
-    for frames in (1, 4, 16, 3, 4, 2, 8, 17, 33, 5, 1):
-        assert np.array_equal(distance_rows(positions[begin : begin + frames], BODY), expected[begin : begin + frames])
-        begin += frames
-    assert np.array_equal(distance_rows(positions[11], BODY), expected[11])
 
 
 @pytest.mark.usefixtures("arithmetic")

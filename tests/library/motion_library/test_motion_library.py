@@ -186,14 +186,6 @@ def test_changes_of_absent_classes_are_refused(
         change(sticks)
 
 
-def test_classes_are_renamed(sticks: MotionLibrary) -> None:
-    """A renamed class stands where its new name belongs; two of one name are one class."""
-    renamed = sticks.renamed({"bow": "zeal", "jump": "wave"})
-    assert renamed.classes == ("wave", "zeal")
-    assert [motion.class_name for motion in renamed.motions] == ["wave"] * 12 + ["zeal"] * 6
-    assert {motion.take for motion in renamed.motions} == {motion.take for motion in sticks.motions}
-
-
 # --- fewer joints ------------------------------------------------------------------------------------------------
 
 

@@ -322,22 +322,6 @@ def _announced(made: list[Announcement | Frame]) -> list[tuple[str, ...]]:
     return [each.joints for each in made if isinstance(each, Announcement)]
 
 
-def test_a_body_has_the_joints_that_come() -> None:
-    """Names of several spellings are read; every frame has these joints in the announced order."""
-    sender = _Sender()
-    made = sender.send([*NAMES], 20)
-    frames = [each for each in made if isinstance(each, Frame)]
-    (joints,) = _announced(made)
-    assert set(joints) == set(NAMES.values())
-    assert len(frames) >= 18
-    for frame in frames:
-        assert frame.performer == "me"
-        places = dict(zip(joints, frame.positions[:, 0].tolist(), strict=True))
-        assert places == {joint: place for place, joint in enumerate(NAMES.values())}
-    assert _announced(sender.send(["Head", "teapot"], 3, "/ann")) == [("upperneck",)]
-    assert sender.assembler.mapper.unknown == {"teapot"}
-
-
 def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
     """A new joint is announced with the next frame, a gone one is held, lost, and after some seconds left out."""
     sender, names = _Sender(), [*NAMES]

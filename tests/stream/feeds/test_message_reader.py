@@ -117,42 +117,12 @@ def test_no_text_raises_anything_else(line: str, put: str) -> None:
     assert "\n" not in told
 
 
-JOINTS = '[joints]\nhand = "lhand"\nhead = "head"\nneck = ""\n'
-
-
-def mapper(text: str) -> Mapper:
-    """Make a mapper of a preset's text, port and joints added."""
-    return Mapper(parse_preset(f"port = 1\n{text}\n{JOINTS}", "mine", "mine.toml"))
-
-
 def read(target: Mapper, packet: bytes) -> Reading:
     """Read one message that is understood."""
     (decoded,) = decode_packet(packet)
     reading = target.read(decoded)
     assert reading is not None
     return reading
-
-
-LOOSE = mapper(
-    """
-[[message]]
-address = "/{performer}/at/{joint}"
-arguments = ["x", "y", "z"]
-[[message]]
-address = "/at"
-arguments = ["=pos", "joint", "performer", "x", "y", "z"]
-"""
-)
-
-
-def test_a_text_that_must_stand_there_decides() -> None:
-    """With another text the message is foreign, with fewer arguments after the text it is malformed."""
-    assert read(LOOSE, message("/at", "sssfff", "pos", "head", "p", 1.0, 2.0, 3.0)).performer == "p"
-    (other,) = decode_packet(message("/at", "sss", "quat", "head", "p"))
-    assert LOOSE.read(other) is None
-    (short,) = decode_packet(message("/at", "sss", "pos", "head", "p"))
-    with pytest.raises(MessageError, match="/at: expected other arguments, got 3"):
-        LOOSE.read(short)
 
 
 def test_numbers_of_joints_are_taught_by_the_sender() -> None:

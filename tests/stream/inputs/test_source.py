@@ -1,6 +1,5 @@
 """Senders that take more than their share are served last: others' packets are never kept waiting behind theirs."""
 
-import math
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,10 +12,9 @@ from golden import message
 from programs import LOOPBACK
 
 from kinespace.stream import Announcement, Frame, osc
-from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.inputs.source import MAX_ASIDE, SHARE, SILENCE, FeedSource, Turns, Waiting, is_due
+from kinespace.stream.inputs.source import MAX_ASIDE, SHARE, FeedSource, Turns, Waiting
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
 from kinespace.stream.status import InputCounts, Refusals
@@ -123,24 +121,6 @@ def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
     receiver.waited = 0.21
     assert taken(2.0) == 2
     assert (source.counts.stale, source.counts.received) == (8, 42)
-
-
-NEVER = -math.inf
-
-
-def test_the_handshake_is_repeated_only_while_nothing_comes() -> None:
-    """Asked at once, then every two seconds while frames stay away, and not while they come."""
-    asking = builtin_preset("qtm").asking
-    assert asking
-    assert is_due(asking, 100.0, NEVER, NEVER)
-    assert not is_due(asking, 101.0, 100.0, NEVER)
-    assert is_due(asking, 102.0, 100.0, NEVER)
-    assert not is_due(asking, 200.0, 100.0, 200.0 - 0.9 * SILENCE)
-    assert is_due(asking, 200.0, 100.0, 200.0 - 1.1 * SILENCE)
-    kept_awake = builtin_preset("synapse").asking
-    assert kept_awake
-    assert is_due(kept_awake, 10.0, 8.0, 9.9)
-    assert not is_due(kept_awake, 10.0, 8.1, 9.9)
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -348,20 +347,10 @@ WRONG: list[tuple[type[OscDecoder], str, str, object]] = [
     [(decoder, counter, packet) for decoder, counter, _, packet in WRONG],
     ids=[f"{decoder.__name__} {name}" for decoder, _, name, _ in WRONG],
 )
-def test_a_wrong_packet_is_counted_and_costs_little(
-    decoder: type[OscDecoder], counter: str, packet: bytes | list[bytes]
-) -> None:
-    """It shows in its counter alone, with a reason, gives no frame and takes less than 2 ms; the next frame is read."""
-    seconds = []
-    for _ in range(5):
-        reader = decoder()
-        # Time of this thread alone: a busy machine does not count.
-        begun = time.thread_time()
-        assert not reader.decode(packet, 1.0, None)
-        seconds.append(time.thread_time() - begun)
-        if seconds[-1] < 0.002:
-            break
-    assert min(seconds) < 0.002
+def test_a_wrong_packet_is_counted(decoder: type[OscDecoder], counter: str, packet: bytes | list[bytes]) -> None:
+    """It shows in its counter alone, with a reason, and gives no frame; the next frame is read."""
+    reader = decoder()
+    assert not reader.decode(packet, 1.0, None)
     counts = {name: getattr(reader.counts, name) for name in ("malformed", "foreign", "missing")}
     assert {name: count for name, count in counts.items() if count} == {counter: 1}
     assert len(reader.refusals.lines()) == 1

@@ -199,7 +199,7 @@ def test_names_are_found(skeleton: str) -> None:
 def test_names_that_were_read_are_not_read_again(skeleton: str) -> None:
     """A file that was renamed keeps its names, whichever of its joints are there."""
     labels, generator = names_of(skeleton), np.random.default_rng(3)
-    for share in (1.0, 0.9, 0.7, 0.5, 0.3):
+    for share in (1.0, 0.5):
         some = [label for label in labels if generator.random() < share]
         named = Naming().read(some)
         assert Naming().read(named.joints).joints == named.joints

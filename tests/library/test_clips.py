@@ -15,15 +15,6 @@ from kinespace.library.naming import hdm05
 
 
 JOINTS = ("root", "chest", "head", "left", "right")
-PARENTS = (-1, 0, 1, 1, 1)
-
-
-def test_order_from_finds_every_joint_again() -> None:
-    """Positions taken in the order found are in the skeleton's own order, further joints being passed over."""
-    skeleton = Skeleton(JOINTS)
-    sent = [*JOINTS, "prop", "camera"]
-    np.random.default_rng(5).shuffle(sent)
-    assert tuple(sent[index] for index in skeleton.order_from(sent)) == JOINTS
 
 
 @pytest.mark.parametrize(
@@ -48,23 +39,6 @@ def test_a_missing_joint_is_where_the_nearest_is() -> None:
     assert Skeleton(JOINTS).nearest_from(["hat", *JOINTS[1:3]]).tolist() == [1, 1, 2, 1, 1]
     with pytest.raises(SkeletonMismatchError, match="expected some of the skeleton's, got hat"):
         chain.nearest_from(["hat"])
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        pytest.param(Skeleton((*JOINTS[:-1], "tail")), id="another name"),
-        pytest.param(Skeleton(JOINTS[::-1]), id="another order"),
-        pytest.param(Skeleton((*JOINTS, "tail")), id="one joint more"),
-    ],
-)
-def test_another_skeleton_is_refused(other: Skeleton) -> None:
-    """Other joints or another order are refused, in either direction; the message describes both skeletons."""
-    skeleton = Skeleton(JOINTS, PARENTS)
-    with pytest.raises(SkeletonMismatchError, match=r"expected 5 joints and 10 pairs \(root \.\.\. right\), got"):
-        skeleton.require_same(other)
-    with pytest.raises(SkeletonMismatchError, match=r"got 5 joints and 10 pairs \(root \.\.\. right\)"):
-        other.require_same(skeleton)
 
 
 @pytest.mark.parametrize(
@@ -123,10 +97,6 @@ def test_positions_that_are_not_finite_are_refused(value: float) -> None:
 BODY = hdm05.SKELETON
 
 
-def _positions(seed: int, *shape: int) -> np.ndarray:
-    return np.random.default_rng(seed).normal(scale=0.5, size=(*(shape or (20,)), 31, 3))
-
-
 @pytest.mark.usefixtures("arithmetic")
 @given(st.integers(2, 12), st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e3]))
 def test_each_frame_may_turn_and_shift_and_be_mirrored(joints: int, seed: int, scale: float) -> None:
@@ -141,17 +111,6 @@ def test_each_frame_may_turn_and_shift_and_be_mirrored(joints: int, seed: int, s
     np.testing.assert_allclose(distance_rows(moved, skeleton), rows, rtol=1e-9, atol=1e-13 * scale)
     assert np.array_equal(distance_rows(positions * [1.0, -1.0, 1.0], skeleton), rows)
     assert np.array_equal(distance_rows(-4.0 * positions, skeleton), 4.0 * rows)
-
-
-@pytest.mark.usefixtures("arithmetic")
-def test_a_frame_has_the_same_bits_alone_and_among_many() -> None:
-    """Whatever number of frames is measured at once."""
-    positions = _positions(7, 200)
-    expected, begin = distance_rows(positions, BODY), 0
-    for frames in (1, 4, 16, 3, 4, 2, 8, 17, 33, 5, 1):
-        assert np.array_equal(distance_rows(positions[begin : begin + frames], BODY), expected[begin : begin + frames])
-        begin += frames
-    assert np.array_equal(distance_rows(positions[11], BODY), expected[11])
 
 
 @pytest.mark.usefixtures("arithmetic")

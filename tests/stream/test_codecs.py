@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -30,7 +29,6 @@ from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError
 from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer.carried import Carried
-from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
@@ -349,20 +347,10 @@ WRONG: list[tuple[type[OscDecoder], str, str, object]] = [
     [(decoder, counter, packet) for decoder, counter, _, packet in WRONG],
     ids=[f"{decoder.__name__} {name}" for decoder, _, name, _ in WRONG],
 )
-def test_a_wrong_packet_is_counted_and_costs_little(
-    decoder: type[OscDecoder], counter: str, packet: bytes | list[bytes]
-) -> None:
-    """It shows in its counter alone, with a reason, gives no frame and takes less than 2 ms; the next frame is read."""
-    seconds = []
-    for _ in range(5):
-        reader = decoder()
-        # Time of this thread alone: a busy machine does not count.
-        begun = time.thread_time()
-        assert not reader.decode(packet, 1.0, None)
-        seconds.append(time.thread_time() - begun)
-        if seconds[-1] < 0.002:
-            break
-    assert min(seconds) < 0.002
+def test_a_wrong_packet_is_counted(decoder: type[OscDecoder], counter: str, packet: bytes | list[bytes]) -> None:
+    """It shows in its counter alone, with a reason, and gives no frame; the next frame is read."""
+    reader = decoder()
+    assert not reader.decode(packet, 1.0, None)
     counts = {name: getattr(reader.counts, name) for name in ("malformed", "foreign", "missing")}
     assert {name: count for name, count in counts.items() if count} == {counter: 1}
     assert len(reader.refusals.lines()) == 1
@@ -440,34 +428,6 @@ def test_bundles_messages_and_values_have_limits() -> None:
     assert repr(nested.arguments) == "[" * 501 + "]" * 501
     with pytest.raises(PacketError, match="never ends"):
         decode_packet(b"/a\0\0," + b"[" * 999 + b"\0\0\0\0")
-
-
-_NAMED = Recognition("Ada", 4.0, Outcome.NAMED, ("bow", "jump"), np.array([0.25, 0.75], np.float32), 0.2)
-_ANSWER = json.loads(zeromq.encode_recognition(_NAMED)[1])
-_LABEL = message("/motion/Ada/label", "s", "x")
-_NO_ANSWERS_BY_OSC = [
-    *(b"", b"no osc", osc_answers.encode_classes(("bow", "jump")), wrong.osc_frame()),
-    message("/motion/Ada/class", "iff", 1, 0.5, 0.5),
-    bundle(message("/motion/Ada/class", "i", 1), _LABEL),
-    bundle(message("/class", "iff", 1, 0.5, 0.5), message("/label", "s", "x")),
-    bundle(message("/motion/Ada/class", "sff", "x", 0.5, 0.5), _LABEL),
-    *(bundle(message("/motion/Ada/class", "fff", number, 0.5, 0.5), _LABEL) for number in (np.inf, np.nan)),
-    bundle(message("/motion/Ada/class", "iff", 1, 0.5, 0.5), message("/motion/Ada/label")),
-]
-_CHANGES = [{"index": None}, {"index": float("inf")}, {"score": "high"}, {"score": []}]
-_NO_ANSWERS_BY_ZMQ = [
-    *([], [b"class/p/"], [b"class/p/", b"{}", b""], [b"status/", json.dumps(_ANSWER).encode()]),
-    *([b"class/p/", text] for text in (b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000)),
-    *([b"class/p/", json.dumps(_ANSWER | changes).encode()] for changes in _CHANGES),
-    [b"class/p/", json.dumps({name: value for name, value in _ANSWER.items() if name != "margin"}).encode()],
-    *(zeromq_answers.encode_classes(("bow",)), wrong.zmq_frame()),
-]
-
-
-def test_other_messages_are_no_answer() -> None:
-    """A listener takes no other message for an answer, and no message at all stops it."""
-    assert [packet for packet in _NO_ANSWERS_BY_OSC if osc.decode_answer(packet)] == []
-    assert [parts for parts in _NO_ANSWERS_BY_ZMQ if zeromq.decode_answer(parts)] == []
 
 
 @pytest.mark.parametrize(

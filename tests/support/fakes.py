@@ -4,6 +4,7 @@ import math
 import socket
 from collections import deque
 from collections.abc import Sequence
+from typing import Any
 
 from kinespace.stream import Announcement, Event, Frame, Performers, Recognition
 from kinespace.stream.outputs import Sink
@@ -23,6 +24,28 @@ class FakeClock:
     def __call__(self) -> float:
         """Tell the time."""
         return self.now
+
+
+class FakeReceiver:
+    """Takes the place of a receiver of either transport: gives the packets that a test puts in, with their senders."""
+
+    waited, kernel_drops = 0.0, 0
+
+    def __init__(self) -> None:
+        self.packets: deque[tuple[Any, tuple[str, int]]] = deque()
+        self.sender: tuple[str, int] | None = None
+        self.socket = self
+
+    def broken(self) -> int:
+        """Have no connections."""
+        return 0
+
+    def receive(self) -> bytes | list[bytes] | None:
+        """Give the next packet."""
+        if not self.packets:
+            return None
+        packet, self.sender = self.packets.popleft()
+        return packet
 
 
 class FakeSource:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 import singlepart
+from fakes import FakeReceiver
 from golden import LAYOUTS, Moment, bundle, message
 
 from kinespace.library.naming.hdm05 import SKELETON
@@ -31,26 +32,6 @@ from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_
 #: Bytes with a meaning in OSC are tried more often than others.
 _TELLING = (b"\0", b",", b"/", b"#", b"#bundle\0", b"f", b"s", b"i", b"[", b"]", b"\xff\xff\xff\xff", b"\x7f\xc0\0\0")
 _VALUES = (0, 1, -1, 2**31 - 1, -(2**31), 0.0, -0.0, 1.0, 1e30, 3e38, float("nan"), float("inf"), "", "x" * 70, "Hips")
-
-
-class NoSocket:
-    """Takes the place of a receiver of either transport, and gives the packets that a test puts in."""
-
-    def __init__(self) -> None:
-        self.packet: bytes | list[bytes] | None = None
-        self.sender: tuple[str, int] | None = ("10.0.0.7", 5000)
-        self.kernel_drops = 0
-        self.waited = 0.0
-        self.socket = self
-
-    def receive(self) -> bytes | list[bytes] | None:
-        """Give the packet once."""
-        packet, self.packet = self.packet, None
-        return packet
-
-    def broken(self) -> int:
-        """Have no connections."""
-        return 0
 
 
 @contextmanager
@@ -119,8 +100,7 @@ def _with_other_arguments(packet: bytes, generator: np.random.Generator) -> byte
 def check(source: FeedSource, packet: bytes, arrival: float) -> None:
     """Push one packet: nothing is raised, the packet is counted, and every frame that comes out is sound."""
     receiver, before = source.receiver, source.counts.received
-    receiver.packet = packet  # type: ignore[attr-defined]  # a stand-in
-    receiver.sender = (f"10.0.0.{len(packet) % 3}", 5000)
+    receiver.packets.append((packet, (f"10.0.0.{len(packet) % 3}", 5000)))  # type: ignore[attr-defined]  # a stand-in
     events = source.take(arrival)
     assert events is not None
     assert source.counts.received == before + 1
@@ -144,7 +124,7 @@ def check(source: FeedSource, packet: bytes, arrival: float) -> None:
 def run(preset: Preset, packets: int, seed: int) -> FeedSource:
     """Push so many broken packets through a preset's feed; give the source as it is afterwards."""
     generator = np.random.default_rng(seed)
-    source = FeedSource(NoSocket(), preset)  # type: ignore[arg-type]  # a stand-in
+    source = FeedSource(FakeReceiver(), preset)  # type: ignore[arg-type]  # a stand-in
     arrival = 0.0
     for packet, _ in zip(broken(golden_packets(preset.name), generator), range(packets), strict=False):
         arrival += float(generator.exponential(0.005))
@@ -176,11 +156,11 @@ def broken_parts(golden: list[list[bytes]], generator: np.random.Generator) -> I
 
 def run_messages(messages: int, seed: int) -> Source:
     """Push so many broken ZeroMQ messages through our source; give the source as it is afterwards."""
-    receiver = NoSocket()
+    receiver = FakeReceiver()
     source = Source(receiver, ZmqDecoder())  # type: ignore[arg-type]  # a stand-in
     stream = broken_parts(golden_messages(), np.random.default_rng(seed))
     for number, parts in zip(range(messages), stream, strict=False):
-        receiver.packet = parts
+        receiver.packets.append((parts, ("10.0.0.7", 5000)))
         with named_if_it_fails("ZeroMQ", seed, parts):
             events = source.take(number / 100)
             assert events is not None

@@ -54,19 +54,6 @@ def builtin() -> MotionLibrary:
 # --- made of clips -----------------------------------------------------------------------------------------------
 
 
-def test_clips_become_motions(sticks: MotionLibrary) -> None:
-    """A motion has its clip's labels; of 120 frames per second every second one is kept, in whole millimetres."""
-    clips = {(clip.class_name, clip.take): clip for clip in stick_clips()}
-    assert len(sticks) == len(clips) == 18
-    for motion in sticks.motions:
-        clip = clips[motion.class_name, motion.take]
-        assert (motion.actor, motion.name, motion.frame_rate) == (clip.actor, clip.name, 60.0)
-        assert np.abs(motion.positions - clip.positions[::2]).max() <= 0.000501
-        assert np.array_equal(motion.positions, np.round(motion.positions, 3))
-        assert not motion.positions.flags.writeable
-        assert motion.skeleton == STICK
-
-
 @pytest.mark.parametrize(
     ("rate", "every", "kept"),
     [
@@ -171,19 +158,6 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
 # --- changed -----------------------------------------------------------------------------------------------------
 
 
-def test_motions_are_added(sticks: MotionLibrary) -> None:
-    """Added clips become motions like all others; the library they were added to does not change."""
-    learned = Learned({"one": np.zeros(1, np.float32)})
-    before = dataclasses.replace(sticks, learned=learned)
-    more = before.with_motions([stick_clip("jump", seed=70), dataclasses.replace(stick_clip("bow"), class_name="ab")])
-    assert (len(before), len(more)) == (18, 20)
-    assert more.classes == ("ab", *STICK_CLASSES)
-    assert more.learned is learned
-    _assert_equal(more, MotionLibrary.of_clips([*more.motions]))
-    (jump,) = (motion for motion in more.motions if motion.name == "jump_70")
-    _assert_equal(more.without(classes=["ab"], motions=[jump]), before)
-
-
 def test_classes_persons_and_motions_are_left_out(sticks: MotionLibrary) -> None:
     """Classes, persons and motions are left out; all other motions stay."""
     assert sticks.without(classes=["bow", "wave"]).classes == ("jump",)
@@ -212,29 +186,7 @@ def test_changes_of_absent_classes_are_refused(
         change(sticks)
 
 
-def test_classes_are_renamed(sticks: MotionLibrary) -> None:
-    """A renamed class stands where its new name belongs; two of one name are one class."""
-    renamed = sticks.renamed({"bow": "zeal", "jump": "wave"})
-    assert renamed.classes == ("wave", "zeal")
-    assert [motion.class_name for motion in renamed.motions] == ["wave"] * 12 + ["zeal"] * 6
-    assert {motion.take for motion in renamed.motions} == {motion.take for motion in sticks.motions}
-
-
 # --- fewer joints ------------------------------------------------------------------------------------------------
-
-
-def test_fewer_joints_show_the_same_motions(builtin: MotionLibrary) -> None:
-    """Restricted to some joints, in any order, motions hold these joints' positions, in the library's order."""
-    names = ("head", "lhand", "rhand", "root", "lfoot", "rfoot", "nose")
-    fewer = builtin.restricted_to(names)
-    assert fewer.skeleton.joints == ("root", "lfoot", "rfoot", "head", "lhand", "rhand")
-    assert fewer.skeleton.parents == (-1, 0, 0, 0, 0, 0)
-    places = [builtin.skeleton.joints.index(name) for name in fewer.skeleton.joints]
-    assert len(fewer) == 288
-    for less, more in zip(fewer.motions[::30], builtin.motions[::30], strict=True):
-        assert [getattr(less, name) for name in SAID] == [getattr(more, name) for name in SAID]
-        assert np.array_equal(less.positions, more.positions[:, places])
-    assert builtin.restricted_to((*builtin.skeleton.joints, "nose")) is builtin
 
 
 # --- merged ------------------------------------------------------------------------------------------------------
@@ -395,27 +347,6 @@ def test_a_failure_while_saving_changes_nothing(
 
 
 # --- damaged files -----------------------------------------------------------------------------------------------
-
-
-def _flipped(content: bytes, place: int, mask: int) -> bytes:
-    return content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :]
-
-
-def test_flipped_bytes_are_refused_or_do_not_matter(
-    content: bytes, small_library: MotionLibrary, tmp_path: Path
-) -> None:
-    """A byte flipped anywhere gives the one error, or sits where zip files keep dates and the library is whole."""
-    generator, refused, path = np.random.default_rng(5), 0, tmp_path / "flipped.npz"
-    # The end record of a zip file, its last 22 bytes, says where its directory is.
-    places = [*generator.integers(0, len(content) - 22, 120).tolist(), *range(len(content) - 22, len(content))]
-    for place in places:
-        path.write_bytes(_flipped(content, place, int(generator.choice([0x01, 0x10, 0x80, 0xFF]))))
-        try:
-            _assert_equal(MotionLibrary.load(path), small_library)
-        except LibraryFileError as error:
-            assert str(path) in str(error)  # noqa: PT017 - a flipped date in the zip's directory is no error
-            refused += 1
-    assert refused > 0.8 * len(places)
 
 
 # --- foreign files -----------------------------------------------------------------------------------------------

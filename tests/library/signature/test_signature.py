@@ -15,7 +15,7 @@ from kinespace.library import MotionLibrary, WindowIndex, distance_rows, signatu
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
-from kinespace.library.signature.parts import Eigenpairs, Moments, eigen, flattened, movement, posture, spread, trend
+from kinespace.library.signature.parts import Eigenpairs, eigen, flattened
 from kinespace.library.windows.cutting import eigenpairs_of
 from kinespace.stream.feeds import builtin_preset
 
@@ -129,38 +129,11 @@ def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-OF_DISTANCES = {"spread": spread, "posture": posture, "trend": trend}
-
-
-def _moments(last_rows: NDArray[np.float64]) -> Moments:
-    twin = naive_windows.moments(np.arange(len(last_rows)) / 60.0, last_rows)
-    return Moments(twin.mean[None], twin.deviation[None], twin.trend[None])
-
-
-@pytest.fixture(scope="module")
-def last_rows(builtin: MotionLibrary) -> NDArray[np.float64]:
-    """Give the distance rows of the end of a real motion."""
-    return distance_rows(builtin.motions[100].positions[20:], builtin.skeleton)
-
-
 @pytest.fixture(scope="module")
 def covariances() -> NDArray[np.float64]:
     """Give the covariances of three windows of five directions, the last one without movement."""
     points = np.random.default_rng(5).normal(size=(2, 20, 5)) * [3.0, 2.0, 1.0, 0.5, 0.1]
     return np.array([*(naive_windows.covariance(each) for each in points), np.zeros((5, 5))])
-
-
-@pytest.mark.parametrize("kind", OF_DISTANCES)
-def test_parts_of_distances(kind: str, builtin: MotionLibrary, body: Body, last_rows: NDArray[np.float64]) -> None:
-    """Each equals its twin's; a body twice as large has the same, and a body in one point has finite numbers."""
-    measure = OF_DISTANCES[kind]
-    times = np.arange(len(last_rows)) / 60.0
-    twin = getattr(naive_windows, kind)(naive_windows.moments(times, last_rows), body_of(builtin.skeleton))
-    assert np.allclose(measure(_moments(last_rows), body)[0], twin)
-    assert np.allclose(measure(_moments(2 * last_rows), body)[0], twin)
-    numbers = measure(_moments(np.zeros_like(last_rows)), body)
-    assert np.ptp(numbers) == 0
-    assert np.isfinite(numbers).all()
 
 
 def test_products_of_scaled_eigenvectors(covariances: NDArray[np.float64]) -> None:
@@ -179,13 +152,6 @@ def test_products_of_scaled_eigenvectors(covariances: NDArray[np.float64]) -> No
     # Rounding makes the values of a window that hardly moves negative.
     below = eigen(Eigenpairs(np.array([[2.0, -1e-17]]), np.eye(2)[None]))
     assert below.tolist() == [[[1.0, 0.0], [0.0, 0.0]]]
-
-
-def test_movement(last_rows: NDArray[np.float64]) -> None:
-    """It equals the twin's, and is 0 for a body in one point."""
-    twin = naive_windows.moments(np.arange(len(last_rows)) / 60.0, last_rows)
-    assert movement(_moments(last_rows))[0] == pytest.approx(naive_windows.moved(twin))
-    assert movement(_moments(np.zeros_like(last_rows))) == 0
 
 
 _SENT = builtin_preset("mediapipe").sent

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import gesture, stick_clip, stick_clips
 
-from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows, opened
+from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWindows, checked
 from kinespace.library.teaching.movement import (
     Movement,
@@ -44,17 +44,6 @@ def _roster(*taught: tuple[str, str, int]) -> Roster:
     return roster
 
 
-def test_a_roster_is_a_value() -> None:
-    """Each change gives a new roster and does not change the old one."""
-    roster = _roster(("bend", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0), ("bend", "squat1Reps", 1))
-    assert (roster.classes, roster.next_number, Roster().next_number) == (("bend", "kick"), 4, 1)
-    assert roster.renamed("bend", "squat").classes == ("squat", "kick")
-    assert roster.without_class("bend").classes == ("kick",)
-    assert roster.enabled("kick", on=False).enabled("kick", on=True).disabled == frozenset()
-    assert len(roster.of("bend")) == 2
-    assert roster.classes == ("bend", "kick")
-
-
 def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
     """The class taught first is the first one again, whatever its name."""
     roster = _roster(("zoo", "squat1Reps", 0), ("abc", "kickLFront1Reps", 0), ("zoo", "squat1Reps", 1))
@@ -88,21 +77,6 @@ def test_what_must_not_be_said_only_lowers_limits(
         assert index.courses.crossed == pytest.approx(anew.crossed, nan_ok=True)
     low, high = (windows.index_of(each) for each in (third, first))
     assert low.courses.limits.min() < 0.9 * high.courses.limits.min()
-
-
-@pytest.mark.slow
-def test_changed_windows_equal_the_windows_of_a_new_library(small_index: WindowIndex) -> None:
-    """Examples added, taken back and added again are compared as if they had all been there at once."""
-    windows = TaughtWindows(small_index, with_base=True)
-    first = _roster(("my squat", "squat1Reps", 0))
-    second = first.with_example(_example(2, "my kick", _motions("kickLFront1Reps")[0]))
-    windows.index_of(second)
-    windows.index_of(first)
-    index = windows.index_of(second)
-    again = TaughtWindows(small_index, with_base=True).index_of(second)
-    assert index.classes == again.classes
-    for mine, other in zip(index.vectors, again.vectors, strict=True):
-        np.testing.assert_array_equal(mine, other)
 
 
 @pytest.mark.slow
@@ -252,14 +226,6 @@ def test_motions_between_stillnesses_are_found(noise: float) -> None:
         assert stretch.duration > 0.6 * motion.duration
 
 
-def test_stretches_end_at_gaps() -> None:
-    """A gap in the middle of a motion divides it, because nobody knows the movement in the gap."""
-    take, moving = _take(1.0)
-    middle = (moving[0].start + moving[0].end) / 2
-    parted = replace(take, gaps=((middle, middle + 0.6),))
-    assert all(found.end <= middle or found.start >= middle + 0.6 for found in stretches_of(parted))
-
-
 def test_relative_movement_is_the_textbook_formula() -> None:
     """Deviation over distance, less the noise that second differences tell, row by row."""
     rows = 1 + np.random.default_rng(2).normal(0, 0.1, (7, 5))
@@ -272,27 +238,6 @@ def test_relative_movement_is_the_textbook_formula() -> None:
     )
     expected = max(swing - bends / 5 / 6, 0) / sum(each**2 for each in mean)
     assert relative_movement(rows) == pytest.approx(expected**0.5)
-
-
-def test_the_meter_measures_as_fast_a_feed_as_a_slow_one() -> None:
-    """Movement is measured alike at any frame rate, thirty times a second over a fifth of a second."""
-    take, moving = _take(1.0)
-    values = {}
-    for every in (1, 2):
-        meter = MovementMeter(take.skeleton)
-        measured = {
-            round(time, 3): value
-            for time, frame in list(zip(take.times.tolist(), take.positions, strict=True))[::every]
-            if (value := meter.push(time, frame)) is not None
-        }
-        values[every] = measured
-    shared = sorted(set(values[1]) & set(values[2]))
-    assert len(shared) > 100
-    assert np.median([abs(values[1][time].body - values[2][time].body) for time in shared]) < 1e-6
-    at = next(time for time in shared if time > moving[0].start + 0.5)
-    rows = distance_rows(take.positions[round(at * 60) - 12 : round(at * 60) + 1 : 2], take.skeleton)
-    assert values[1][at].body == relative_movement(rows)
-    assert np.diff(sorted(values[1])) == pytest.approx(1 / 30, abs=2e-3)
 
 
 def test_hysteresis() -> None:
@@ -315,24 +260,6 @@ def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     meter = MovementMeter(nod.skeleton)
     movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
     assert max(each.body for each in movements) < 0.01 < max(each.limb for each in movements)
-
-
-@pytest.mark.parametrize(("speed", "begins"), [(0.1, False), (0.3, True), (0.6, True)])
-def test_a_slow_limb_begins_a_motion(speed: float, begins: bool) -> None:  # noqa: FBT001 - a parameter of the test
-    """A hand that goes against the body, in body sizes a second, begins a motion after three fifths of a second."""
-    standing = gesture("nod")
-    bodies = np.repeat(standing.positions[:1], 150, axis=0)
-    hand = np.zeros(150)
-    hand[60:90] = np.arange(1, 31) / 30
-    hand[90:] = 1.0
-    size = np.sqrt(np.square(distance_rows(bodies[:1], standing.skeleton)).mean())
-    bodies[:, 18, 1] += speed * size * hand * (30 / standing.frame_rate)
-    found = [*moved_in(replace(standing, positions=bodies))]
-    assert bool(found) == begins
-    if found:
-        moved = 60 / standing.frame_rate, 90 / standing.frame_rate
-        assert moved[0] - 0.2 < found[0].start < moved[0] + 0.6
-        assert moved[1] - 0.3 < found[0].end < moved[1] + 0.7
 
 
 @pytest.mark.parametrize("name", ["nod", "hand wave", "bow"])

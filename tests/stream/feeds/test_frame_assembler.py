@@ -15,7 +15,6 @@ from kinespace.stream.feeds import FrameAssembler, builtin_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, MAX_PERFORMERS
 from kinespace.stream.feeds.kinematics import Bone, world_positions
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.feeds.unpackers import UNPACKERS
 from kinespace.stream.osc import decode_packet
 
 JOINTS = ("a", "b", "c", "d")
@@ -145,18 +144,6 @@ def test_a_start_between_two_joints_finds_the_next_frame(close: tuple[str, ...],
     assert len(made) >= 195
 
 
-def test_time_closes_a_frame() -> None:
-    """When nothing more comes for the timeout the frame is taken as it is, and not a moment earlier."""
-    target = assembler("timeout", top="rate = 2")
-    pushed(target, whole(1.0)[:2], 0.0)
-    pushed(target, whole(1.0)[2:], 0.05)
-    assert target.expire(0.15) == []
-    _, frame = target.expire(0.16)
-    assert isinstance(frame, Frame)
-    assert frame.time == 0.0
-    assert target.expire(0.5) == []
-
-
 def test_another_time_begins_another_frame() -> None:
     """Joints that carry their frame's time are assigned by it, even if other messages are missing."""
     target = assembler("repeat", top='clock = "sender"\nseconds = 0.001')
@@ -173,17 +160,6 @@ def test_another_time_begins_another_frame() -> None:
     assert (values(second), second.time) == ([2.0] * 4, 1.03)
     later = [timed("b", 3.0, 1060.0), timed("c", 3.0, 1060.0), timed("d", 4.0, 1090.0)]
     assert [values(frame) for frame in pushed(target, later, 0.09)] == [[3.0, 3.0, 3.0, 2.0]]
-
-
-def test_a_clock_that_began_again_is_followed() -> None:
-    """A time far below the last is a sender that began anew, not a late joint."""
-    target = assembler("repeat", top='clock = "sender"')
-    packets = [
-        message("/t", "ssfffid", name, "p", value, value, value, 0, time)
-        for value, time in ((1.0, 100.0), (2.0, 5.0), (3.0, 5.02))
-        for name in JOINTS
-    ]
-    assert [frame.time for frame in pushed(target, packets, 0.0)] == [100.0, 5.0]
 
 
 # --- late and absent joints --------------------------------------------------------------------------------------
@@ -289,16 +265,6 @@ def test_the_joints_of_a_performer_who_leaves_are_not_held() -> None:
 # --- clocks ------------------------------------------------------------------------------------------------------
 
 
-def test_the_senders_clock_bridges_a_lost_time() -> None:
-    """A frame without a time gets the delay of the frame before."""
-    target = assembler("end", top='clock = "sender"')
-    made: list[Frame] = []
-    for number in range(3):
-        time = [message("/time", "d", 100.0 + number * 0.02)] if number != 1 else []
-        made += pushed(target, [*time, *whole(1.0), message("/end")], 5.0 + number * 0.02)
-    np.testing.assert_allclose([frame.time for frame in made], [100.0, 100.02, 100.04])
-
-
 @given(
     st.lists(st.sampled_from(["a", "b", "c", "d", "e", "z", "end", "begin", "gone", "time"]), max_size=60), st.data()
 )
@@ -356,22 +322,6 @@ def _announced(made: list[Announcement | Frame]) -> list[tuple[str, ...]]:
     return [each.joints for each in made if isinstance(each, Announcement)]
 
 
-def test_a_body_has_the_joints_that_come() -> None:
-    """Names of several spellings are read; every frame has these joints in the announced order."""
-    sender = _Sender()
-    made = sender.send([*NAMES], 20)
-    frames = [each for each in made if isinstance(each, Frame)]
-    (joints,) = _announced(made)
-    assert set(joints) == set(NAMES.values())
-    assert len(frames) >= 18
-    for frame in frames:
-        assert frame.performer == "me"
-        places = dict(zip(joints, frame.positions[:, 0].tolist(), strict=True))
-        assert places == {joint: place for place, joint in enumerate(NAMES.values())}
-    assert _announced(sender.send(["Head", "teapot"], 3, "/ann")) == [("upperneck",)]
-    assert sender.assembler.mapper.unknown == {"teapot"}
-
-
 def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
     """A new joint is announced with the next frame, a gone one is held, lost, and after some seconds left out."""
     sender, names = _Sender(), [*NAMES]
@@ -384,19 +334,6 @@ def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
     lost = [each for each in made if isinstance(each, Frame) and np.isnan(each.positions).any()]
     assert 0.8 * FORGET_AFTER * 30 < len(lost) < FORGET_AFTER * 30
     assert all(np.isnan(each.positions).any(axis=1).sum() == 1 for each in lost)
-
-
-def test_channels_of_touchdesigner_may_use_names_of_the_tables() -> None:
-    """Channels of one coordinate, named as Mixamo names bones, are a body."""
-    preset, made = builtin_preset("joints"), list[Announcement | Frame]()
-    assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
-    for number in range(10):
-        for place, name in enumerate(NAMES):
-            for axis in "xyz":
-                packet = message(f"/p1/{name}:t{axis}", "f", place + number / 10)
-                made += assembler.push(unpack(packet), 1 + number / 30 + place * 1e-4)
-    assert set(_announced(made)[0]) == set(NAMES.values())
-    assert {each.performer for each in made if isinstance(each, Frame)} == {"p1"}
 
 
 VMC = builtin_preset("vmc").bones

@@ -46,14 +46,6 @@ def test_a_preset_is_whole_and_its_copy_is_the_same(name: str, tmp_path: Path) -
         assert getattr(mine, field) == getattr(theirs, field)
 
 
-def test_the_least_that_is_needed_is_little() -> None:
-    """A port, a message and two joints are a preset; the rest has defaults."""
-    preset = parse_preset(GOOD, "mine", "mine.toml")
-    assert (preset.port, preset.joints, preset.performer) == (7000, ("lhand", "head"), "mine")
-    assert preset.closings.by == {Closing.REPEAT, Closing.TIMEOUT}
-    assert (preset.metres, preset.axes, preset.clock) == ((1.0,) * 3, ((0, 1.0), (1, 1.0), (2, 1.0)), "arrival")
-
-
 #: Mistakes by the text in whose place they stand, and the beginning of the line that says so.
 MISTAKES = {
     "port = 7000": {
@@ -125,69 +117,12 @@ def test_no_text_raises_anything_else(line: str, put: str) -> None:
     assert "\n" not in told
 
 
-JOINTS = '[joints]\nhand = "lhand"\nhead = "head"\nneck = ""\n'
-
-
-def mapper(text: str) -> Mapper:
-    """Make a mapper of a preset's text, port and joints added."""
-    return Mapper(parse_preset(f"port = 1\n{text}\n{JOINTS}", "mine", "mine.toml"))
-
-
 def read(target: Mapper, packet: bytes) -> Reading:
     """Read one message that is understood."""
     (decoded,) = decode_packet(packet)
     reading = target.read(decoded)
     assert reading is not None
     return reading
-
-
-LOOSE = mapper(
-    """
-[[message]]
-address = "/{performer}/at/{joint}"
-arguments = ["x", "y", "z"]
-[[message]]
-address = "/at"
-arguments = ["=pos", "joint", "performer", "x", "y", "z"]
-"""
-)
-
-
-def test_a_text_that_must_stand_there_decides() -> None:
-    """With another text the message is foreign, with fewer arguments after the text it is malformed."""
-    assert read(LOOSE, message("/at", "sssfff", "pos", "head", "p", 1.0, 2.0, 3.0)).performer == "p"
-    (other,) = decode_packet(message("/at", "sss", "quat", "head", "p"))
-    assert LOOSE.read(other) is None
-    (short,) = decode_packet(message("/at", "sss", "pos", "head", "p"))
-    with pytest.raises(MessageError, match="/at: expected other arguments, got 3"):
-        LOOSE.read(short)
-
-
-@pytest.mark.parametrize("performer", [7, 7.0, "7"])
-def test_numbers_are_names_too(performer: object) -> None:
-    """A performer's id may be an integer, a whole float or text: it is the same performer."""
-    reading = LOOSE.read(Message("/at", ["pos", "hand", performer, 1.0, 2, 3.0]))
-    assert reading.performer == "7"
-
-
-def test_an_unnamed_joint_is_remembered() -> None:
-    """A joint that the preset does not name is passed over and can be shown; a joint without counterpart is known."""
-    target = mapper('[[message]]\naddress = "/{joint}"\narguments = ["x", "y", "z"]')
-    assert not read(target, message("/tail", "fff", 1.0, 2.0, 3.0)).sightings
-    assert read(target, message("/neck", "fff", 1.0, 2.0, 3.0)).sightings
-    assert target.unknown == {"tail"}
-
-
-def test_the_first_rule_that_fits_is_used() -> None:
-    """Two rules of one address are told apart by the number and kinds of their arguments."""
-    target = Mapper(builtin_preset("natnet2osc"))
-    bone = ("Hip", 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)
-    offsets = (2, 0.0, 0.0, 0.0)
-    short = read(target, message("/skeleton", "si" + "sfffffff" * 3, "Jan", 1, *bone * 3))
-    long = read(target, message("/skeleton", "si" + "sfffffffifff" * 2, "Jan", 1, *(bone + offsets) * 2))
-    assert (len(short.sightings), len(long.sightings)) == (3, 2)
-    for reading in (short, long):
-        assert {sighting.position for sighting in reading.sightings} == {(1.0, 2.0, 3.0)}
 
 
 def test_numbers_of_joints_are_taught_by_the_sender() -> None:
@@ -202,15 +137,6 @@ def test_numbers_of_joints_are_taught_by_the_sender() -> None:
     assert read(target, other).sightings[0].joint == "Head"
 
 
-def test_the_order_of_joints_is_taught_by_the_sender() -> None:
-    """After /motion/skeleton with another order, the same numbers are other joints'."""
-    target = Mapper(builtin_preset("native"))
-    frame = message("/motion/frame", "sd" + "f" * 6, "p", 1.0, *[1.0] * 3, *[2.0] * 3)
-    assert [sighting.joint for sighting in read(target, frame).sightings] == ["root", "lhipjoint"]
-    read(target, message("/motion/skeleton", "sss", "p", "head", "root"))
-    assert [sighting.joint for sighting in read(target, frame).sightings] == ["head", "root"]
-
-
 def test_more_joints_than_names_are_refused() -> None:
     """A whole frame with more joints than the order has, or a broken group, is a wrong message; fewer are taken."""
     target = Mapper(builtin_preset("nimate-omni"))
@@ -218,14 +144,6 @@ def test_more_joints_than_names_are_refused() -> None:
     for count in (48, 44, 0):
         with pytest.raises(MessageError):
             target.read(Message("/skeleton", [1.0] * count))
-
-
-def test_a_time_of_64_bits_comes_in_two_halves() -> None:
-    """QTM's microseconds are put together from two integers, the low one with or without a sign."""
-    target = Mapper(builtin_preset("qtm"))
-    for low, expected in ((5, (3 << 32) + 5), (-2, (3 << 32) + 2**32 - 2)):
-        reading = read(target, message("/qtm/data", "iiiiiii", 3, low, 0, 1, 0, 0, 1))
-        assert reading.time == pytest.approx(expected * 1e-6)
 
 
 def test_memory_is_bounded() -> None:
@@ -245,18 +163,6 @@ def _rokoko(actors: object) -> bytes:
 
 def _joint(x: float) -> dict[str, dict[str, float]]:
     return {"position": {"x": x, "y": 2.0, "z": 3.0}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
-
-
-def test_rokoko_names_actors_and_joints() -> None:
-    """All actors of a frame come together; characters that OSC reserves are written as in a URL."""
-    actors = [{"name": "Ann/1", "body": {"hip": _joint(1.0)}}, {"name": "Bo", "body": {"head": _joint(4.0)}}]
-    assert unpack_rokoko(_rokoko(actors)) == [
-        Message("/rokoko/Ann%2F1/hip", [1.0, 2.0, 3.0]),
-        Message("/rokoko/Bo/head", [4.0, 2.0, 3.0]),
-    ]
-    assert unpack_rokoko(_rokoko([{"name": "Face", "face": {"jawOpen": 3}}])) == []
-    most = {f"joint{number}": _joint(0.0) for number in range(MAX_MESSAGES)}
-    assert len(unpack_rokoko(_rokoko([{"name": "Ann", "body": most}]))) == MAX_MESSAGES
 
 
 @pytest.mark.parametrize(

@@ -73,21 +73,6 @@ def test_another_program_of_the_same_host_is_refused() -> None:
     assert said(admission.admit([frame(2.0)], 2.0, anew)) == [2.0]
 
 
-def test_an_invented_skeleton_shuts_nobody_out(sticks: MotionLibrary) -> None:
-    """Joints announced by a stranger, before or while a performer sends, do not affect the performer's frames."""
-    admission, performers = Admission(), Performers(sticks)
-    spoofed = Announcement("ann", ("some", "other", "joints"))
-    positions = stick_clip("wave", seed=3, frames=60).positions
-    answers = []
-    for step, joints in enumerate(positions):
-        moment = step / 120
-        performers.push_all(admission.admit([spoofed], moment, EVE), moment)
-        answers += performers.push_all(admission.admit([Frame("ann", 1 + moment, joints)], moment, ANN), moment)
-    assert performers.counts.other_joints == 0
-    assert performers.counts.recognizers.frames == 60
-    assert any(answers)
-
-
 def test_joints_announced_from_another_port_hold_for_nobody_else(sticks: MotionLibrary) -> None:
     """Announced before a performer comes, in a pause, or with frames of its own: the performer's frames are used."""
     admission, performers = Admission(), Performers(sticks)
@@ -297,14 +282,6 @@ def test_each_clock_is_known_within_a_second(kind: str, rate: int, way: str) -> 
         tolerance = 0.15 if "frame number" in kind else 0.07
         assert np.abs(first - moments[rate + 2 :] + moments[rate + 2]).max() < tolerance
         assert (np.diff(first) > 0).all()
-
-
-def test_a_feed_without_times_has_the_arrivals() -> None:
-    """Time 0 means "on arrival", and there is no note on it."""
-    arrivals = np.arange(100) / 50 + 3.0
-    seconds, clock = read(np.zeros(100), arrivals)
-    assert np.array_equal(seconds, arrivals)
-    assert clock.verdict.note == ""
 
 
 def test_a_verdict_changes_when_it_is_given_twice() -> None:

@@ -138,22 +138,6 @@ def test_a_disk_that_refuses_for_a_while_costs_nothing(tmp_path: Path, read_only
     assert recording.damage() == ""
 
 
-def test_a_disk_that_is_nearly_full_keeps_the_packets_that_fit(tmp_path: Path) -> None:
-    """Of large packets that wait, the first ones are in the file whole; the others wait, and are lost at the end."""
-    large = [RawPacket(float(number), 0, "", (bytes(30_000),)) for number in range(10)]
-    path, size = tmp_path / "a.kinerec", len(encode_packet(large[0]))
-    with closing(RawWriter(path, SOURCES)) as writer:
-        writer._file = disk = _Disk(writer._file, 4 * size - 1)  # type: ignore[assignment]  # noqa: SLF001 - as above
-        for packet in large:
-            writer.write(packet)
-        for kept in (3, 4):
-            writer._try_to_sync()  # noqa: SLF001 - as above
-            assert list(RawFile(path).packets()) == large[:kept]
-            disk.room = size
-    assert (writer.written, writer.failed) == (5, 5)
-    assert list(RawFile(path).packets()) == large[:5]
-
-
 def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a full disk the writer first loses packets beyond the memory's limit; it counts them and raises no error."""
     monkeypatch.setattr(kinerec, "MAX_WAITING", 100)

@@ -1,6 +1,5 @@
 """Senders that take more than their share are served last: others' packets are never kept waiting behind theirs."""
 
-import math
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,24 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fakes import FakeReceiver
 from golden import message
 from programs import LOOPBACK
 
 from kinespace.stream import Announcement, Frame, osc
-from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.inputs.source import (
-    MAX_ASIDE,
-    MAX_AT_ONCE,
-    PER_EVENT,
-    SHARE,
-    SILENCE,
-    FeedSource,
-    Turns,
-    Waiting,
-    is_due,
-)
+from kinespace.stream.inputs.source import MAX_ASIDE, SHARE, FeedSource, Turns, Waiting
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
 from kinespace.stream.status import InputCounts, Refusals
@@ -55,17 +44,6 @@ def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
     assert not turns.comes_last(EVE, 11.0)
 
 
-def test_the_price_of_a_frame_is_its_time() -> None:
-    """The time of recognition is part of a packet's price: a few thousand frames are too many."""
-    turns = Turns()
-    turns.charge(ANN, 0.0, 1, 1.0)
-    turns.comes_last(EVE, 1.0)
-    turns.charge(EVE, 0.0, round(MAX_AT_ONCE / PER_EVENT) - 1, 1.0)
-    assert not turns.comes_last(EVE, 1.0)
-    turns.charge(EVE, 0.0, 2, 1.0)
-    assert turns.comes_last(EVE, 1.0)
-
-
 def test_the_packets_put_aside_are_bounded() -> None:
     """The oldest packets make room for new ones, and are counted."""
     turns = Turns()
@@ -74,27 +52,6 @@ def test_the_packets_put_aside_are_bounded() -> None:
     assert len(turns.aside) == MAX_ASIDE // 65_001
     assert turns.thrown_away == 100 - len(turns.aside)
     assert turns.take().packet[0] == bytes([turns.thrown_away])
-
-
-class Receiver:
-    """Gives packets with their senders."""
-
-    waited, kernel_drops = 0.0, 0
-
-    def __init__(self) -> None:
-        self.packets: list[tuple[bytes, tuple[str, int]]] = []
-        self.sender: tuple[str, int] | None = None
-
-    def broken(self) -> int:
-        """Have no connections."""
-        return 0
-
-    def receive(self) -> bytes | None:
-        """Give the next packet."""
-        if not self.packets:
-            return None
-        packet, self.sender = self.packets.pop(0)
-        return packet
 
 
 class Costly:
@@ -111,8 +68,8 @@ class Costly:
 @pytest.fixture
 def source() -> Source:
     """Give a source in whose account Ann and Eve stand, and Eve has taken too much."""
-    made = Source(Receiver(), Costly())  # type: ignore[arg-type]  # fakes
-    made.receiver.packets = [(b"a", ANN), (b"e" * 2000, EVE)]  # type: ignore[attr-defined]
+    made = Source(FakeReceiver(), Costly())  # type: ignore[arg-type]  # fakes
+    made.receiver.packets.extend([(b"a", ANN), (b"e" * 2000, EVE)])  # type: ignore[attr-defined]
     assert made.take(1.0)
     assert made.take(1.0)
     return made
@@ -121,7 +78,7 @@ def source() -> Source:
 def test_others_go_before_a_greedy_sender(source: Source) -> None:
     """Other senders' packets are taken first; then one packet of the greedy sender, and again the others'."""
     receiver = source.receiver
-    receiver.packets = [(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)]  # type: ignore[attr-defined]
+    receiver.packets.extend([(b"e" * 2000, EVE)] * 3 + [(b"a", ANN), (b"b", ANN)])  # type: ignore[attr-defined]
     assert source.take(1.01) == [b"a"]
     assert source.has_put_aside
     assert source.notes == ["10.0.0.2:4000 sends more than its share: served last"]
@@ -129,7 +86,7 @@ def test_others_go_before_a_greedy_sender(source: Source) -> None:
     assert len(source.take(1.02) or ()) == 2000
     assert source.waited == pytest.approx(0.01)
     assert source.take(1.02) is None
-    receiver.packets = [(b"c", ANN)]  # type: ignore[attr-defined]
+    receiver.packets.extend([(b"c", ANN)])  # type: ignore[attr-defined]
     assert source.take(1.03) == [b"c"]
     assert [len(source.take(1.04) or ()) for _ in range(4)] == [2000, 0, 2000, 0]
     assert not source.has_put_aside
@@ -138,8 +95,9 @@ def test_others_go_before_a_greedy_sender(source: Source) -> None:
 
 def test_a_packet_is_kept_at_its_arrival() -> None:
     """What a packet waited in the system is taken off before it is recorded and decoded."""
-    kept, receiver = [], Receiver()
-    receiver.packets, receiver.waited = [(b"a", ANN)], 0.25
+    kept, receiver = [], FakeReceiver()
+    receiver.packets.append((b"a", ANN))
+    receiver.waited = 0.25
     keeper = SimpleNamespace(note="", keep=lambda *packet: kept.append(packet))
     source = Source(receiver, Costly(), keeper)  # type: ignore[arg-type]  # fakes
     assert source.take(2.0) == [b"a"]
@@ -148,13 +106,13 @@ def test_a_packet_is_kept_at_its_arrival() -> None:
 
 def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
     """Of each performer and sender; other packets are read, and all are counted."""
-    receiver, joints = Receiver(), tuple("abcde")
+    receiver, joints = FakeReceiver(), tuple("abcde")
     source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
 
     def taken(time: float) -> int:
         frames = [osc.encode_frame(Frame(name, time, np.zeros((5, 3)))) for name in ("p", "q")]
         packets = [*frames, osc.encode_announcement(Announcement("p", joints))]
-        receiver.packets = [(packet, sender) for packet in packets for sender in (ANN, EVE)]
+        receiver.packets.extend([(packet, sender) for packet in packets for sender in (ANN, EVE)])
         return sum(len(source.take(100.0) or ()) for _ in range(len(receiver.packets)))
 
     assert [taken(1.0), taken(1.01)] == [6, 6]
@@ -163,24 +121,6 @@ def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
     receiver.waited = 0.21
     assert taken(2.0) == 2
     assert (source.counts.stale, source.counts.received) == (8, 42)
-
-
-NEVER = -math.inf
-
-
-def test_the_handshake_is_repeated_only_while_nothing_comes() -> None:
-    """Asked at once, then every two seconds while frames stay away, and not while they come."""
-    asking = builtin_preset("qtm").asking
-    assert asking
-    assert is_due(asking, 100.0, NEVER, NEVER)
-    assert not is_due(asking, 101.0, 100.0, NEVER)
-    assert is_due(asking, 102.0, 100.0, NEVER)
-    assert not is_due(asking, 200.0, 100.0, 200.0 - 0.9 * SILENCE)
-    assert is_due(asking, 200.0, 100.0, 200.0 - 1.1 * SILENCE)
-    kept_awake = builtin_preset("synapse").asking
-    assert kept_awake
-    assert is_due(kept_awake, 10.0, 8.0, 9.9)
-    assert not is_due(kept_awake, 10.0, 8.1, 9.9)
 
 
 @contextmanager

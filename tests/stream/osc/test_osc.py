@@ -17,7 +17,6 @@ from kinespace.stream.osc import decode_packet, udp
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import Message
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
-from kinespace.stream.recognition import Answer
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 
@@ -68,18 +67,6 @@ def test_a_time_beyond_all_floats_is_the_largest(time: float) -> None:
     """A clock that makes no sense ends no answer."""
     (params,) = _params(osc_answers.encode_event(Event("p", EventKind.END, "bow", 0, 0.5, time))).values()
     assert params[-1] == pytest.approx(np.copysign(3.4028235e38, time))
-
-
-def test_a_performer_who_left_has_no_class() -> None:
-    """Class and guess are -1, the label says why, and listeners read it as an answer."""
-    packet = osc_answers.encode_gone("Ada L")
-    assert _params(packet) == {
-        "/motion/Ada%20L/class": [-1, 0.0, 0.0],
-        "/motion/Ada%20L/guess": [-1],
-        "/motion/Ada%20L/sofar": [-1],
-        "/motion/Ada%20L/label": ["gone"],
-    }
-    assert osc.decode_answer(packet) == Answer("Ada%20L", -1, 0.0, 0.0, "gone")
 
 
 @pytest.mark.parametrize(

@@ -161,18 +161,6 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     assert spans[0] == pytest.approx((110.2, 112.5), abs=0.5)
 
 
-def test_a_recording_ends_after_fifteen_seconds() -> None:
-    """A recording ends after 15 s, even if the movement goes on."""
-    stage = _asked("endless")
-    motion = stage.library.motions[40].positions
-    for _ in range(20):
-        stage.show((*motion, *motion[::-1]))
-        if stage.teacher.roster.examples:
-            break
-    (example,) = stage.teacher.roster.examples
-    assert example.seconds <= MAX_RECORDING + 0.1
-
-
 def test_a_pause_in_the_feed_ends_a_recording() -> None:
     """A sender that pauses between motions, as a replay does, sends no stillness: the motion is an example."""
     stage = _asked("wave", 2)
@@ -353,17 +341,6 @@ def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
     assert stage.teacher.roster.examples == ()
     assert isinstance(changed, Changed)
     assert changed.roster is stage.teacher.roster
-
-
-def test_a_slower_feed_keeps_its_rate() -> None:
-    """Of 120 Hz every fourth frame is remembered; 15 Hz are as they are; 8 Hz have straight lines between."""
-    for rate, kept in ((120.0, 30.0), (15.0, 15.0), (8.0, 30.0)):
-        stage, memory = Stage(), Memory(MotionLibrary.builtin().skeleton)
-        for number in range(round(2 * rate)):
-            memory.push(number / rate, stage.library.motions[0].positions[0], 0.0)
-        clip = memory.between(0.0, 2.0)
-        assert clip
-        assert clip.frame_rate == pytest.approx(kept)
 
 
 def test_a_feed_with_pauses_is_remembered_for_as_many_seconds_as_any() -> None:

@@ -207,18 +207,6 @@ def _greet(sender: ZmqSender, receiver: ZmqReceiver, topic: bytes = TOPIC) -> No
     _delivered(sender, receiver, topic)
 
 
-@pytest.mark.parametrize("receiver_binds", [True, False])
-def test_either_side_may_bind(wire: Wire, *, receiver_binds: bool) -> None:
-    """Bound or connected, frames go through whole and in order, and then receiving gives None."""
-    sender, receiver = wire.pair(receiver_binds=receiver_binds)
-    messages = [zeromq.encode_frame(Frame("p", 1.0 + seq, POSITIONS), seq, ("a", "b", "c")) for seq in range(50)]
-    for message in messages:
-        sender.send(message)
-    assert _delivered(sender, receiver) == messages
-    assert receiver.receive() is None
-    assert sender.failed == 0
-
-
 def test_p1_is_not_p10(wire: Wire) -> None:
     """A subscriber to one performer's answers gets no other's, which are counted on request."""
     sender = wire.sender(asks=True)

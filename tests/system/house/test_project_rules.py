@@ -62,13 +62,19 @@ def parsed(path: Path) -> ast.Module:
 
 
 @cache
+def imports(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """List what a source imports, anywhere in it and for type checking too."""
+    return [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+@cache
 def imported(path: Path) -> set[str]:
-    """Give the packages a source imports, anywhere in it and for type checking too: ours by folder, others by name."""
+    """Give the packages a source imports: ours by folder, others by name."""
     names: set[str] = set()
-    for node in ast.walk(parsed(path)):
+    for node in imports(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             names.add(node.module or package_of(path))
     return {name.removeprefix("kinespace.").partition(".")[0] for name in names}
 
@@ -120,7 +126,7 @@ def _folders_imported() -> dict[str, set[str]]:
         folder = ".".join(path.relative_to(ROOT).parts[:2])
         if folder not in folders:
             continue
-        for node in ast.walk(parsed(path)):
+        for node in imports(path):
             if isinstance(node, ast.ImportFrom) and node.module:
                 parts = node.module.removeprefix("kinespace.").split(".")
                 named = [".".join([*parts, alias.name][:2]) for alias in node.names]

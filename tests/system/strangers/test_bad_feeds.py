@@ -150,11 +150,6 @@ def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tupl
     return assembler, [event for event in events if isinstance(event, Frame)]
 
 
-def ghost(class_name: str, seconds: float = 1.5) -> NDArray[np.float32]:
-    """Give a ghost's positions at 120 Hz."""
-    return np.array([cue.frame.positions for cue in ghost_cues(class_name, seconds)])
-
-
 def test_every_preset_has_golden_packets() -> None:
     """Each preset has a layout that feeds it."""
     assert {preset for preset, _ in LAYOUTS.values()} == set(builtin_names())
@@ -163,7 +158,7 @@ def test_every_preset_has_golden_packets() -> None:
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_sent_frame_is_made(layout: str) -> None:
     """In each layout every frame comes out once, whole, in time, with the performer and the positions sent."""
-    positions = ghost("squat1Reps", 0.25)
+    positions = np.array([cue.frame.positions for cue in ghost_cues("squat1Reps", 0.15)])
     assembler, frames = assembled(layout, positions, 120.0)
     counts, preset = assembler.counts, assembler.preset
     assert len(frames) == len(positions)

@@ -9,7 +9,7 @@ import pytest
 from written import trc_text
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.library.windows.rejection import RATES, Evidence, Rejection, most_of_few
+from kinespace.library.windows.rejection import Evidence
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.learn import Lesson, fitted
 
@@ -90,34 +90,3 @@ def test_a_library_of_one_person_is_taught_by_its_other_motions(
     single.save(tmp_path / "own.npz")
     assert main([*arguments, str(tmp_path / "single.npz")]) == 2
     assert f"got one of {_CLASSES[0]}" in capsys.readouterr().err
-
-
-def test_takes_with_fewer_joints_teach_numbers_for_few_joints(
-    small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """They lie beside the numbers for all joints; a smaller rate names less; motions stay."""
-    whole, folder, small = MotionLibrary.load(small_file), takes_file.parent, tmp_path / "small.npz"
-    library = whole.without(motions=whole.motions[1::2])
-    library.save(small)
-    table, joints = tmp_path / "fewer.csv", [*library.skeleton.joints[:8], "lhumerus", "rhumerus", "head"]
-    rows = takes_file.read_text(encoding="utf-8").splitlines()
-    for path in folder.glob("*.trc"):
-        clip = next(each for each in MotionLibrary.builtin().motions if f"{each.class_name}_{each.actor}" == path.stem)
-        fewer = clip.restricted_to(joints)
-        text = trc_text(fewer.skeleton.joints, fewer.positions, rate=fewer.frame_rate, unit="m")
-        (tmp_path / path.name).write_text(text, encoding="utf-8")
-    table.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    arguments = ["learn", str(small), "-o", str(tmp_path / "learned.npz"), "--json", "--takes"]
-    assert main([*arguments, str(takes_file), str(table)]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert [each["rate"] for each in printed] == list(RATES)
-    assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
-    learned = MotionLibrary.load(tmp_path / "learned.npz")
-    assert len(learned) == len(library)
-    assert learned.learned is not None
-    assert most_of_few(learned.learned) == len(joints)
-    few, whole = (Rejection.of_kept(learned.learned, 5, few=each) for each in (True, False))
-    assert set(whole.biases) == set(whole.slopes) == set(_CLASSES)
-    for each in (few, whole):
-        assert (np.diff(each.thresholds) <= 1e-6).all()
-    assert not np.array_equal(few.weights, whole.weights)

@@ -636,24 +636,6 @@ def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol
         assert (_names(fold), _sources(fold)) == (asking, set(library))
 
 
-def test_unlabelled_takes_are_asked_of_other_persons_libraries(takes: list[Take]) -> None:
-    """A take without labels is recognised by every library without motions of its person."""
-    unlabelled = [_take("ann", 6, NOTHING), _take("zoe", 7, NOTHING), replace(_take("", 8), segments=())]
-    everything = [*takes, *unlabelled]
-    asked = {
-        protocol: {
-            fold.person: {*_names(fold)} & {"ann6", "zoe7", "8"} for fold in folds_of(everything, protocol, _unused)
-        }
-        for protocol in (Protocol.LEAVE_ONE_TAKE_OUT, Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON)
-    }
-    assert asked[Protocol.LEAVE_ONE_TAKE_OUT] == {"": {"ann6", "zoe7", "8"}}
-    assert asked[Protocol.LEAVE_ONE_PERSON_OUT] == {"ann": {"ann6"}, "ben": set(), "cid": set(), "": {"zoe7", "8"}}
-    strangers = {"zoe7", "8"}
-    assert asked[Protocol.ONE_PERSON] == {"ann": strangers, "ben": {"ann6"} | strangers, "cid": {"ann6"} | strangers}
-    for protocol in asked:
-        assert all("ann6" not in _sources(fold) for fold in folds_of(everything, protocol, _unused))
-
-
 @pytest.mark.parametrize(
     ("kept", "protocol", "message"),
     [

@@ -21,7 +21,7 @@ from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation import evaluate_show
 from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
 from kinespace.tools.evaluation.evaluate_peers import _elsewhere, _even
-from kinespace.tools.evaluation.evaluate_show import JOINED, joined, lengths_of
+from kinespace.tools.evaluation.evaluate_show import lengths_of
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -192,26 +192,6 @@ def test_segments_that_teach_do_not_ask() -> None:
 LIBRARY = MotionLibrary.builtin()
 PARENTS = LIBRARY.skeleton.parents
 RATE = 60.0
-
-
-def motion_of(actor: str, class_name: str) -> np.ndarray:
-    """Give the positions of an actor's first motion of a class."""
-    return next(each for each in LIBRARY.motions if (each.actor, each.class_name) == (actor, class_name)).positions
-
-
-def test_no_step_is_larger_than_a_motions_own_or_a_join_allows() -> None:
-    """Between two pieces a joint goes the way between both postures, at most by a sixteenth of it a frame."""
-    pieces = [motion_of(actor, name) for actor, name in (("bd", "lieDownFloor"), ("tr", "throwBasketball"))]
-    walk, begins = joined(pieces, 0, RATE)
-    between = round(JOINED * RATE)
-    assert begins == [0, len(pieces[0]) + between]
-    assert len(walk) == sum(map(len, pieces)) + between
-    steps = np.linalg.norm(np.diff(walk, axis=0), axis=2).max(axis=1)
-    own = max(np.linalg.norm(np.diff(each, axis=0), axis=2).max() for each in pieces)
-    far = np.linalg.norm(walk[begins[1]] - walk[begins[1] - between - 1], axis=1).max()
-    assert steps[begins[1] - between - 1 : begins[1]].max() <= far / 16
-    assert steps.max() <= max(own, far / 16) + 1e-6
-    np.testing.assert_array_equal(walk[: begins[1] - between], pieces[0])
 
 
 def options(**changed: object) -> argparse.Namespace:

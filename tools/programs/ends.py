@@ -297,7 +297,8 @@ def open_servers(
         requests = [RequestSource(_HERE, (), keyring)] if commands else []
         control = requests[0].address if requests else None
         page = PagePlan(options.page, sender.address, control, options.keys)
-        yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], [], requests)
+        bodies = BodySink(sender, performers.skeleton_of, performers.carried)
+        yield Served(page, [ZmqSink(sender), bodies], [], requests)
     if options.ws:
         from kinespace.tools.page.server import SocketPlan  # noqa: PLC0415 - slow to load
 

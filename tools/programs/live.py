@@ -158,7 +158,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         opening.pop_all()
     listeners = [lessons] if lessons else []
     if options.bodies:
-        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
+        senders_out = [sink.sender for sink in sinks if isinstance(sink, ZmqSink)]
+        sinks += [BodySink(sender, performers.skeleton_of, performers.carried) for sender in senders_out]
     with (
         closing(kept) if kept else nullcontext(),
         Service(

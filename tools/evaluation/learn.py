@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from kinespace.library import NOTHING, Clip, MotionLibrary
-from kinespace.library.motion_library.library_file import Learned
+from kinespace.library.library_file import Learned
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import Reading, Skeleton, find_recordings
-from kinespace.library.motion_library.library_file import replacing
+from kinespace.library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs.kinerec import ENDING, RawFile

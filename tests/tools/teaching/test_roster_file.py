@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 from programs import PATIENCE
 
-from kinespace.library import Clip, MotionLibrary, Skeleton
-from kinespace.library.motion_library import library_file
+from kinespace.library import Clip, MotionLibrary, Skeleton, library_file
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import Step
 from kinespace.tools.teaching.roster_file import RosterFile

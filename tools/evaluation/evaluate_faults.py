@@ -17,11 +17,11 @@ from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
+from kinespace.tools.cli.console import print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.harness import Feed, Take
 from kinespace.tools.evaluation.stream_score import basis_of, counted_in, rests_on
-from kinespace.tools.terminal.console import print_scores, progress
 
 #: What becomes of a feed's frames.
 Fault = Callable[[Feed, np.random.Generator], Feed]

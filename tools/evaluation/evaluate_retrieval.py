@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, distance_rows, signature_of, similarity
 from kinespace.stream.outputs.sink import extra
+from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Sources, distinct, print_json, read_takes, shared_joints
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
-from kinespace.tools.terminal import console
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),

@@ -34,10 +34,10 @@ from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
+from kinespace.tools.cli.console import print_scores, progress, require_place_for
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
-from kinespace.tools.terminal.console import print_scores, progress, require_place_for
 
 #: Seconds between two windows that take part in learning.
 _HOP = 0.1

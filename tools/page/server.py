@@ -38,10 +38,10 @@ from websockets.http11 import Request, Response
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
+from kinespace.tools.cli.console import note, printable
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.page.board import Board
 from kinespace.tools.page.process import Plan, Subscription
-from kinespace.tools.terminal.console import note, printable
 
 #: Bytes of a message from a page, at most.
 MAX_MESSAGE = 4096

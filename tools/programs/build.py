@@ -19,7 +19,7 @@ from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.arguments import names
-from kinespace.tools.terminal.console import NameNotes, counted, progress, require_place_for, say
+from kinespace.tools.cli.console import NameNotes, counted, progress, require_place_for, say
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0

@@ -31,10 +31,10 @@ from kinespace.stream.packet import Networks, Packet, Sender
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
+from kinespace.tools.cli.console import say
 from kinespace.tools.cli.values import host_and_port, one_of, opening
 from kinespace.tools.page.process import PagePlan, Plan
 from kinespace.tools.programs.listen import advice, command
-from kinespace.tools.terminal.console import say
 
 #: Packets that are looked at.
 _MOST = 60

@@ -23,7 +23,7 @@ from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
-from kinespace.tools.terminal.console import print_scores, progress, read_with_notes, say
+from kinespace.tools.cli.console import print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")

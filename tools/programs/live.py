@@ -37,14 +37,14 @@ from kinespace.stream.service.worker import Terms
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.arguments import count
+from kinespace.tools.cli.console import console, log_as, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.ends import Served, open_controls, open_ends, open_senders, open_servers, supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
-from kinespace.tools.terminal.console import console, log_as, require_place_for, say
-from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 
 #: A library, perhaps opened already.
 Known = MotionLibrary | WindowIndex

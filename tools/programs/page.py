@@ -8,10 +8,10 @@ import argparse
 import threading
 
 from kinespace.tools.cli.arguments import PAGE, add_shared
+from kinespace.tools.cli.console import say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.process import PagePlan
-from kinespace.tools.terminal.console import say
 
 #: Where `kinespace live --zmq-out` usually publishes.
 SOURCE = "tcp://127.0.0.1:9321"

@@ -23,11 +23,11 @@ from kinespace.stream import Announcement, osc, zeromq
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli import arguments
+from kinespace.tools.cli.console import NameNotes, console, counted, progress, progress_console, say
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
 from kinespace.tools.feeding.service import Listener
 from kinespace.tools.programs.exchange import Exchange
-from kinespace.tools.terminal.console import NameNotes, console, counted, progress, progress_console, say
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5

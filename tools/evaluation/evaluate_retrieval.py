@@ -103,8 +103,9 @@ def _motions(options: argparse.Namespace) -> Sequence[Clip]:
         raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
     classes = sorted({clip.class_name for clip in clips})
     if len(classes) < 2:
-        got = f"{len(clips)} of {', '.join(classes) or 'none'}"
-        raise ValueError(f"FOLDER: expected motions of two classes or more, by name, folder or labels, got {got}")
+        got = f"got {len(clips)} of {', '.join(classes) or 'none'}"
+        where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
+        raise ValueError(f"FOLDER: expected motions of two classes or more, {got}: {where}")
     joints = shared_joints([clip.skeleton for clip in clips])
     if all(len(clip.skeleton.joints) == len(joints) for clip in clips):
         return [clip.as_of(clips[0].skeleton) for clip in clips]

@@ -213,10 +213,8 @@ def _scored(fault: str, played: Sequence[_Played]) -> dict[str, object]:
     counts = [each.counts for each in played]
     noticed = [each.noticed for each in played if each.noticed is not None]
     basis = basis_of([each.seconds for each in played], [each.take.person for each in played])
-    shares = {
-        name: Ratio([each[name] for each in counts], [each[whole] for each in counts])
-        for name, whole in _SHARES.items()
-    }
+    counted = {name: [each[name] for each in counts] for name in (*_SHARES, *_SHARES.values())}
+    shares = {name: Ratio(counted[name], counted[whole]) for name, whole in _SHARES.items()}
     basis["segments"] = sum(len(each.take.segments) for each in played)
     return {
         "fault": fault,

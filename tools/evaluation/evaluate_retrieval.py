@@ -200,9 +200,8 @@ def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]],
         console.console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
         return
     for space, matrix in matrices.items():
-        console.console.print(
-            f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
-        )
+        heading = f"Confusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
+        console.console.print(f"\n{heading}")
         console.console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
         for name, shares in zip(classes.tolist(), matrix.tolist(), strict=True):
             cells = "".join(f"{100 * each:4.0f}" if each else "   ·" for each in shares)

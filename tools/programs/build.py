@@ -169,9 +169,8 @@ class _Recordings:
             self.uncut += whole
             yield from whole
         else:
-            yield from self._cut(
-                [recordings.performed(clip, path, self._reading.actor_in) for clip in clips], segments, path
-            )
+            takes = [recordings.performed(clip, path, self._reading.actor_in) for clip in clips]
+            yield from self._cut(takes, segments, path)
 
     def _cut(self, takes: Sequence[Clip], segments: Sequence[Segment], path: Path) -> Iterator[Clip]:
         """Cut the takes of one recording: with several performers each label names its performer."""

@@ -105,9 +105,8 @@ def _lacking(addresses: Sequence[str]) -> list[str]:
     came = dict[str, set[str]]()
     for joint, axis in filter(None, map(coordinate_of, addresses)):
         came.setdefault(joint, set()).add(axis)
-    return [
-        f"{joint} waits for {' and '.join(sorted({*'xyz'} - axes))}" for joint, axes in came.items() if len(axes) < 3
-    ]
+    waits = {joint: " and ".join(sorted({*"xyz"} - axes)) for joint, axes in came.items()}
+    return [f"{joint} waits for {axes}" for joint, axes in waits.items() if axes]
 
 
 #: The addresses of all of a machine's networks, and of the machine itself.

@@ -34,9 +34,7 @@ _OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = (
-        f"a library, a recording, a folder of them, or a class of the built-in library (default: {arguments.BUILT_IN})"
-    )
+    text = f"a library, a recording, a folder, or a class of the built-in library (default: {arguments.BUILT_IN})"
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE|CLASS", help=text)
     parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
     arguments.add_shared(parser, "--json", "--feed", "--actor-in")

@@ -82,9 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_names(parser, "senders")
     arguments.add_shared(parser, "--library")
     arguments.add_settings(parser)
-    parser.add_argument(
-        "--allow", type=arguments.names, default=(), metavar="A,B,...", help="recognise these performers only"
-    )
+    parser.add_argument("--allow", type=arguments.names, default=(), metavar="A,B,...", help="these performers only")
     text = "read packets from these networks alone; let them teach; let them and this machine get the answers by ZeroMQ"
     parser.add_argument("--allow-from", type=arguments.names, default=(), metavar="NETWORK,...", help=text)
     arguments.add_shared(parser, "--keys", "--open")

@@ -295,7 +295,7 @@ def open_servers(
         sender = zeromq.ZmqSender(_HERE, keyring)
         requests = [RequestSource(_HERE, (), keyring)] if commands else []
         control = requests[0].address if requests else None
-        page = PagePlan(options.page, sender.address, control, options.keys)
+        page = PagePlan(options.page, sender.address, options.keys, control)
         bodies = BodySink(sender, performers.skeleton_of, performers.carried)
         yield Served(page, [ZmqSink(sender), bodies], [], requests)
     if options.ws:
@@ -303,7 +303,7 @@ def open_servers(
 
         sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
         networks = tuple(map(str, _and_here(_networks(options))))
-        clients = SocketPlan(options.ws, sender.address, frames.address, options.keys, options.ws_origin, networks)
+        clients = SocketPlan(options.ws, sender.address, options.keys, frames.address, options.ws_origin, networks)
         yield Served(clients, [ZmqSink(sender)], [frames], [])
 
 

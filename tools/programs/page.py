@@ -33,6 +33,6 @@ def run(options: argparse.Namespace) -> int:
     ended = threading.Event()
     stop_on_signals(ended.set)
     place = f"{options.host}:{options.port}"
-    plan = PagePlan(place, options.source, options.control, options.keys)
+    plan = PagePlan(place, options.source, options.keys, options.control)
     plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
     return 0

@@ -2,8 +2,8 @@
 
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
+from kinespace.library.library_file import LibraryFileError
 from kinespace.library.motion_library import NOTHING, MotionLibrary
-from kinespace.library.motion_library.library_file import LibraryFileError
 from kinespace.library.recordings import Reading, clips_of, find_recordings, read_recordings
 from kinespace.library.signature.basis import signature_of, similarity
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError

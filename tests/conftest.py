@@ -22,9 +22,9 @@ from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled, find_r
 from kinespace.stream.osc import OscReceiver, udp
 from kinespace.tools.camera import models
 from kinespace.tools.camera.bodies import require_extra
+from kinespace.tools.cli.console import console
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.programs import bench
-from kinespace.tools.terminal.console import console
 
 # The same examples in every run, therefore few, and no deadline: a slow machine is not a failure.
 settings.register_profile("kinespace", derandomize=True, deadline=None, max_examples=50)

@@ -8,23 +8,19 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinespace.library.clip import Clip
 from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import mirrored
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from kinespace.library.clip import Clip
-    from kinespace.library.windows.courses import Courses
-    from kinespace.library.windows.rejection import Rejection
 
 #: Examples in a roster, at most.
 MAX_EXAMPLES = 2000

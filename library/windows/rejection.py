@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from kinespace.library.motion_library.library_file import Learned
+from kinespace.library.library_file import Learned
 from kinespace.library.windows.taught import usual_weighing
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.distances import distance_rows
+from kinespace.library.library_file import TAUGHT, Learned
 from kinespace.library.motion_library import MotionLibrary
-from kinespace.library.motion_library.library_file import TAUGHT, Learned
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind

@@ -1,6 +1,6 @@
 """Answers as ZeroMQ messages, and bodies for programs that draw them."""
 
-from typing import Protocol
+from collections.abc import Callable
 
 from kinespace.library import Skeleton
 from kinespace.stream.frame import Frame
@@ -54,16 +54,6 @@ class ZmqSink(Sink):
         self.sender.close()
 
 
-class Shown(Protocol):
-    """Performers as `BodySink` asks about them; `kinespace.stream.recognizer.Performers` is one."""
-
-    def skeleton_of(self, name: str) -> Skeleton | None:
-        """Give the joints of a performer's frames; None for a stranger."""
-
-    def carried(self, name: str) -> Carried | None:
-        """Say which joints carry the last answer to a performer; None without an answer."""
-
-
 class BodySink(Sink):
     """Publishes thirty frames a second of each performer on a ZeroMQ endpoint.
 
@@ -71,14 +61,17 @@ class BodySink(Sink):
     ----------
     sender
         Where to publish; another sink closes it.
-    performers
-        The performers.
+    skeleton_of, carried
+        Give the joints of a performer's frames, and the joints that carry the last answer to a performer; None where
+        they are not known.
     """
 
     watches = True
 
-    def __init__(self, sender: ZmqSender, performers: Shown) -> None:
-        self._sender, self._performers = sender, performers
+    def __init__(
+        self, sender: ZmqSender, skeleton_of: Callable[[str], Skeleton | None], carried: Callable[[str], Carried | None]
+    ) -> None:
+        self._sender, self._skeleton_of, self._carried = sender, skeleton_of, carried
         #: The time of each performer's last body, and how many were sent before it.
         self._sent: dict[str, tuple[float, int]] = {}
 
@@ -95,9 +88,9 @@ class BodySink(Sink):
             self._sent.clear()
         count = before + 1
         self._sent[name] = frame.time, count
-        carried = self._performers.carried(name) if count % _CARRIED_EVERY == 0 else None
+        carried = self._carried(name) if count % _CARRIED_EVERY == 0 else None
         # One behind the first: at the first frame the performer is not known yet.
-        skeleton = self._performers.skeleton_of(name) if count % _SKELETON_EVERY == 1 else None
+        skeleton = self._skeleton_of(name) if count % _SKELETON_EVERY == 1 else None
         self._sender.send(encode_body(frame, skeleton, carried))
 
     def publish_gone(self, performer: str) -> None:

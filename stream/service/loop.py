@@ -379,10 +379,8 @@ class Service:
         ends = tuple(each for each in recognition.events if each.kind is EventKind.END)
         outcome = Outcome.UNKNOWN if recognition.outcome is Outcome.NAMED else recognition.outcome
         nothing = np.zeros(0)
-        movement = recognition.movement
-        return Recognition(
-            recognition.performer, recognition.time, outcome, (), nothing, movement, guess=-1, events=ends
-        )
+        answer = recognition.performer, recognition.time, outcome, (), nothing, recognition.movement
+        return Recognition(*answer, guess=-1, events=ends)
 
     def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
         for recognition, (_, started, waited) in zip(answers, taken, strict=True):

@@ -96,9 +96,7 @@ class Endpoint(NamedTuple):
         """
         if self.bind and self.is_open_to_others and not (networks or keyring or self.to_anybody):
             ways = "--keys, --allow-from or --open"
-            raise ValueError(
-                f"address: expected {ways} with {self.address}, which other machines reach, got none of them"
-            )
+            raise ValueError(f"address: expected {ways} with {self.address}, which others reach, got none of them")
         # Sockets without IPv6 meet no such peer, and refuse filters for it.
         filters = [each for each in networks if isinstance(each, IPv4Network)] if self.bind else []
         if networks and self.bind and not filters:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from chaos.trial import Effort, Outcome, tried
 from chaos.trials import TRIALS
 
+from kinespace.tools.cli.console import progress
 from kinespace.tools.programs import bench
 from kinespace.tools.programs.bench import machine
-from kinespace.tools.terminal.console import progress
 
 _HEADINGS = (
     *("what goes wrong", "answers / expected", "p99 before, ms", "p99, ms", "MB before / most / after", "s to recover"),

@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import EventKind
+from kinespace.tools.cli.console import printable
 from kinespace.tools.evaluation.stream_score import Course
-from kinespace.tools.terminal.console import printable
 
 #: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
 TIERS = ("started", "done", "performed")

@@ -14,10 +14,10 @@ import numpy as np
 from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
+from kinespace.tools.cli.console import print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
-from kinespace.tools.terminal.console import print_scores, progress
 
 #: Seconds for which the body stands still behind a take, because a motion is said a moment after its end, and behind a
 #: motion that is broken off.

@@ -17,11 +17,11 @@ from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
+from kinespace.tools.cli.console import print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.harness import Feed, Take
 from kinespace.tools.evaluation.stream_score import basis_of, counted_in, rests_on
-from kinespace.tools.terminal.console import print_scores, progress
 
 #: What becomes of a feed's frames.
 Fault = Callable[[Feed, np.random.Generator], Feed]
@@ -213,10 +213,8 @@ def _scored(fault: str, played: Sequence[_Played]) -> dict[str, object]:
     counts = [each.counts for each in played]
     noticed = [each.noticed for each in played if each.noticed is not None]
     basis = basis_of([each.seconds for each in played], [each.take.person for each in played])
-    shares = {
-        name: Ratio([each[name] for each in counts], [each[whole] for each in counts])
-        for name, whole in _SHARES.items()
-    }
+    counted = {name: [each[name] for each in counts] for name in (*_SHARES, *_SHARES.values())}
+    shares = {name: Ratio(counted[name], counted[whole]) for name, whole in _SHARES.items()}
     basis["segments"] = sum(len(each.take.segments) for each in played)
     return {
         "fault": fault,

@@ -24,8 +24,8 @@ from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_shared
+from kinespace.tools.cli.console import counted, print_scores, progress
 from kinespace.tools.evaluation import harness
-from kinespace.tools.terminal.console import counted, print_scores, progress
 
 #: Shares of a motion that are seen.
 _SHARES = 0.25, 0.5, 0.75, 1.0

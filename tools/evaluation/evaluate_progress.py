@@ -19,9 +19,9 @@ from kinespace.library.phases import MOMENTS_PER_SECOND
 from kinespace.stream import Progress, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_shared, count
+from kinespace.tools.cli.console import print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.feeding.feed import between
-from kinespace.tools.terminal.console import print_scores, progress
 
 #: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
 Estimate = NDArray[np.float64]

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, distance_rows, signature_of, similarity
 from kinespace.stream.outputs.sink import extra
+from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Sources, distinct, print_json, read_takes, shared_joints
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
-from kinespace.tools.terminal import console
 
 _COLUMNS = (
     ("compared", "{space} {signature}"),
@@ -103,8 +103,9 @@ def _motions(options: argparse.Namespace) -> Sequence[Clip]:
         raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
     classes = sorted({clip.class_name for clip in clips})
     if len(classes) < 2:
-        got = f"{len(clips)} of {', '.join(classes) or 'none'}"
-        raise ValueError(f"FOLDER: expected motions of two classes or more, by name, folder or labels, got {got}")
+        got = f"got {len(clips)} of {', '.join(classes) or 'none'}"
+        where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
+        raise ValueError(f"FOLDER: expected motions of two classes or more, {got}: {where}")
     joints = shared_joints([clip.skeleton for clip in clips])
     if all(len(clip.skeleton.joints) == len(joints) for clip in clips):
         return [clip.as_of(clips[0].skeleton) for clip in clips]
@@ -199,9 +200,8 @@ def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]],
         console.console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
         return
     for space, matrix in matrices.items():
-        console.console.print(
-            f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
-        )
+        heading = f"Confusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
+        console.console.print(f"\n{heading}")
         console.console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
         for name, shares in zip(classes.tolist(), matrix.tolist(), strict=True):
             cells = "".join(f"{100 * each:4.0f}" if each else "   ·" for each in shares)

@@ -18,10 +18,10 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
+from kinespace.tools.cli.console import progress, require_place_for_report
 from kinespace.tools.evaluation import harness, stream_score
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.harness import Take
-from kinespace.tools.terminal.console import progress, require_place_for_report
 
 _Values = dict[str, float | None]
 

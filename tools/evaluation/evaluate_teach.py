@@ -19,11 +19,11 @@ from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
+from kinespace.tools.cli.console import counted, note, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.feeding.feed import resampled
-from kinespace.tools.terminal.console import counted, note, print_scores, progress
 
 #: A motion, and the name of the recording that it was cut from.
 Motion = tuple[str, Clip]

@@ -40,7 +40,7 @@ from kinespace.library.windows.segments import mirrored
 from kinespace.stream import Frame, Recognition, Recognizer, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.arguments import joints_of
-from kinespace.tools.terminal.console import NameNotes, note, progress
+from kinespace.tools.cli.console import NameNotes, note, progress
 
 _COLUMNS = ("file", "subject", "contains", "perhaps")
 

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from kinespace.library import NOTHING, Clip, MotionLibrary
-from kinespace.library.motion_library.library_file import Learned
+from kinespace.library.library_file import Learned
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
@@ -34,10 +34,10 @@ from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
+from kinespace.tools.cli.console import print_scores, progress, require_place_for
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
-from kinespace.tools.terminal.console import print_scores, progress, require_place_for
 
 #: Seconds between two windows that take part in learning.
 _HOP = 0.1

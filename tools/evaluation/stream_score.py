@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import EventKind, Outcome, Recognition
+from kinespace.tools.cli.console import console, counted, csv_text, print_scores, table_of
 from kinespace.tools.evaluation.bootstrap import Figure, Interval, Percentile, Ratio, RocArea, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Protocol, Take, written
-from kinespace.tools.terminal.console import console, counted, csv_text, print_scores, table_of
 
 
 def guess_of(answer: Recognition) -> str | None:

@@ -18,7 +18,7 @@ from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import UNDONE, Step
 from kinespace.stream.zeromq.messages import BodyHeader, decode_body
-from kinespace.tools.terminal.live_table import counted, promise, said_of
+from kinespace.tools.cli.live_table import counted, promise, said_of
 
 #: Performers that are shown, at most; further ones are counted.
 MAX_SHOWN = 8

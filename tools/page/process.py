@@ -115,16 +115,22 @@ class Plan(ABC):
 
     Attributes
     ----------
-    name
-        The process's name in messages.
+    name, option
+        The process's name in messages, and the option that gives the address.
     address
         HOST:PORT of the server.
+    source
+        The ZeroMQ endpoint on which a recogniser publishes.
+    keys
+        Folder of the keys of all ZeroMQ; None for none.
     """
 
     name: ClassVar[str]
+    option: ClassVar[str]
     address: str
+    source: str
+    keys: Path | None = None
 
-    @abstractmethod
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Serve browsers; `started` gets the address, and `wants_end` is asked some times a second.
 
@@ -135,6 +141,18 @@ class Plan(ABC):
         ValueError
             An address cannot be read, or the keys cannot be used.
         """
+        with ExitStack() as opened:
+            keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
+            subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
+            self.server(subscription, keyring).serve(self.address, self.option, started, wants_end)
+
+    @abstractmethod
+    def server(self, subscription: Subscription, keyring: Keyring | None) -> Any:  # noqa: ANN401 - slow to load
+        """Make the server (`server.ClientServer`)."""
+
+
+def _to(address: str) -> Endpoint:
+    return Endpoint.parse(address, bind=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,33 +161,19 @@ class PagePlan(Plan):
 
     Attributes
     ----------
-    source
-        The ZeroMQ endpoint on which a recogniser publishes.
     control
         The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
-    keys
-        Folder of the keys of all ZeroMQ; None for none.
     """
 
-    name = "page"
-    source: str
+    name = option = "page"
     control: str | None = None
-    keys: Path | None = None
 
-    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve browsers."""
-        from kinespace.tools.page.server import Gate, PageServer  # noqa: PLC0415 - slow to load, and this process alone needs it
+    def server(self, subscription: Subscription, keyring: Keyring | None) -> Any:  # noqa: ANN401 - as above
+        """Make the page's server."""
+        from kinespace.tools.page.server import Gate, PageServer  # noqa: PLC0415 - this process alone needs it
 
-        gate = Gate.for_host(host_and_port(self.address)[0])
-        with ExitStack() as opened:
-            keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
-            subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
-            control = partial(ask_control, _to(self.control), keyring) if self.control else None
-            PageServer(subscription, control, gate).serve(self.address, "page", started, wants_end)
-
-
-def _to(address: str) -> Endpoint:
-    return Endpoint.parse(address, bind=False)
+        control = partial(ask_control, _to(self.control), keyring) if self.control else None
+        return PageServer(subscription, control, Gate.for_host(host_and_port(self.address)[0]))
 
 
 class PageProcess:

@@ -20,11 +20,10 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 from urllib.parse import parse_qs, urlsplit
 
@@ -38,10 +37,10 @@ from websockets.http11 import Request, Response
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
+from kinespace.tools.cli.console import note, printable
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.page.board import Board
 from kinespace.tools.page.process import Plan, Subscription
-from kinespace.tools.terminal.console import note, printable
 
 #: Bytes of a message from a page, at most.
 MAX_MESSAGE = 4096
@@ -493,30 +492,22 @@ class SocketPlan(Plan):
 
     Attributes
     ----------
-    answers, frames
-        The ZeroMQ endpoints on which the recogniser publishes, and on which it takes frames in.
-    keys
-        Folder of the keys of all ZeroMQ; None for none.
+    frames
+        The ZeroMQ endpoint on which the recogniser takes frames in.
     origins
         Sites whose pages may connect, like https://editor.p5js.org; pages of this machine may anyway.
     networks
         Networks whose clients may connect; empty for all.
     """
 
-    answers: str
-    frames: str
-    keys: Path | None = None
+    name, option = "WebSocket", "--ws"
+    frames: str = ""
     origins: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()
-    name = "WebSocket"
 
-    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
-        """Serve clients."""
-        with ExitStack() as opened:
-            keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
-            subscription = Subscription(Endpoint.parse(self.answers, bind=False), keyring)
-            server = SocketServer(opened.enter_context(closing(subscription)), self, keyring)
-            server.serve(self.address, "--ws", started, wants_end)
+    def server(self, subscription: Subscription, keyring: Keyring | None) -> SocketServer:
+        """Make the server of WebSocket clients."""
+        return SocketServer(subscription, self, keyring)
 
 
 def answer(gate: Gate, origins: Sequence[str], target: str, headers: Mapping[str, str]) -> Response | None:

@@ -26,10 +26,10 @@ from rich.table import Table
 from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import Frame, LiveSignature, Performers, Recognition, Recognizer, Settings, osc, zeromq
 from kinespace.tools.cli.arguments import add_shared, positive
+from kinespace.tools.cli.console import console, progress, say, table_of
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
 from kinespace.tools.feeding.service import BackgroundService, Listener, Received, Transport, answer_in
 from kinespace.tools.programs import latency
-from kinespace.tools.terminal.console import console, progress, say, table_of
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0

@@ -19,7 +19,7 @@ from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.arguments import names
-from kinespace.tools.terminal.console import NameNotes, counted, progress, require_place_for, say
+from kinespace.tools.cli.console import NameNotes, counted, progress, require_place_for, say
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0
@@ -169,9 +169,8 @@ class _Recordings:
             self.uncut += whole
             yield from whole
         else:
-            yield from self._cut(
-                [recordings.performed(clip, path, self._reading.actor_in) for clip in clips], segments, path
-            )
+            takes = [recordings.performed(clip, path, self._reading.actor_in) for clip in clips]
+            yield from self._cut(takes, segments, path)
 
     def _cut(self, takes: Sequence[Clip], segments: Sequence[Segment], path: Path) -> Iterator[Clip]:
         """Cut the takes of one recording: with several performers each label names its performer."""

@@ -22,10 +22,10 @@ from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, SeenBody, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
+from kinespace.tools.cli.console import say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
-from kinespace.tools.terminal.console import say
 
 if TYPE_CHECKING:
     from kinespace.tools.camera.film import Film, Picture

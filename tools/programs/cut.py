@@ -12,7 +12,7 @@ from pathlib import Path
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.library.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
-from kinespace.tools.terminal.console import NameNotes, csv_text, progress, require_place_for, say
+from kinespace.tools.cli.console import NameNotes, csv_text, progress, require_place_for, say
 
 COLUMNS = ("start_s", "end_s", "label", "performer")
 #: Seconds: a longer row hardly is one motion; HDM05's longest cut clip has eight.

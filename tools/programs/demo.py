@@ -23,10 +23,10 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Announcement, Settings
 from kinespace.stream.recognition import Answer
 from kinespace.tools.cli.arguments import add_shared
+from kinespace.tools.cli.console import console, table_of
+from kinespace.tools.cli.live_table import score_shown
 from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, clip_cues
-from kinespace.tools.terminal.console import console, table_of
-from kinespace.tools.terminal.live_table import score_shown
 
 PERFORMER = "demo"
 #: Seconds of the shortest motion that is played, if a class has a longer one: recognition begins after half a second.

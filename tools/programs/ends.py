@@ -31,10 +31,10 @@ from kinespace.stream.packet import Networks, Packet, Sender
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
+from kinespace.tools.cli.console import say
 from kinespace.tools.cli.values import host_and_port, one_of, opening
 from kinespace.tools.page.process import PagePlan, Plan
 from kinespace.tools.programs.listen import advice, command
-from kinespace.tools.terminal.console import say
 
 #: Packets that are looked at.
 _MOST = 60
@@ -105,9 +105,8 @@ def _lacking(addresses: Sequence[str]) -> list[str]:
     came = dict[str, set[str]]()
     for joint, axis in filter(None, map(coordinate_of, addresses)):
         came.setdefault(joint, set()).add(axis)
-    return [
-        f"{joint} waits for {' and '.join(sorted({*'xyz'} - axes))}" for joint, axes in came.items() if len(axes) < 3
-    ]
+    waits = {joint: " and ".join(sorted({*"xyz"} - axes)) for joint, axes in came.items()}
+    return [f"{joint} waits for {axes}" for joint, axes in waits.items() if axes]
 
 
 #: The addresses of all of a machine's networks, and of the machine itself.
@@ -296,14 +295,15 @@ def open_servers(
         sender = zeromq.ZmqSender(_HERE, keyring)
         requests = [RequestSource(_HERE, (), keyring)] if commands else []
         control = requests[0].address if requests else None
-        page = PagePlan(options.page, sender.address, control, options.keys)
-        yield Served(page, [ZmqSink(sender), BodySink(sender, performers)], [], requests)
+        page = PagePlan(options.page, sender.address, options.keys, control)
+        bodies = BodySink(sender, performers.skeleton_of, performers.carried)
+        yield Served(page, [ZmqSink(sender), bodies], [], requests)
     if options.ws:
         from kinespace.tools.page.server import SocketPlan  # noqa: PLC0415 - slow to load
 
         sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
         networks = tuple(map(str, _and_here(_networks(options))))
-        clients = SocketPlan(options.ws, sender.address, frames.address, options.keys, options.ws_origin, networks)
+        clients = SocketPlan(options.ws, sender.address, options.keys, frames.address, options.ws_origin, networks)
         yield Served(clients, [ZmqSink(sender)], [frames], [])
 
 

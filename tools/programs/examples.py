@@ -3,8 +3,8 @@
 import argparse
 from importlib import resources
 
+from kinespace.tools.cli.console import say
 from kinespace.tools.cli.values import meant
-from kinespace.tools.terminal.console import say
 
 #: Folders and endings of files that are no examples.
 _PASSED_OVER = {"node_modules", "__pycache__", ".pyc", ".meta"}

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from rich.table import Table
 
 from kinespace.stream import Announcement, osc
+from kinespace.tools.cli.console import console, note, say, table_of
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
 from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
-from kinespace.tools.terminal.console import console, note, say, table_of
 
 #: Seconds without an answer after which no more are expected.
 _LINGER = 0.3

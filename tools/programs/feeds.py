@@ -6,7 +6,7 @@ from rich.text import Text
 
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.tools.cli.arguments import preset_named
-from kinespace.tools.terminal.console import say
+from kinespace.tools.cli.console import say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

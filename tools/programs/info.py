@@ -23,7 +23,7 @@ from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
-from kinespace.tools.terminal.console import print_scores, progress, read_with_notes, say
+from kinespace.tools.cli.console import print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
@@ -34,9 +34,7 @@ _OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = (
-        f"a library, a recording, a folder of them, or a class of the built-in library (default: {arguments.BUILT_IN})"
-    )
+    text = f"a library, a recording, a folder, or a class of the built-in library (default: {arguments.BUILT_IN})"
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE|CLASS", help=text)
     parser.add_argument("--clips", action="store_true", help="list every motion or recording too")
     arguments.add_shared(parser, "--json", "--feed", "--actor-in")

@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 
 from kinespace.stream.zeromq.keys import make_keys
-from kinespace.tools.terminal.console import say
+from kinespace.tools.cli.console import say
 
 _ADVICE = "public, for the others' folders", "secret, keep it here"
 

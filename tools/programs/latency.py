@@ -18,9 +18,9 @@ from rich.table import Table
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
+from kinespace.tools.cli.console import console, table_of
 from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
-from kinespace.tools.terminal.console import console, table_of
 
 #: Seconds after the last frame in which answers may still come.
 _LINGER = 0.5

@@ -21,8 +21,8 @@ from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
+from kinespace.tools.cli.console import console, say, table_of
 from kinespace.tools.cli.values import host_and_port, opening
-from kinespace.tools.terminal.console import console, say, table_of
 
 #: The preset of our own messages, whose joints need not be named.
 _NATIVE = "native"

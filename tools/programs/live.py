@@ -37,14 +37,14 @@ from kinespace.stream.service.worker import Terms
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.arguments import count
+from kinespace.tools.cli.console import console, log_as, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.ends import Served, open_controls, open_ends, open_senders, open_servers, supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
-from kinespace.tools.terminal.console import console, log_as, require_place_for, say
-from kinespace.tools.terminal.live_table import LiveTable, PlainLines, summary
 
 #: A library, perhaps opened already.
 Known = MotionLibrary | WindowIndex
@@ -82,9 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_names(parser, "senders")
     arguments.add_shared(parser, "--library")
     arguments.add_settings(parser)
-    parser.add_argument(
-        "--allow", type=arguments.names, default=(), metavar="A,B,...", help="recognise these performers only"
-    )
+    parser.add_argument("--allow", type=arguments.names, default=(), metavar="A,B,...", help="these performers only")
     text = "read packets from these networks alone; let them teach; let them and this machine get the answers by ZeroMQ"
     parser.add_argument("--allow-from", type=arguments.names, default=(), metavar="NETWORK,...", help=text)
     arguments.add_shared(parser, "--keys", "--open")
@@ -158,7 +156,8 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         opening.pop_all()
     listeners = [lessons] if lessons else []
     if options.bodies:
-        sinks += [BodySink(sink.sender, performers) for sink in sinks if isinstance(sink, ZmqSink)]
+        senders_out = [sink.sender for sink in sinks if isinstance(sink, ZmqSink)]
+        sinks += [BodySink(sender, performers.skeleton_of, performers.carried) for sender in senders_out]
     with (
         closing(kept) if kept else nullcontext(),
         Service(

@@ -8,10 +8,10 @@ import argparse
 import threading
 
 from kinespace.tools.cli.arguments import PAGE, add_shared
+from kinespace.tools.cli.console import say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.process import PagePlan
-from kinespace.tools.terminal.console import say
 
 #: Where `kinespace live --zmq-out` usually publishes.
 SOURCE = "tcp://127.0.0.1:9321"
@@ -33,6 +33,6 @@ def run(options: argparse.Namespace) -> int:
     ended = threading.Event()
     stop_on_signals(ended.set)
     place = f"{options.host}:{options.port}"
-    plan = PagePlan(place, options.source, options.control, options.keys)
+    plan = PagePlan(place, options.source, options.keys, options.control)
     plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
     return 0

@@ -19,9 +19,9 @@ from kinespace.stream.inputs.kinerec import RawWriter, source_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
+from kinespace.tools.cli.console import progress_console, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.programs.ends import open_ends
-from kinespace.tools.terminal.console import progress_console, require_place_for, say
 
 #: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100

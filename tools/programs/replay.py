@@ -23,11 +23,11 @@ from kinespace.stream import Announcement, osc, zeromq
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli import arguments
+from kinespace.tools.cli.console import NameNotes, console, counted, progress, progress_console, say
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
 from kinespace.tools.feeding.service import Listener
 from kinespace.tools.programs.exchange import Exchange
-from kinespace.tools.terminal.console import NameNotes, console, counted, progress, progress_console, say
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
@@ -45,14 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
     text = "factor on the recorded speed (default %(default)s)"
     parser.add_argument("--speed", type=arguments.positive, default=1.0, help=text)
-    parser.add_argument(
-        "--pause", type=arguments.not_negative, default=1.0, help="seconds between clips (default %(default)s)"
-    )
+    parser.add_argument("--pause", type=arguments.not_negative, default=1.0, help="seconds between clips (%(default)s)")
     text = "begin each recording at this second"
     parser.add_argument("--from", type=arguments.not_negative, default=0.0, dest="begin", metavar="S", help=text)
-    parser.add_argument(
-        "--to", type=arguments.positive, dest="end", metavar="S", help="end each recording at this second"
-    )
+    parser.add_argument("--to", type=arguments.positive, dest="end", metavar="S", help="end each at this second")
     parser.add_argument("--loop", action="store_true", help="begin again after the last clip, until Ctrl-C")
     arguments.add_shared(parser, "--json")
 

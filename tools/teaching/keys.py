@@ -8,8 +8,8 @@ from typing import Self
 
 from kinespace.library import NOTHING
 from kinespace.stream.teaching import Asked, Command, commands
+from kinespace.tools.cli.live_table import LiveTable
 from kinespace.tools.teaching.lessons import Lessons
-from kinespace.tools.terminal.live_table import LiveTable
 
 #: Seconds between two checks for a key.
 _LOOK = 0.1

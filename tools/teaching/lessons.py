@@ -26,8 +26,8 @@ from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.teacher import Remembered
+from kinespace.tools.cli.console import say
 from kinespace.tools.teaching.roster_file import RosterFile
-from kinespace.tools.terminal.console import say
 
 #: Seconds after a lesson in which its performer is still not answered: a motion is done some tenths after its end.
 _MUTED_AFTER = 0.5

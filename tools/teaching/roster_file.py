@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kinespace.library import Clip
-from kinespace.library.motion_library import MotionLibrary, library_file
+from kinespace.library import Clip, MotionLibrary, library_file
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import State, Step
 

@@ -5,7 +5,7 @@ import pytest
 from naive_windows import evidence, logit
 
 from kinespace.library import MotionLibrary, WindowIndex
-from kinespace.library.motion_library.library_file import Learned
+from kinespace.library.library_file import Learned
 from kinespace.library.windows.rejection import (
     HELD_ONE,
     MAX_LEAD,

@@ -8,7 +8,7 @@ import pytest
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary, WindowIndex
-from kinespace.library.motion_library.library_file import TAUGHT, Learned
+from kinespace.library.library_file import TAUGHT, Learned
 from kinespace.library.windows.comparison import Weighing
 from kinespace.library.windows.taught import WEIGHINGS, keeping_lessons, kept_of
 

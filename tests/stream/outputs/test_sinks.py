@@ -188,7 +188,7 @@ def test_everything_is_published() -> None:
 def test_at_most_thirty_bodies_are_sent_a_second(rate: float) -> None:
     """Of any feed at most thirty frames a second, more than twenty; the second and every thirtieth with the joints."""
     sender = Sender()
-    sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
+    sink = BodySink(sender, ANYBODY.skeleton_of, ANYBODY.carried)  # type: ignore[arg-type]  # only `send` is called
     for index in range(round(3 * rate)):
         sink.send(Frame("ann", 1.0 + index / rate, POSE))
     assert 3 * 20 <= len(sender.sent) <= 3 * 30 + 1
@@ -201,7 +201,7 @@ def test_at_most_thirty_bodies_are_sent_a_second(rate: float) -> None:
 def test_a_sender_that_begins_anew_is_shown_at_once() -> None:
     """When the times go back, and when a performer has left or was forgotten among many, the next frame is sent."""
     sender = Sender()
-    sink = BodySink(sender, ANYBODY)  # type: ignore[arg-type]  # only `send` is called
+    sink = BodySink(sender, ANYBODY.skeleton_of, ANYBODY.carried)  # type: ignore[arg-type]  # only `send` is called
     for moment, count in ((100.0, 1), (1.0, 2), (1.001, 2), (1.05, 3)):
         sink.send(Frame("ann", moment, POSE))
         assert len(sender.sent) == count

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kinespace.tools.cli.console import console, progress, table_of
 from kinespace.tools.programs.bench import COSTS, Measured, shown
-from kinespace.tools.terminal.console import console, progress, table_of
 
 #: Turns of each version, and draws of turns from which an interval is taken.
 TURNS, _DRAWS = 6, 2000

@@ -32,10 +32,10 @@ from kinespace.stream.teaching import State, Step, Taught
 from kinespace.stream.teaching.commands import as_json
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.messages import encode_body
+from kinespace.tools.cli.live_table import COUNTERS, counts
 from kinespace.tools.page.board import MAX_SHOWN, Board
 from kinespace.tools.page.process import PagePlan, PageProcess
 from kinespace.tools.page.server import MAX_MESSAGE, MAX_PAGES, Gate, PageServer, read_message
-from kinespace.tools.terminal.live_table import COUNTERS, counts
 
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.
 SILENCE = 0.15

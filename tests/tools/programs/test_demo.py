@@ -55,7 +55,7 @@ def test_a_recogniser_that_knows_other_names_is_not_right(
     def service(transport: str, **options: object) -> BackgroundService:
         return BackgroundService(transport, **{**options, "library": other})  # type: ignore[arg-type]
 
-    monkeypatch.setattr(demo, "BackgroundService", service)
+    monkeypatch.setattr(demo.service, "BackgroundService", service)
     assert main(["demo", "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == {"played": 2, "answered": 0, "right": 0, "late": 0, "p99_ms": None}
 

@@ -14,8 +14,7 @@ import zmq
 from fakes import FakeSink
 from programs import PATIENCE
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
-from kinespace.library.motion_library import library_file
+from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, library_file
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, Recognition, Settings
 from kinespace.stream.frame import Admitted

@@ -15,12 +15,11 @@ import numpy as np
 import pytest
 from programs import PATIENCE
 
-from kinespace.library import Clip, MotionLibrary, Skeleton
-from kinespace.library.motion_library import library_file
+from kinespace.library import Clip, MotionLibrary, Skeleton, library_file
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import Step
+from kinespace.tools.cli.console import require_place_for
 from kinespace.tools.teaching.roster_file import RosterFile
-from kinespace.tools.terminal.console import require_place_for
 
 #: A program that changes a roster at random; it says each change before it hands it over, and the newest one that is
 #: kept.

@@ -17,9 +17,8 @@ import pytest
 from numpy.typing import NDArray
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
-from kinespace.library import Clip, LibraryFileError, MotionLibrary, Skeleton, SkeletonMismatchError
-from kinespace.library.motion_library import library_file
-from kinespace.library.motion_library.library_file import Learned
+from kinespace.library import Clip, LibraryFileError, MotionLibrary, Skeleton, SkeletonMismatchError, library_file
+from kinespace.library.library_file import Learned
 from kinespace.library.naming import Naming, hdm05
 
 SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")

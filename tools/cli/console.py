@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kinespace.library import Clip, Reading, read_recordings
-from kinespace.library.motion_library.library_file import locked
+from kinespace.library.library_file import locked
 from kinespace.library.naming import summary
 from kinespace.library.recordings.formats.labels import labels_beside
 from kinespace.library.windows.segments import remarks

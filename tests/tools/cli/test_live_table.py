@@ -20,9 +20,8 @@ from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
-from kinespace.tools.cli.main import main
-from kinespace.tools.terminal import live_table
-from kinespace.tools.terminal.console import (
+from kinespace.tools.cli import live_table
+from kinespace.tools.cli.console import (
     console,
     csv_text,
     log_as,
@@ -32,7 +31,8 @@ from kinespace.tools.terminal.console import (
     say,
     table_of,
 )
-from kinespace.tools.terminal.live_table import LiveTable, PlainLines, counts, summary
+from kinespace.tools.cli.live_table import LiveTable, PlainLines, counts, summary
+from kinespace.tools.cli.main import main
 
 CLASSES = ("bow", "jump", "wave")
 

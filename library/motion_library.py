@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from kinespace.library import library_file
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.motion_library import library_file
-from kinespace.library.motion_library.library_file import Learned
+from kinespace.library.library_file import Learned
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 

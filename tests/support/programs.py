@@ -35,7 +35,7 @@ SMALL_ACTORS = ("bd", "dg", "mm")
 ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = "127.0.0.1"
 #: Seconds that a child may take for one step before the test fails; a busy machine is slow.
-PATIENCE = 60.0
+PATIENCE = 90.0
 #: Warnings are errors in the children too; a child reports a leaked socket on its standard error.
 _COMMAND = (sys.executable, "-W", "error", "-m", "kinespace")
 _POLL = 0.01
@@ -70,9 +70,9 @@ class Program:
             time.sleep(_POLL)
         raise AssertionError(f"no {pattern!r} in time: {self.output}{self.errors}")
 
-    def found(self, pattern: str) -> bool:
-        """Wait until the output matches, or the program ends; say whether it matches."""
-        until = time.monotonic() + PATIENCE
+    def found(self, pattern: str, seconds: float = PATIENCE) -> bool:
+        """Wait until the output matches, the program ends, or so many seconds are over; say whether it matches."""
+        until = time.monotonic() + seconds
         while self.process.poll() is None and time.monotonic() < until and not re.search(pattern, self.output):
             time.sleep(_POLL)
         return bool(re.search(pattern, self.output))

@@ -125,8 +125,8 @@ class Dancer:
         for place, posture in enumerate(postures):
             self._time += 1 / 60
             self._sender.send(encode_frame(Frame("ann", self._time, posture)))
-            if place % 40 == 39:
-                # No socket may overflow.
+            if place % 8 == 7:
+                # No socket may overflow, and no frame wait: a recogniser leaves out what has waited.
                 wait_until_read(self._sender.target[1])
 
 
@@ -171,7 +171,11 @@ def test_three_gestures_are_taught_and_recognised(tmp_path: Path) -> None:
             dancer.perform(gesture, 0)
             live.expect(f"taught {gesture}: good so far: .*; examples: 1")
         for gesture in GESTURES:
-            dancer.perform(gesture, 1)
+            # Again, if a busy machine left too much of it out.
+            for _ in range(3):
+                dancer.perform(gesture, 1)
+                if live.found(f"start: {gesture}", PATIENCE / 4):
+                    break
             live.expect(f"start: {gesture}")
         assert replied(do="rename", **{"class": "kick"}, to="high kick") == "kick is high kick"
         assert replied(do="undo") == "3 examples of 3 classes"

@@ -4,8 +4,6 @@
 rounding.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Recorded files of every format that can be read, found in folders and opened by their ending."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace

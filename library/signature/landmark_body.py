@@ -6,8 +6,6 @@ distance from the joint above it, in the direction in which the camera shows it;
 bodies, from whose motions the built-in library is made (`tests/library/signature/test_landmark_body.py` measures them).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -7,8 +7,6 @@ where a joint moves d towards it; for f → ∞ these numbers are coordinates in
 where the body stands and which way it faces.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -12,8 +12,6 @@
 The same functions serve the windows of a library and a live window, so that both are computed alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from functools import cache

@@ -1,7 +1,5 @@
 """The opened windows of the built-in library, kept in the user's cache folder: the next start need not cut them."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

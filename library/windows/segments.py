@@ -1,7 +1,5 @@
 """The segments of a library's bodies: how long they are, which joints they join, and which joints have another side."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self

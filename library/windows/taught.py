@@ -3,8 +3,6 @@
 A library's file may keep basis and metrics, so that opening the library need not learn them from its motions.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections import Counter
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The joint pairs and joints that carry a decision: most of the variance along the leading eigenvector is theirs."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whole clips classified by scikit-learn's conventions, by the windows that the live recogniser compares."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise

@@ -10,8 +10,6 @@ pace: slowly for the unknown, because a motion that goes on may look strange for
 which never comes by chance.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import replace

@@ -8,8 +8,6 @@ The windows of the recogniser say the same in another way. Where their evidence 
 everyday movement, a motion may cost more and is seen still; where it was not, less.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Whether a performer's body and kind of feed are the library's: said once some seconds of movement show it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Literal

@@ -1,7 +1,5 @@
 """One performer's windows compared with a library's, at each hop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

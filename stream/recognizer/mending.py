@@ -6,8 +6,6 @@ for longer, is left out. After a jump of a rigid body to another posture the win
 that trembles jumps by nature. While nearly all movement is jumps no class is named.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Several performers on one feed: a recogniser for each, made on first sight, dropped after silence."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

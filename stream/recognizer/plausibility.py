@@ -12,8 +12,6 @@ All lengths are measured in the library's metres, so the feed's unit does not ma
 checked once a hop; lengths and positions are collected once a hop and judged three times a second.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import NamedTuple

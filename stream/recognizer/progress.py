@@ -5,8 +5,6 @@ the moments; Bevilacqua et al. 2010 follow one recording in this way). Each step
 recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple, Self
 

@@ -1,7 +1,5 @@
 """How a live feed is recognised: the settings of one recogniser, checked once, and what they mean for a library."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from enum import StrEnum

@@ -6,8 +6,6 @@ a length and the axis frame in which its rotations are measured; an AMC gives th
 are applied; the root's `order` and `axis` do the same.
 """
 
-from __future__ import annotations
-
 import math
 from array import array
 from collections.abc import Iterator, Mapping

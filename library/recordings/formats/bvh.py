@@ -9,8 +9,6 @@ write position channels of nothing, or of noise. An End Site is a joint like any
 The file names no unit; `library.recordings.formats.units.guessed_metres` guesses it.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from array import array

@@ -1,7 +1,5 @@
 """The error that every reader raises for a file that cannot be used, and numbers read from a file's words."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The joints or markers that are wanted of a file, and their names."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

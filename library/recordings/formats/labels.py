@@ -5,8 +5,6 @@ exports them (start, end and label, with tabs between, no headings); ELAN's anno
 of a BORIS project (`.boris`) with one observation.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Rotations about several axes, for many frames at once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ names the joints and a later one their axes, as in the tables of Motive, Vicon a
 coordinate, and a column names it. Rows above say how often frames come, and the unit of length.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

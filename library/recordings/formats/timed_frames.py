@@ -1,7 +1,5 @@
 """Times in files, their units, and frames put on an even grid: a frame's index then gives its time."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

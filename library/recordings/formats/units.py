@@ -1,7 +1,5 @@
 """Units of length in recordings: units that a file names, and a rule for files that name none."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ frames and wrote some twice; in a frame of zeros the sensor saw no person. `acti
 under each take's name (`s01_e02`), the numbers of the frames between which an action is performed.
 """
 
-from __future__ import annotations
-
 import re
 from itertools import pairwise
 from pathlib import Path

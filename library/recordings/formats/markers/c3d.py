@@ -10,8 +10,6 @@ ezc3d can end the process. The frames are read here: the package's own loop take
 65,535, and by counts that files often have wrong. No size in a file is believed before it is compared with its bytes.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import warnings

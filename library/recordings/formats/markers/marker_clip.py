@@ -1,7 +1,5 @@
 """Markers or joint centres over time, as in C3D, TRC and tables, made into a clip of those that were seen."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

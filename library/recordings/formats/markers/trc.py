@@ -6,8 +6,6 @@ empty or NaN stand for a marker out of sight; empty ones at a line's end are oft
 frames differ the frames count: their number, their times.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from array import array

@@ -426,4 +426,4 @@ def test_programs_refuse_in_one_line(
     """The line names the option, the address, and the three ways to open it."""
     assert main(options.format(tmp_path).split()) == 2
     (line,) = [each for each in capsys.readouterr().err.splitlines() if each.startswith("kinespace: ")]
-    assert line.startswith(f"kinespace: {option}: expected --keys, --allow-from or --open with tcp://*:*, which others reach, ")
+    assert line.startswith(f"kinespace: {option}: expected --keys, --allow-from or --open with tcp://*:*, which ")

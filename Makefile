@@ -114,7 +114,7 @@ fuzz: setup
 # sources, it does the main job.
 WHEEL := SOURCE_DATE_EPOCH=1700000000 $(CURDIR)/$(BIN)/python -m pip wheel --quiet --quiet --disable-pip-version-check --no-deps
 wheel-check: setup
-	rm -rf build/wheel && mkdir -p build/wheel/first build/wheel/second
+	rm -rf build/wheel build/lib build/lib.* build/bdist.* && mkdir -p build/wheel/first build/wheel/second
 	tar -c --exclude-vcs --exclude=./.venv --exclude=./build . | tar -x -C build/wheel/second
 	$(WHEEL) --wheel-dir build/wheel .
 	cd build/wheel/second && $(WHEEL) --wheel-dir ../first .

@@ -215,8 +215,7 @@ class Recognition:
     by_course
         Whether the guess's class has a course, so that it starts where its course is seen.
     ended_at
-        When a motion that went on ended before this window, seconds: its body stood elsewhere, or the feed paused; else
-        None.
+        When a motion that went on ended before this window, seconds, because the feed paused; else None.
     """
 
     performer: str

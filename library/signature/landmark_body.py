@@ -3,7 +3,7 @@
 A network that guesses a body from one picture gives no joints inside of the trunk, and bones whose lengths change by
 centimetres from picture to picture. Their directions are better than their lengths. So each joint is put at a fixed
 distance from the joint above it, in the direction in which the camera shows it; the distances are the mean of HDM05's
-bodies, from whose motions the built-in library is made (`tests/library/signature/test_landmark_body.py` measures them).
+bodies, from whose motions the built-in library is made (`tests/library/signature/test_signature.py` measures them).
 """
 
 import math

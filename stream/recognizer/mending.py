@@ -1,9 +1,9 @@
 """The joints of a feed: mended where that can be done, and left out where it cannot.
 
-A joint that is lost (NaN, or 0, 0, 0 while its
-position was elsewhere) keeps its place relative to its parent for a fifth of a second. A joint that is wrong, or lost
-for longer, is left out. After a jump of a rigid body to another posture the windows begin again; the tracker of a body
-that trembles jumps by nature. While nearly all movement is jumps no class is named.
+A joint that is lost (NaN, or 0, 0, 0 while its position was elsewhere) keeps its place relative to its parent for a
+fifth of a second. A joint that is wrong, or lost for longer, is left out. After a jump of a rigid body to another
+posture the windows begin again; the tracker of a body that trembles jumps by nature. While nearly all movement is
+jumps no class is named.
 """
 
 import math

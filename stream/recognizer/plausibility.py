@@ -1,10 +1,10 @@
 """Which joints of a feed can be believed: a body's segments keep their length, and no body moves at any speed.
 
 Four things are noticed. First, the whole body jumps between two frames: another posture or another body is shown, or
-its sides or its unit changed. Second, a segment stretches while the one to the same joint
-of the other side does not: the two joints are exchanged; or it stretches by half a metre. Third, a joint keeps one
-position to the last digit while the joints next to it move: the tracker lost it and repeats it. Fourth, the ends of a
-segment are as far apart as any two joints: the joints are in another order, or these are no positions.
+its sides or its unit changed. Second, a segment stretches while the one to the same joint of the other side does not:
+the two joints are exchanged; or it stretches by half a metre. Third, a joint keeps one position to the last digit while
+the joints next to it move: the tracker lost it and repeats it. Fourth, the ends of a segment are as far apart as any
+two joints: the joints are in another order, or these are no positions.
 
 Lengths alone say nothing: sensors and marker sets put joints elsewhere than HDM05, and their segments stretch.
 

@@ -150,9 +150,14 @@ class CommandError(ValueError):
     """A command cannot be read; the message names the argument, the expectation and the value found."""
 
 
-#: The most that numbers may be, and those of them that may not be 0.
-_MOST = {"repetitions": MAX_REPETITIONS, "countdown": MAX_COUNTDOWN, "seconds": MAX_LAST, "ago": MAX_AGO, "share": 1.0}
-_ABOVE_0 = ("repetitions", "seconds")
+#: The least and the most that numbers may be.
+_BOUNDS = {
+    "repetitions": (1, MAX_REPETITIONS),
+    "countdown": (0, MAX_COUNTDOWN),
+    "seconds": (0.01, MAX_LAST),
+    "ago": (0, MAX_AGO),
+    "share": (0, 1.0),
+}
 
 
 class _Command(msgspec.Struct, frozen=True):
@@ -165,9 +170,9 @@ class _Command(msgspec.Struct, frozen=True):
                 raise CommandError(f"performer: expected at most {MAX_NAME} characters, got {len(given)}")
             if name == "class_name" and isinstance(self, Teach | Last | Hold):
                 _require_class(given)
-            if name in _MOST and not (0 <= given <= _MOST[name] and (given or name not in _ABOVE_0)):
-                least = "above 0" if name in _ABOVE_0 else "0"
-                raise CommandError(f"{name}: expected {least} to {_MOST[name]:g}, got {given:g}")
+            least, most = _BOUNDS.get(name, (0, 0))
+            if name in _BOUNDS and not least <= given <= most:
+                raise CommandError(f"{name}: expected {least:g} to {most:g}, got {given}")
 
 
 class Teach(_Command, frozen=True):

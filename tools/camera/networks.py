@@ -78,7 +78,7 @@ def one_for_each_body(found: Detections) -> NDArray[np.float64]:
     return np.reshape(points, (-1, 4, 2))
 
 
-#: The least score of a body in a
+#: The least score of a body in a region.
 _PRESENT = 0.5
 
 

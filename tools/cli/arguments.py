@@ -261,7 +261,6 @@ def naming_of(parsed: argparse.Namespace) -> Naming:
 
 def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
     from kinespace.stream.inputs.takes import read_raw  # noqa: PLC0415 - decoders are loaded only for a raw recording
-    from kinespace.tools.cli.arguments import preset_named  # noqa: PLC0415 - as above
 
     if path.suffix.lower() in FILMS:
         from kinespace.tools.camera.bodies import film_clip  # noqa: PLC0415 - as above

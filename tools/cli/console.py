@@ -25,15 +25,9 @@ from kinespace.library.library_file import locked
 from kinespace.library.naming import summary
 from kinespace.library.recordings.formats.labels import labels_beside
 from kinespace.library.windows.segments import remarks
+from kinespace.tools.cli.values import printable
 
 _Item = TypeVar("_Item")
-
-
-def printable(name: str, kept: str = "") -> str:
-    """Give a name from a file or the net without control characters, apart from `kept`."""
-    return "".join(
-        character if character.isprintable() or character in kept else "\N{REPLACEMENT CHARACTER}" for character in name
-    )
 
 
 class _PrintableConsole(Console):

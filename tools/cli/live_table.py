@@ -16,7 +16,8 @@ from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice, State, Step, as_line
-from kinespace.tools.cli.console import console, printable, say, shortened, table_of
+from kinespace.tools.cli.console import console, say, shortened, table_of
+from kinespace.tools.cli.values import printable
 
 #: Characters of a score's bar.
 _BAR = 20

@@ -88,7 +88,7 @@ def _one_line(error: Exception) -> str:
     said = str(error)
     if isinstance(error, OSError) and error.strerror:
         said = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    from kinespace.tools.cli.console import printable  # noqa: PLC0415 - slow to load, and seldom needed
+    from kinespace.tools.cli.values import printable  # noqa: PLC0415 - seldom needed
 
     several = isinstance(error, ValueError) and not isinstance(error, UnicodeError)
     lines = [printable(" ".join(str(each).split())) for each in (error.args if several else (said,))]

@@ -96,3 +96,10 @@ def _advice(number: int | None, place: str) -> str:
     if number == errno.EACCES:
         return "the system does not allow this port; every user may open ports from 1024 on"
     return ""
+
+
+def printable(name: str, kept: str = "") -> str:
+    """Give a name from a file or the net without control characters, apart from `kept`."""
+    return "".join(
+        character if character.isprintable() or character in kept else "\N{REPLACEMENT CHARACTER}" for character in name
+    )

@@ -37,8 +37,8 @@ from websockets.http11 import Request, Response
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
-from kinespace.tools.cli.console import note, printable
-from kinespace.tools.cli.values import host_and_port, opening
+from kinespace.tools.cli.console import note
+from kinespace.tools.cli.values import host_and_port, opening, printable
 from kinespace.tools.page.board import Board
 from kinespace.tools.page.process import Plan, Subscription
 

@@ -1,6 +1,6 @@
 """`kinespace bench`: the cost of every step, and latencies and crowds over sockets, on real motions.
 
-Everything takes five minutes.
+Times every step, and the way over sockets, on real motions. Everything takes five minutes.
 """
 
 from __future__ import annotations

@@ -101,8 +101,9 @@ def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, 
         if name not in classes - set(without):
             stays = " that stays" if name in classes else ""
             raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
-    kept_out = [name for name in without if name in classes], [name for name in without if name in actors]
-    left = library.without(classes=kept_out[0], actors=kept_out[1])
+    left = library.without(
+        classes=[name for name in without if name in classes], actors=[name for name in without if name in actors]
+    )
     return left.renamed(names)
 
 

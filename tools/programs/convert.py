@@ -24,7 +24,8 @@ from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs.kinerec import ENDING, RawFile
 from kinespace.stream.inputs.takes import events_of, ordered_frames, seen_in
 from kinespace.tools.cli.arguments import add_reading, add_shared, preset_named, reading_of
-from kinespace.tools.cli.console import NameNotes, csv_text, printable, progress, require_place_for, say
+from kinespace.tools.cli.console import NameNotes, csv_text, progress, require_place_for, say
+from kinespace.tools.cli.values import printable
 
 #: A frame's time in seconds and its positions, (joints, 3), metres.
 _Posture = tuple[float, "NDArray[np.floating]"]

@@ -16,7 +16,7 @@ _ADVICE = "public, for the others' folders", "secret, keep it here"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("name", metavar="NAME", help="name of the keys' owner, like stage or ann")
-    parser.add_argument("--keys", type=Path, metavar="DIR", help="the folder, made where it lacks (default: NAME)")
+    parser.add_argument("--keys", type=Path, metavar="DIR", help="the folder, made if it is not there (default: NAME)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -14,7 +14,8 @@ import re
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from fnmatch import fnmatchcase
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import Line, RecordingError, number_of, numbers_in
+from kinespace.library.recordings.formats.errors import Line, RecordingError, number_of, numbers_in, refuse
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
 from kinespace.library.recordings.formats.rotations import BLOCK, turns
 from kinespace.library.recordings.formats.units import guessed_metres
@@ -203,7 +204,7 @@ def read_bvh(path: Path, frame_rate: float | None = None) -> BvhMotion:
     announced, rate, line = _motion_header(statements, line, frame_rate)
     size = sum(len(joint.channels) for joint in hierarchy.joints)
     frames, values, notes = 0, array("d"), list[str]()
-    if rate < _SLOWEST:
+    if not frame_rate and rate < _SLOWEST:
         rate = round(1 / rate, 6)
         notes.append(f"times: the Frame Time {rate:g} is taken for frames a second")
     for line in statements:
@@ -387,6 +388,12 @@ def read_clips(
         The file cannot be opened.
     """
     bodies = [*_performers(read_bvh(path, frame_rate))]
+    # Joints may be asked of one body alone.
+    bodies = [
+        body for body in bodies if any(fnmatchcase(each.name, joint) for each, joint in product(body.joints, joints))
+    ] or bodies
+    if not bodies:
+        refuse(path, 1, "expected a ROOT with joints, got ROOTs alone")
     clips = [hdm05.titled(_clip(body, metres_per_unit, joints, path.stem), path) for body in bodies]
     roots, _ = short_names([body.joints[0].name for body in bodies])
     return [replace(clip, actor=root) for clip, root in zip(clips, roots, strict=True)] if len(clips) > 1 else clips

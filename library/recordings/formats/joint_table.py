@@ -50,7 +50,7 @@ _CLOCK = re.compile(
 )
 _DATE = re.compile(r"\d+([-./])\d+\1\d+")
 #: A time with its unit.
-_WITH_UNIT = re.compile(r"(\S*\d\S*?) ?([^\W\d]+)")
+_WITH_UNIT = re.compile(r"([-+\d.,]{1,40}) ?([^\W\d]{1,12})")
 #: SMPTE's frames per second, and where they do not show; and the number by which their numbers are divided at first.
 _OF_SMPTE, _USUAL_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), (30, 60, 120), 1000.0
 #: Seconds after which a clock of twelve hours begins anew.

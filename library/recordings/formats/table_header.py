@@ -26,15 +26,15 @@ _WAYS = (
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
-_AXES = re.compile("w?xyz|0123?|1234?")
+_AXES = re.compile("w?xyz|0123?4?|1234?")
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
     r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
 )
 #: Words of columns (`words.toml`).
-_TIMES, _SECONDS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES = (
+_TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES = (
     frozenset(WORDS["columns"][kind])
-    for kind in ("times", "alone", "frames", "labels", "values", "fronts", "no_places")
+    for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places")
 )
 _PERSON = re.compile(
     r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
@@ -228,7 +228,9 @@ def _header(
 ) -> Header:
     taken = {column for axes in joints.values() for column in axes}
     words = {column: words_of(name) for column, name in enumerate(names) if column not in taken}
+    parts = [c for c, each in words.items() if _PARTS >= {*each} > set()]
     times = [c for c, each in words.items() if _TIMES & {*each} or _SECONDS >= {*each} > set()]
+    times = sorted({*times, *parts}) if len(parts) > 2 else times
     frames = [c for c, each in words.items() if each[:1] and each[0] in _FRAMES]
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))

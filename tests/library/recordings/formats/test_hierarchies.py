@@ -13,7 +13,7 @@ from written import MOVES, TURNS, Node, bvh_text
 
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.recordings import RecordingError
+from kinespace.library.recordings import RecordingError, read_recordings
 from kinespace.library.recordings.formats import bvh
 from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
 from kinespace.library.signature.body import Body
@@ -187,3 +187,12 @@ def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:
         np.testing.assert_array_equal(places[index], stand(tmp_path, TURNS, frames[index])[0])
         alone = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(motion[index : index + 1])))
         np.testing.assert_array_equal(clip.positions[index], alone.positions[0])
+
+
+def test_roots_without_joints_are_no_body(tmp_path: Path) -> None:
+    """A file of such alone is refused in words."""
+    alone = "ROOT {}\n{{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}}\n"
+    motion = "MOTION\nFrames: 2\nFrame Time: 0.05\n0 0 0 0 0 0\n0 0 0 0 0 0\n"
+    (tmp_path / "roots.bvh").write_text(f"HIERARCHY\n{alone.format('a')}{alone.format('b')}{motion}", encoding="utf-8")
+    with pytest.raises(RecordingError, match="expected a ROOT with joints"):
+        list(read_recordings([tmp_path / "roots.bvh"]))

@@ -77,7 +77,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=arguments.names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text
     )
-    text = "joints of frames whose sender never names them, in order, or a preset that lists them, or FILE.toml"
+    text = (
+        "the joints of frames whose sender never names them, in order: the library's names, or a preset that lists them, "
+        "like kinectv2, or FILE.toml (default: the library's joints)"
+    )
     parser.add_argument("--joints", metavar="A,B,...", help=text)
     arguments.add_names(parser, "senders")
     arguments.add_shared(parser, "--library")

@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=arguments.names, action="extend", default=[], metavar="NAME[=HOST:PORT],...", help=text
     )
     text = (
-        "the joints of frames whose sender never names them, in order: the library's names, or a preset that lists them, "
+        "joints of frames whose sender never names them, in order: the library's names, or a preset that lists them, "
         "like kinectv2, or FILE.toml (default: the library's joints)"
     )
     parser.add_argument("--joints", metavar="A,B,...", help=text)

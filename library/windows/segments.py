@@ -228,6 +228,8 @@ _LOOKS = 64
 
 def is_flat(positions: NDArray[np.floating]) -> bool:
     """Say whether every frame (frames, joints, 3) of a body lies in a plane."""
+    if positions.shape[1] < 4:
+        return False
     own = positions - positions.mean(axis=1, keepdims=True)
     lengths = np.linalg.eigvalsh(np.einsum("fja,fjb->fab", own, own))
     return bool((lengths[:, 0] <= _THIN**2 * lengths[:, 2]).all())

@@ -160,4 +160,6 @@ def test_a_plane_may_stand_anywhere(axis: int) -> None:
     assert is_flat(turned)
     turned[0] = MOTIONS[0].positions[0]
     assert not is_flat(turned)
+    # Three joints always lie in a plane.
+    assert not is_flat(flat[:, :3])
     assert "2-D" in FLAT

@@ -19,8 +19,6 @@ class Sink:
     #: Answers that could not be sent; calls that raised in spite of all, and what the last one raised.
     failed = raised = 0
     error = ""
-    #: Whether it has use for frames.
-    watches = False
     #: Notes for a person, a line each.
     notes: Sequence[str] = ()
 
@@ -57,7 +55,7 @@ class Sink:
         """Pass on that a performer has left: nothing more is answered."""
 
     def publish_frame(self, frame: Frame) -> None:
-        """Pass on a frame that the recognisers have got; the service sends them to sinks that watch."""
+        """Pass on a frame that the recognisers have got; the service sends them to sinks that override this."""
 
     def publish_classes(self, classes: Sequence[str]) -> None:
         """Pass on the list of classes."""

@@ -66,8 +66,6 @@ class BodySink(Sink):
         they are not known.
     """
 
-    watches = True
-
     def __init__(
         self, sender: ZmqSender, skeleton_of: Callable[[str], Skeleton | None], carried: Callable[[str], Carried | None]
     ) -> None:

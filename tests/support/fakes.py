@@ -87,7 +87,6 @@ class FakeSink(Sink):
     def __init__(self) -> None:
         self.told: list[Message | tuple[str, ...]] = []
         self.gone: list[str] = []
-        self.frames: list[Frame] = []
         self.closed = False
 
     def send(self, message: Message) -> None:
@@ -95,7 +94,7 @@ class FakeSink(Sink):
         if isinstance(message, Gone):
             self.gone.append(message.performer)
         elif isinstance(message, Frame):
-            self.frames.append(message)
+            self.publish_frame(message)
         else:
             self.told.append(message.names if isinstance(message, Classes) else message)
 

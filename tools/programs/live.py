@@ -181,14 +181,9 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
             lessons.sinks = service.sinks
         # Before the program says that it runs.
         stop_on_signals(service.stop)
-        open_to_senders = [each for each in sources if each.place]
-        listening = ", ".join(map(str, [*open_to_senders, *controls]))
-        answering = ", ".join(map(str, sinks)) or "nobody"
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
-        listening += ", also for /motion/teach" if lessons and preset else ""
-        say(f"listening on {listening}; answering to {answering}; Ctrl-C ends")
-        for server in servers:
-            say(f"{server.name}: {server.address}")
+        teaching = ", also for /motion/teach" if lessons and preset else ""
+        _say_open([*(each for each in sources if each.place), *controls], sinks, teaching, servers)
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
@@ -204,6 +199,14 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
     ):
         say(line)
     return 2 if lessons and lessons.has_unsaved else 0
+
+
+def _say_open(ends: Sequence[object], sinks: Sequence[object], teaching: str, servers: Sequence[PageProcess]) -> None:
+    """Say where frames and commands come in, where answers go, and where browsers look."""
+    answering = ", ".join(map(str, sinks)) or "nobody"
+    say(f"listening on {', '.join(map(str, ends))}{teaching}; answering to {answering}; Ctrl-C ends")
+    for server in servers:
+        say(f"{server.name}: {server.address}")
 
 
 def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:

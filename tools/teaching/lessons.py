@@ -63,8 +63,6 @@ class Lessons(Sink):
         The sinks for notices, for the classes when they change, and for the ends of motions whose class is gone.
     """
 
-    watches = True
-
     def __init__(
         self,
         performers: Recognising,

@@ -65,7 +65,15 @@ def opened() -> Iterator[ExitStack]:
 class Watching(FakeSink):
     """Keeps the frames, too."""
 
-    notes, watches = ("one frame at a time",), True
+    notes = ("one frame at a time",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.frames: list[Frame] = []
+
+    def publish_frame(self, frame: Frame) -> None:
+        """Keep a frame."""
+        self.frames.append(frame)
 
 
 def test_all_that_waits_is_answered_to_all(sticks: MotionLibrary, source: FakeSource) -> None:

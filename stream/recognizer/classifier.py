@@ -208,7 +208,7 @@ def _log_distances(index: WindowIndex, clip: Clip, ends: NDArray[np.intp], timin
     groups = zip(weighing.views[0], asked, comparer.windows, comparer.lengths, strict=True)
     for weight, own, windows, lengths in groups:
         squared = np.square(own).sum(axis=1)[:, None] + lengths - 2 * own @ windows
-        logs += weight * np.log(np.maximum(squared[:, : len(index)], weighing.nearest))
+        logs += weight * np.log(np.maximum(squared, weighing.nearest))
     found = agreed(logs, comparer.starts, comparer.persons)
     return found + comparer.head.added(placed.values()) if comparer.head else found
 

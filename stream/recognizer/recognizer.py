@@ -392,8 +392,8 @@ class Recognizer:
             times, rows = times[begun:], rows[begun:]
         if self._joints.left_out or self._without:
             self._leave_out(self._joints.left_out, self._times[-1])
-        if self._done and times:
-            self._look = self._done.push(times, self._positions[begun or 0 : len(self._times)]) or self._look
+        if self._done and times and (look := self._done.push(times, self._positions[begun or 0 : len(self._times)])):
+            self._look = look.behind(self._look)
         self._smoother.smooth(times, rows)
         self._windows.push(times, rows)
         if self._fewer:

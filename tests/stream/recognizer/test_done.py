@@ -67,6 +67,12 @@ def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
         assert 0.5 < each.score < 1
 
 
+def test_what_was_done_between_two_slow_hops_is_said(index: WindowIndex) -> None:
+    """A hop of a second looks several times, and says what any of the looks has seen."""
+    done = said(index, joined(clips_of(SQUAT)[2:6]), false_alarms=60.0, hop=1.0)
+    assert [each.label for each in done] == [SQUAT] * 4
+
+
 def test_speed_and_size_are_those_of_the_performer(index: WindowIndex) -> None:
     """A squat that is played faster is faster than before."""
     clip = clips_of(SQUAT)[3]

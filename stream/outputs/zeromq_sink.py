@@ -5,6 +5,7 @@ from collections.abc import Callable
 from kinespace.library import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Message, Sink
+from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.zeromq import ZmqSender, messages
 from kinespace.stream.zeromq.messages import encode_body
@@ -91,6 +92,6 @@ class BodySink(Sink):
         skeleton = self._skeleton_of(name) if count % _SKELETON_EVERY == 1 else None
         self._sender.send(encode_body(frame, skeleton, carried))
 
-    def publish_gone(self, performer: str) -> None:
+    def publish_gone(self, gone: Gone) -> None:
         """Forget a performer who has left."""
-        self._sent.pop(performer, None)
+        self._sent.pop(gone.performer, None)

@@ -223,7 +223,7 @@ class Service:
         #: Seconds within which work is due by the clock even when no packet comes; inf if there never is any.
         self._tended_within = min([*within, *([TENDING] if control else [])], default=math.inf)
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
-        self._watching = [sink for sink in sinks if type(sink).publish_frame is not Sink.publish_frame]
+        self._watching = [sink for sink in sinks if hasattr(sink, "publish_frame")]
 
     def __enter__(self) -> Self:
         return self

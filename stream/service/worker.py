@@ -234,7 +234,7 @@ class Worker(Sink):
         while True:
             self._open.put(_opened(self._came.get()))
 
-    def publish(self, recognition: Recognition) -> None:
+    def publish_recognition(self, recognition: Recognition) -> None:
         """Keep an answer until no message waits, or until the next one is taken in."""
         self._answers.append(recognition)
 

@@ -19,10 +19,10 @@ Answers as ZeroMQ messages: a topic and a JSON object.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import lru_cache
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -32,7 +32,7 @@ from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
 from kinespace.stream.recognition import GONE, Answer, Classes, Done, Event, Gone, Progress, Recognition
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import State, Taught, as_json
+from kinespace.stream.teaching.commands import Notice, State, Taught, as_json
 
 VERSION = 1
 #: Bytes of a header; one with 31 joint names has 500.
@@ -227,27 +227,6 @@ class _Received(msgspec.Struct, rename={"label": "class"}):
 _read = msgspec.json.Decoder(_Received).decode
 
 
-def encode(message: object, *, named: bool = True) -> list[bytes] | None:
-    """Encode whatever a service has to say; None for what is not sent. `named` as of `encode_status`."""
-    parts = None
-    match message:
-        case Recognition():
-            parts = encode_recognition(message)
-        case Event():
-            parts = encode_event(message)
-        case Done():
-            parts = encode_done(message)
-        case Gone(performer):
-            parts = encode_gone(performer)
-        case Classes(names):
-            parts = encode_classes(names)
-        case Status():
-            parts = encode_status(message, named=named)
-        case State() | Taught():
-            parts = [b"teach/", json.dumps(as_json(message)).encode()]
-    return parts
-
-
 def encode_recognition(recognition: Recognition) -> list[bytes]:
     """Encode an answer: its class, its scores, and the leading eigenvector's numbers.
 
@@ -328,6 +307,29 @@ def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
         described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": [], "listening": []}
     described |= {"frames_per_second": status.frames_per_second, "lost": status.lost, "health": status.health}
     return [b"status/", _encode(described)]
+
+
+def _encode_notice(notice: Notice) -> list[bytes]:
+    return [b"teach/", json.dumps(as_json(notice)).encode()]
+
+
+_ENCODERS: dict[type, Callable[[Any], list[bytes]]] = {
+    Recognition: encode_recognition,
+    Event: encode_event,
+    Done: encode_done,
+    Gone: lambda gone: encode_gone(gone.performer),
+    Classes: lambda classes: encode_classes(classes.names),
+    State: _encode_notice,
+    Taught: _encode_notice,
+}
+
+
+def encode(message: object, *, named: bool = True) -> list[bytes] | None:
+    """Encode whatever a service has to say; None for what is not sent. `named` as of `encode_status`."""
+    if isinstance(message, Status):
+        return encode_status(message, named=named)
+    encoder = _ENCODERS.get(type(message))
+    return encoder(message) if encoder else None
 
 
 #: Joints of a body that is drawn, at most.

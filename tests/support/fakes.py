@@ -94,7 +94,7 @@ class FakeSink(Sink):
         if isinstance(message, Gone):
             self.gone.append(message.performer)
         elif isinstance(message, Frame):
-            self.publish_frame(message)
+            super().send(message)
         else:
             self.told.append(message.names if isinstance(message, Classes) else message)
 

@@ -61,17 +61,14 @@ _MESSAGE = {
     },
     "stream/zeromq/messages.py": {
         "import GONE, Answer, ": "import GONE, Answer, Beat, ",
-        "        case Gone(performer):\n": (
-            "        case Beat(performer, number):\n"
-            '            parts = [f"beat/{performer}/".encode(), _encode({"v": VERSION, "number": number})]\n'
-            "        case Gone(performer):\n"
+        "    Event: encode_event,\n": (
+            "    Event: encode_event,\n"
+            '    Beat: lambda beat: [f"beat/{beat.performer}/".encode(), _encode({"number": beat.number})],\n'
         ),
     },
     "stream/outputs/layouts.py": {
-        "import GONE, Classes": "import GONE, Beat, Classes",
-        "            case Gone(performer):\n": (
-            "            case Beat():\n                packet = answers.encode_beat(message)\n"
-            "            case Gone(performer):\n"
+        "    taught = state\n": (
+            "    taught = state\n\n    def beat(self, beat) -> bytes:\n        return answers.encode_beat(beat)\n"
         ),
     },
     "stream/service/loop.py": {

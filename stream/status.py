@@ -1,7 +1,5 @@
 """The counters of a running service: counts, rates, hop times, and the last packets that were refused."""
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -46,7 +44,7 @@ class InputCounts:
     #: Frames that waited when the service could not keep up, dropped because others of the performer came.
     stale: int = 0
 
-    def __add__(self, other: InputCounts) -> InputCounts:
+    def __add__(self, other: "InputCounts") -> "InputCounts":
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
 
 

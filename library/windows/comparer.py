@@ -1,7 +1,5 @@
 """A window compared with all windows of a library: how far it is from each class, and how likely the same motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Self
 
@@ -130,7 +128,7 @@ class Head(NamedTuple):
         factors = np.linalg.solve((1 - _SHRINKAGE) * scatter + equal * np.eye(len(scatter)), means.T)
         return cls(tuple(classes.tolist()), factors, -(means.T * factors).sum(axis=0) / 2)
 
-    def of_classes(self, classes: Sequence[str]) -> Head | None:
+    def of_classes(self, classes: Sequence[str]) -> "Head | None":
         """Give the head of some of the classes, in their order; None if another is among them."""
         if not set(classes) <= set(self.classes):
             return None

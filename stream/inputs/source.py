@@ -6,8 +6,6 @@ of a sender whose debt is too high are put aside until nothing else waits, one a
 oldest are dropped. A sender that is alone is never put aside.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter, deque
@@ -197,7 +195,7 @@ class Source:
             self._admission.replies_go_to(admitted, sender)
         return [*asked, *admitted] if asked else admitted
 
-    def _next(self, now: float) -> Waiting | None:
+    def _next(self, now: float) -> "Waiting | None":
         """Take the next packet; packets of senders served last only when nothing else waits, and one in a row."""
         receiver, turns = self.receiver, self._turns
         for _ in range(_MAX_LOOKED_THROUGH):

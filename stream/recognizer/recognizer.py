@@ -6,8 +6,6 @@ windows show and how near the library's are (`live_windows`), what that means (`
 (`progress`), and whether a motion was really done (`done`).
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -72,7 +70,7 @@ class RecognizerCounts:
     #: Windows not answered, because frames had waited for too long and newer ones had come.
     skipped: int = 0
 
-    def add(self, counts: RecognizerCounts, times: int = 1) -> None:
+    def add(self, counts: "RecognizerCounts", times: int = 1) -> None:
         """Add other counts, or take them off with -1 times."""
         for each in fields(self):
             setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))

@@ -1,7 +1,5 @@
 """ZeroMQ's endpoints: addresses to bind or to connect, a SUB socket for frames, and a PUB socket for answers."""
 
-from __future__ import annotations
-
 import os
 import re
 import socket
@@ -53,7 +51,7 @@ class Endpoint(NamedTuple):
     to_anybody: bool = False
 
     @classmethod
-    def parse(cls, text: str, *, bind: bool, to_anybody: bool = False) -> Endpoint:
+    def parse(cls, text: str, *, bind: bool, to_anybody: bool = False) -> "Endpoint":
         """Read an address; "@" before it says bind and ">" connect, as in CZMQ, else `bind` decides.
 
         Raises

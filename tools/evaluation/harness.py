@@ -3,8 +3,6 @@
 All evaluations share this.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json
@@ -377,7 +375,7 @@ class Feed(NamedTuple):
     skeleton: Skeleton
 
     @classmethod
-    def of(cls, clip: Clip, skeleton: Skeleton, delivered: NDArray[np.int64] | None = None) -> Feed:
+    def of(cls, clip: Clip, skeleton: Skeleton, delivered: NDArray[np.int64] | None = None) -> "Feed":
         """Give a clip's frames, or those that a sensor delivered, in the order of a skeleton's joints."""
         ordered, shown = clip.as_of(skeleton), slice(None) if delivered is None else delivered
         return cls(ordered.times[shown], ordered.positions[shown], skeleton)

@@ -5,8 +5,6 @@ a known motion, and keeps them in the library's file. Figures come from persons 
 saved numbers are fitted on all. Takes of bodies with fewer joints teach the numbers for such bodies.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections import defaultdict
@@ -243,7 +241,7 @@ class _Body(NamedTuple):
     fewer: list[_Course]
 
     @classmethod
-    def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> _Body:
+    def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> "_Body":
         """Let takes, and takes that have no other joints, be recognised."""
         opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
         typical = opened.rejection.typical

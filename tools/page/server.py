@@ -10,8 +10,6 @@ or binary, the msgpack map of ZeroMQ. An answer is text: ZeroMQ's JSON with its 
 the client whose frame cannot be read.
 """
 
-from __future__ import annotations
-
 import asyncio
 import ipaddress
 import re
@@ -113,7 +111,7 @@ class Gate:
     names: frozenset[str] = frozenset({"localhost"})
 
     @classmethod
-    def for_host(cls, host: str) -> Gate:
+    def for_host(cls, host: str) -> "Gate":
         """Ask for a token where other machines can reach us."""
         try:
             alone = ipaddress.ip_address(host).is_loopback
@@ -505,7 +503,7 @@ class SocketPlan(Plan):
     origins: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()
 
-    def server(self, subscription: Subscription, keyring: Keyring | None) -> SocketServer:
+    def server(self, subscription: Subscription, keyring: Keyring | None) -> "SocketServer":
         """Make the server of WebSocket clients."""
         return SocketServer(subscription, self, keyring)
 

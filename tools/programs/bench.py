@@ -3,8 +3,6 @@
 Times every step, and the way over sockets, on real motions. Everything takes five minutes.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import json
@@ -64,7 +62,7 @@ class Feed(NamedTuple):
     answers: list[Recognition]
 
     @classmethod
-    def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> Feed:
+    def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> "Feed":
         """Make a feed of positions, shape (frames, joints, 3), metres, 120 a second, and recognise it."""
         moments, shift = round(seconds * FRAME_RATE), len(positions) // performers + 1
         each = [list(islice(endless(positions, f"p{index}", index * shift), moments)) for index in range(performers)]

@@ -1,7 +1,5 @@
 """The command line of `kinespace camera`: its arguments, and the run that they ask for."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import threading
@@ -124,7 +122,7 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
     return counts
 
 
-def _watched(film: Film, bodies: Bodies, out: _Out) -> Watched:
+def _watched(film: "Film", bodies: Bodies, out: "_Out") -> Watched:
     counts, begun = Watched(), time.perf_counter()
     for picture in film:
         seen = bodies.seen(picture.pixels, picture.time)
@@ -144,7 +142,7 @@ class _Out:
         self._announced: dict[str, float] = {}
         self._count = 0
 
-    def send(self, seen: SeenBody, picture: Picture) -> bool:
+    def send(self, seen: SeenBody, picture: "Picture") -> bool:
         """Send one body; False where too little of it is seen."""
         positions = self._joints.of(upright(seen.landmarks, picture.pixels))
         if np.isfinite(positions).all(axis=1).sum() < MIN_JOINTS:

@@ -8,7 +8,6 @@ import argparse
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing, nullcontext
 from pathlib import Path
 
 import zmq
@@ -17,11 +16,10 @@ from rich.status import Status
 from kinespace.stream.inputs import Admission, Source
 from kinespace.stream.inputs.kinerec import RawWriter, source_name
 from kinespace.stream.status import InputCounts
-from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.console import progress_console, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
-from kinespace.tools.programs.ends import open_ends
+from kinespace.tools.programs.ends import Ends
 
 #: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100
@@ -43,17 +41,15 @@ def run(options: argparse.Namespace) -> int:
     if not options.zmq_in:
         options.osc_in = options.osc_in or OSC_IN
     stopped = threading.Event()
-    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        sources, _, writer = open_ends(options, None, keyring, Admission())
+    with Ends(options, Admission()) as ends, Status("no packets yet", console=progress_console) as shown:
+        ends.open()
+        sources, writer = ends.sources, ends.recording
         assert writer  # noqa: S101 - for mypy
-        with closing(writer), ExitStack() as opened, Status("no packets yet", console=progress_console) as shown:
-            for source in sources:
-                opened.callback(source.close)
-            stop_on_signals(stopped.set)
-            names = ", ".join(source_name(source.receiver) for source in sources)
-            say(f"recording {names} to {output}; Ctrl-C ends")
-            _record(sources, writer, stopped, options.seconds, shown)
-            counts = sum((source.counts for source in sources), InputCounts())
+        stop_on_signals(stopped.set)
+        names = ", ".join(source_name(source.receiver) for source in sources)
+        say(f"recording {names} to {output}; Ctrl-C ends")
+        _record(sources, writer, stopped, options.seconds, shown)
+        counts = sum((source.counts for source in sources), InputCounts())
     say(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"

@@ -104,6 +104,11 @@ def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_I
         yield from bar.track(work, total=total, description=what)
 
 
+def print_json(value: object) -> None:
+    """Print one JSON value."""
+    print(json.dumps(value))
+
+
 #: Characters that a line of a heading may always have.
 _HEADING = 10
 #: How cells begin that spreadsheets take for something to compute.

@@ -14,7 +14,7 @@ import numpy as np
 from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
-from kinespace.tools.cli.console import print_scores, progress
+from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     persons = {name: score_done([each for each in takes if each.take.person == name]) for name in people}
     classes, last = by_class(takes), scores[-1]
     if options.json:
-        harness.print_json({**last, "classes": classes, "persons": persons, "promises": scores})
+        print_json({**last, "classes": classes, "persons": persons, "promises": scores})
         return 0
     print_scores(
         [*scores, *({"name": name, **each} for name, each in persons.items())],

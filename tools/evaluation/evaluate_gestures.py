@@ -17,10 +17,10 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
-from kinespace.tools.cli.console import print_scores, progress, require_place_for_report
+from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for_report
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
-from kinespace.tools.evaluation.harness import Take, print_json, written
+from kinespace.tools.evaluation.harness import Take, written
 from kinespace.tools.evaluation.stream_score import rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught

@@ -24,7 +24,7 @@ from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.cli.console import counted, print_scores, progress
+from kinespace.tools.cli.console import counted, print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 
 #: Shares of a motion that are seen.
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     compared = progress([*methods], "Comparing", len(methods))
     rows = [{"method": name, **_scored(methods[name], clips, persons)} for name in compared]
     if options.json:
-        harness.print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
+        print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
         return 0
     whose = f"{counted(len(clips), 'motion')} of {len(classes)} classes"
     caption = f"{whose}; each of {len(persons)} persons left out; turned: whole, each body turned and placed at random"

@@ -19,7 +19,7 @@ from kinespace.library.phases import MOMENTS_PER_SECOND
 from kinespace.stream import Progress, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_shared, count
-from kinespace.tools.cli.console import print_scores, progress
+from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.feeding.feed import between
 
@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     scores = followed(MotionLibrary.builtin(), every=options.every)
     if options.json:
         named = {each["played"]: each for each in scores if each["method"] == NAMED}
-        harness.print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})
+        print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})
     else:
         caption = f"{scores[0]['motions']} motions of {scores[0]['persons']} persons"
         print_scores(scores, _COLUMNS, title="Progress, the performer's motions left out", caption=caption, names=2)

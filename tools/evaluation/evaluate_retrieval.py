@@ -23,7 +23,7 @@ from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
-from kinespace.tools.evaluation.harness import Sources, distinct, print_json, read_takes, shared_joints
+from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
 
 _COLUMNS = (
@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
     if plot:
         _draw(plot.Figure, options.picture, np.unique(labels.classes).tolist(), matrices)
     if options.json:
-        print_json(scores)
+        console.print_json(scores)
     else:
         _print(clips, scores)
         _print_matrices(labels, matrices, ", ".join(drawn).replace("-", " "))

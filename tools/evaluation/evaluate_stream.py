@@ -18,7 +18,7 @@ from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
-from kinespace.tools.cli.console import progress, require_place_for_report
+from kinespace.tools.cli.console import print_json, progress, require_place_for_report
 from kinespace.tools.evaluation import harness, stream_score
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.harness import Take
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
         stream_score.write_rows(options.segments, stream_score.segment_rows(courses, classes, harness.INSIDE))
     if options.json:
         scored = score.as_json(by_person=by_person)
-        harness.print_json(scored | ({"persons": persons, **_over(persons)} if persons else {}))
+        print_json(scored | ({"persons": persons, **_over(persons)} if persons else {}))
         return 0
     stream_score.print_score(score, by_person=by_person)
     if persons:

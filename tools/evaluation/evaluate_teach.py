@@ -19,7 +19,7 @@ from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
-from kinespace.tools.cli.console import counted, note, print_scores, progress
+from kinespace.tools.cli.console import counted, note, print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.evaluation.harness import Take
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         motions = [clip for each in by_person.values() for _, clip in each]
         whole = {"persons": len(teachers), "draws": options.draws}
-        harness.print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
+        print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
         return 0
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"

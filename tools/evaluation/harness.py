@@ -5,7 +5,6 @@ All evaluations share this.
 
 import argparse
 import csv
-import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -507,11 +506,6 @@ def pushed(recognizer: Recognizer, feed: Feed) -> Iterator[tuple[float, Recognit
 def answers_to(feed: Feed, compared: MotionLibrary | WindowIndex, settings: Settings) -> list[Recognition]:
     """Push frames into a recogniser of their own; give its answers."""
     return [answer for _, answer in pushed(Recognizer(compared, settings), feed) if answer is not None]
-
-
-def print_json(value: object) -> None:
-    """Print one JSON value."""
-    print(json.dumps(value))
 
 
 def written(value: float | None, form: str = "{:.1%}") -> str:

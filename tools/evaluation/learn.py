@@ -32,7 +32,7 @@ from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import print_scores, progress, require_place_for
+from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
@@ -166,7 +166,7 @@ def run(options: argparse.Namespace) -> int:
     keeping_lessons(replace(library, learned=Learned(learned))).save(options.output)
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
     if options.json:
-        harness.print_json(rows)
+        print_json(rows)
         return 0
     unknown = [each.take.clip.duration for each in courses if each.is_unknown]
     containing = sum(bool(each.take.contains) for each in courses)

@@ -6,7 +6,6 @@ status: 0 every motion named, 1 a motion not named, 2 could not be done.
 """
 
 import argparse
-import json
 import time
 from bisect import bisect_left
 from collections import Counter
@@ -23,7 +22,7 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Announcement, Settings
 from kinespace.stream.recognition import Answer
 from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.cli.console import console, table_of
+from kinespace.tools.cli.console import console, print_json, table_of
 from kinespace.tools.cli.live_table import score_shown
 from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, clip_cues
@@ -84,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
             sender.announce(Announcement(PERFORMER, library.skeleton.joints))
             _play(cues, sender, listener, show, live)
     if options.json:
-        print(json.dumps(show.as_json()))
+        print_json(show.as_json())
     else:
         if not watched:
             console.print(show.table(console.width))

@@ -5,7 +5,6 @@ a .kinerec.
 """
 
 import argparse
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,7 +22,7 @@ from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import print_scores, progress, read_with_notes, say
+from kinespace.tools.cli.console import print_json, print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
@@ -56,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         described, show = _library(file, clips=options.clips), _show_library
     if options.json:
-        print(json.dumps(described))
+        print_json(described)
     else:
         show(described)
     return 0

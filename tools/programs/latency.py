@@ -5,7 +5,6 @@ same run.
 """
 
 import argparse
-import json
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -18,7 +17,7 @@ from rich.table import Table
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
-from kinespace.tools.cli.console import console, table_of
+from kinespace.tools.cli.console import console, print_json, table_of
 from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
 
@@ -187,7 +186,7 @@ def run(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     found = [measure(each, rate_hz=options.rate, seconds=options.seconds, settings=settings) for each in transports]
     if options.json:
-        print(json.dumps(found[0].as_json()))
+        print_json(found[0].as_json())
     else:
         console.print(table_for(found))
     return 0

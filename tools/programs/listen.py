@@ -5,7 +5,6 @@ feed that the messages resemble; the joints that came, and the joints that recog
 """
 
 import argparse
-import json
 import shlex
 import time
 from contextlib import closing, suppress
@@ -21,7 +20,7 @@ from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
 from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
-from kinespace.tools.cli.console import console, say, table_of
+from kinespace.tools.cli.console import console, print_json, say, table_of
 from kinespace.tools.cli.values import host_and_port, opening
 
 #: The preset of our own messages, whose joints need not be named.
@@ -59,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     lines = advice(survey, guess, address)
     pasted = command(guess, feed, place) if guess and guess.frames else None
     if options.json:
-        print(json.dumps(as_object(survey, guess, lines) | {"command": pasted}))
+        print_json(as_object(survey, guess, lines) | {"command": pasted})
     else:
         _show(survey, guess, [*([f"recognise it: {pasted}"] if pasted else []), *lines])
     return 0 if guess and guess.frames else 1

@@ -39,6 +39,13 @@ def is_within(host: str, networks: Networks) -> bool:
 class Receiver(Protocol):
     """An endpoint on which packets come in. Its text is for people, like `OSC 127.0.0.1:9310`."""
 
+    #: The sender of the last packet.
+    sender: Sender
+    #: Seconds for which the last packet waited in the system; 0 where the transport does not say.
+    waited: float
+    #: Packets that the system dropped because they came faster than they were received.
+    kernel_drops: int
+
     @property
     def socket(self) -> object:
         """The socket, which `zmq.Poller` can wait for."""
@@ -46,18 +53,6 @@ class Receiver(Protocol):
     @property
     def place(self) -> str:
         """The address as recordings name it: the transport, a space and the address."""
-
-    @property
-    def sender(self) -> Sender:
-        """The sender of the last packet."""
-
-    @property
-    def waited(self) -> float:
-        """Seconds for which the last packet waited in the system; 0 where the transport does not say."""
-
-    @property
-    def kernel_drops(self) -> int:
-        """Packets that the system dropped because they came faster than they were received."""
 
     def broken(self) -> int:
         """Count the connections that broke while the sender was there; call it about once a second."""

@@ -32,14 +32,12 @@ class Decoder(Protocol):
     #: Whether frames may stay open until time closes them: then `expire` must be called every few hundredths of a
     #: second.
     expires: bool
+    #: The last packets that could not be read, with the reason.
+    refusals: Refusals
 
     @property
     def counts(self) -> InputCounts:
         """Counts of packets, and of packets that could not be read."""
-
-    @property
-    def refusals(self) -> Refusals:
-        """The last packets that could not be read, with the reason."""
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode one packet.

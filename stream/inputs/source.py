@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from kinespace.stream.feeds.preset import AskedMessage, Asking, Preset
+from kinespace.stream.feeds.preset import AskedMessage, Preset
 from kinespace.stream.frame import Admitted, Input
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import CommandReader
@@ -382,23 +382,16 @@ class FeedSource(Source):
         super().__init__(receiver, FeedDecoder(preset), recorder, admission)
         self.preset = preset
         self.unasked = 0
-        self._asked = self._last_frame = -math.inf
+        self._asked = -math.inf
         self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None
 
     def __str__(self) -> str:
         return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
 
-    def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
-        """Take in one packet; give its commands, and the frames that it completed; None when no packet waits."""
-        made = super().take(arrival)
-        if made:
-            self._last_frame = arrival
-        return made
-
     def tend(self, now: float) -> Sequence[Admitted]:
         """Close frames that wait for too long, and send the sender its messages when they are due."""
-        asking = self.preset.asking
-        if asking and is_due(asking, now, self._asked, self._last_frame):
+        asking, is_silent = self.preset.asking, now - self._made > SILENCE
+        if asking and now - self._asked >= asking.every and (is_silent or not asking.while_silent):
             self._asked = now
             self._send(asking.messages)
         return super().tend(now)
@@ -415,19 +408,6 @@ class FeedSource(Source):
         if self.preset.asking:
             self._send(self.preset.asking.farewell)
         super().close()
-
-
-def is_due(asking: Asking, now: float, asked: float, last_frame: float) -> bool:
-    """Say whether messages to the sender are due.
-
-    Parameters
-    ----------
-    asking
-        The messages for the sender, and how often they are due.
-    now, asked, last_frame
-        Seconds on one clock: now, when messages were last sent, and when the last frame came; -inf for never.
-    """
-    return now - asked >= asking.every and not (asking.while_silent and now - last_frame <= SILENCE)
 
 
 def packets_for_sender(preset: Preset, messages: Sequence[AskedMessage], port: int) -> list[bytes]:

@@ -219,9 +219,8 @@ def encode_announcement(announcement: Announcement) -> bytes:
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200
-_CLASS = struct.Struct(">iff")
+_CLASS = _EVENT = struct.Struct(">iff")
 _SIZE = struct.Struct(">i")
-_EVENT = struct.Struct(">iff")
 _PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: The largest number that OSC holds as a float.

@@ -168,6 +168,11 @@ class _Worker:
     reports: int = 0
 
 
+def _told(what: str) -> property:
+    """Make a property of a gateway of what its workers report by performer."""
+    return property(lambda self: {name: why for each in self._reports for name, why in getattr(each, what).items()})
+
+
 class Gateway:
     """Takes the place of `Performers`.
 
@@ -287,24 +292,8 @@ class Gateway:
         counts.no_room, counts.dropped = self._no_room, self._dropped
         return counts
 
-    @property
-    def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, with the reason."""
-        return self._told("refused")
-
-    @property
-    def doubted(self) -> dict[str, str]:
-        """Performers with joints that cannot be believed, and the reason."""
-        return self._told("doubted")
-
-    @property
-    def compared(self) -> dict[str, str]:
-        """The joints by which performers are compared, if these are not all."""
-        return self._told("compared")
-
-    def _told(self, what: str) -> dict[str, str]:
-        """Give what workers tell of performers."""
-        return {name: text for each in self._reports for name, text in getattr(each, what).items()}
+    #: What workers tell of performers: why frames are refused, and joints doubted, and by which they are compared.
+    refused, doubted, compared = (_told(what) for what in ("refused", "doubted", "compared"))
 
     def carried(self, name: str) -> None:
         """Give nothing: no worker tells which joints carry an answer, because nearly nobody asks."""

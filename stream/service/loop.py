@@ -17,7 +17,7 @@ from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.inputs.source import APART, TENDING, Source
 from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Message, Sink
-from kinespace.stream.recognition import Classes, Done, Event, EventKind, Gone, Outcome, Recognition
+from kinespace.stream.recognition import Classes, Event, EventKind, Gone, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
 from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
 from kinespace.stream.teaching import Asked, State, Step, commands
@@ -143,13 +143,9 @@ Recognising: TypeAlias = "Performers | Gateway"
 class Commanded(Protocol):
     """Carries out the commands that come in; a sink of the service, too, if it needs frames."""
 
-    @property
-    def answers(self) -> bool:
-        """Whether performers are answered now."""
-
-    @property
-    def classes(self) -> Sequence[str]:
-        """The classes that are answered."""
+    #: Whether performers are answered now, and the classes that are answered.
+    answers: bool
+    classes: Sequence[str]
 
     @property
     def muted(self) -> str:
@@ -272,7 +268,9 @@ class Service:
             left = _MAX_IN_TURN
             while left and time.perf_counter() < self._over and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
-        self._answer_by_turns()
+        while self._overload.until == math.inf and self._turns > 0:
+            self._turns -= self._deal_with(self._overload.turns(_TURNS), newest_only=True)
+        self._turns = float(_TURNS)
         self._looked = self._clock()
 
     def _deal_with_waiting(self, source: AnySource, most: int) -> int:
@@ -341,12 +339,6 @@ class Service:
         else:
             self._deal_with(taken)
 
-    def _answer_by_turns(self) -> None:
-        """Answer some of the performers who have waited for longest, each by its newest frame."""
-        while self._overload.until == math.inf and self._turns > 0:
-            self._turns -= self._deal_with(self._overload.turns(_TURNS), newest_only=True)
-        self._turns = float(_TURNS)
-
     def _tend(self) -> None:
         for source in self._tended:
             started = time.perf_counter()
@@ -365,7 +357,9 @@ class Service:
             return 0
         events = [each.event for each in taken]
         answers = self.performers.push_all(events, self._clock(), newest_only=newest_only)
-        self._publish_all(answers, taken)
+        for answer, (_, started, waited) in zip(answers, taken, strict=True):
+            if answer is not None:
+                self.publish(answer, time.perf_counter() - started + waited)
         for event in events:
             if isinstance(event, Frame):
                 self._rates[event.performer] += 1
@@ -382,18 +376,14 @@ class Service:
         answer = recognition.performer, recognition.time, outcome, (), nothing, recognition.movement
         return Recognition(*answer, guess=-1, events=ends)
 
-    def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
-        for recognition, (_, started, waited) in zip(answers, taken, strict=True):
-            if recognition is not None:
-                self.publish(recognition, time.perf_counter() - started + waited)
-
     def publish(self, recognition: Recognition, took: float) -> None:
         """Publish an answer, made here or elsewhere, and what happened; its frame came `took` seconds ago."""
         recognition = self._as_answered(recognition)
         tell(self.sinks, recognition)
         self._publish_events(recognition.events)
-        if recognition.done:
-            self._publish_done(recognition.done)
+        if done := recognition.done:
+            self._done[done.performer, done.index] += 1
+            tell(self.sinks, replace(done, count=self._done[done.performer, done.index]))
         self._hop_times.append(took)
 
     def _publish_events(self, events: Sequence[Event]) -> None:
@@ -404,12 +394,6 @@ class Service:
                 continue
             (self._begun.add if event.kind is EventKind.START else self._begun.discard)(motion)
             tell(self.sinks, event)
-
-    def _publish_done(self, done: Done) -> None:
-        """Count a motion that was done, and publish it."""
-        self._done[done.performer, done.index] += 1
-        counted = replace(done, count=self._done[done.performer, done.index])
-        tell(self.sinks, counted)
 
     def _forget_counts(self, performer: str) -> None:
         """Count a performer's motions from 1 again, by the name or as it stands in addresses; for none everybody's."""
@@ -437,8 +421,7 @@ class Service:
             self._publish_gone(self.performers.take_gone())
             self._latest_rates = self._rates.read(now, self.performers.names)
             self._note_answered()
-            status = self.status()
-            tell(self.sinks, status)
+            tell(self.sinks, self.status())
 
     def status(self) -> Status:
         """Give the counters as they are now."""

@@ -74,7 +74,7 @@ class Lessons(Sink):
     ) -> None:
         self.performers, self._teacher, self._clock = performers, teacher, clock
         self._places = ClassPlaces(windows.base_classes)
-        self.classes = self._places.of(teacher.roster)
+        self.classes: Sequence[str] = self._places.of(teacher.roster)
         self.answers = bool(windows.base_classes or teacher.roster.examples)
         self.sinks: Sequence[Sink] = ()
         self.is_loud = False

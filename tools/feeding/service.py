@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Literal, NamedTuple, Self
@@ -27,7 +27,7 @@ from kinespace.tools.cli.entry import check_interrupted
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.feeding import echo
 from kinespace.tools.feeding.echo import ANY, LOOPBACK
-from kinespace.tools.feeding.feed import Cue, FrameSender, OscFrameSender, Packet, ZmqFrameSender
+from kinespace.tools.feeding.feed import Cue, FrameSender, OscFrameSender, Pace, Packet, ZmqFrameSender
 
 #: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.
 _SHORT_SLEEP = 5e-5
@@ -82,6 +82,42 @@ class Listener:
         """Give the sockets back."""
         for receiver in self._receivers:
             receiver.close()
+
+
+#: Seconds after the last frame in which answers may still come: fewer than of the silence that ends a motion.
+_LINGER = 0.7
+
+
+class Played(NamedTuple):
+    """What was sent and received; moments as `time.perf_counter` reads them.
+
+    Attributes
+    ----------
+    begun
+        When the schedule began.
+    sent
+        For each sender, when each frame was sent.
+    received
+        The packets that came back.
+    """
+
+    begun: float
+    sent: list[list[float]]
+    received: list[Received]
+
+
+def play(cues: Iterable[Cue], senders: Sequence[FrameSender], listener: Listener, apart: float = 0.0) -> Played:
+    """Send every frame when it is due, by further senders so many seconds apart; collect all that comes back."""
+    pace, sent, received = Pace(), [list[float]() for _ in senders], list[Received]()
+    for cue in cues:
+        packets = [sender.encode(cue) for sender in senders]
+        for place, (sender, packet) in enumerate(zip(senders, packets, strict=True)):
+            received += listener.listen_until(pace.moment(cue.due + place * apart))
+            # Before the call, because the answer may be on its way before the call returns.
+            sent[place].append(time.perf_counter())
+            sender.send(packet)
+    received += listener.listen_until(time.perf_counter() + _LINGER)
+    return Played(pace.moment(0.0), sent, received)
 
 
 def answer_in(packet: Packet) -> Answer | None:

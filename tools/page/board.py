@@ -6,7 +6,7 @@ and answers the newest, of motions and notices all of the last minute.
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
@@ -278,7 +278,7 @@ class Board:
             self.number += 1
             self._control = _Noted(control, self.number)
 
-    def news(self, seen: int, now: float, replies: Sequence[object] = ()) -> bytes:
+    def news(self, seen: int, now: float, replies: Iterable[object] = ()) -> bytes:
         """Encode all that is newer than a number: bytes of JSON (u32), the JSON, spaces up to a multiple of 4, bodies.
 
         Parameters

@@ -132,18 +132,18 @@ class Gate:
         headers
             By lower-case name.
         """
-        host = headers.get("host", "")
+        host, path = headers.get("host", ""), target.partition("?")[0]
         if not self.knows(host):
             return refusal(403, "this name is not ours")
-        path, _, query = target.partition("?")
         if path != SOCKET:
             return static_file(path, host)
         if headers.get("origin") != f"http://{host}":
             return refusal(403, "not our page")
-        return self.checked(parse_qs(query).get("token", [""])[0])
+        return self.checked(target)
 
-    def checked(self, shown: str) -> Response | None:
-        """Refuse a wrong token; None for the right one, or where none is needed."""
+    def checked(self, target: str) -> Response | None:
+        """Refuse a wrong token in a path's query; None for the right one, or where none is needed."""
+        shown = parse_qs(target.partition("?")[2]).get("token", [""])[0]
         if self.token and not secrets.compare_digest(shown.encode(errors="replace"), self.token.encode()):
             return refusal(401, "the address that kinespace printed has a token")
         return None
@@ -267,9 +267,8 @@ class ClientServer(ABC, Generic[_Client]):
         self._clients.add(client)
         sending = asyncio.create_task(self.send(connection, client))
         try:
-            await self.receive(connection, client)
-        except ConnectionClosed:
-            pass
+            with suppress(ConnectionClosed):
+                await self.receive(connection, client)
         finally:
             self._clients.discard(client)
             sending.cancel()
@@ -281,7 +280,7 @@ class ClientServer(ABC, Generic[_Client]):
 
     @abstractmethod
     async def send(self, connection: ServerConnection, client: _Client) -> None:
-        """Send a client what comes for it."""
+        """Send a client what comes for it, until it is cancelled or the connection is closed."""
 
     @abstractmethod
     async def receive(self, connection: ServerConnection, client: _Client) -> None:
@@ -391,18 +390,16 @@ class PageServer(ClientServer[_Page]):
 
     async def send(self, connection: ServerConnection, client: _Page) -> None:
         """Send the new entries whenever the page has drawn the last message."""
-        with suppress(ConnectionClosed):
-            while True:
-                await client.ready.wait()
-                await client.woken.wait()
-                client.woken.clear()
-                replies = [*client.replies]
-                client.replies.clear()
-                message = self.board.news(client.seen, self._clock(), replies)
-                client.sent = self.board.number
-                client.ready.clear()
-                await connection.send(message)
-                await asyncio.sleep(_PACE)
+        while True:
+            await client.ready.wait()
+            await client.woken.wait()
+            client.woken.clear()
+            message = self.board.news(client.seen, self._clock(), client.replies)
+            client.replies.clear()
+            client.sent = self.board.number
+            client.ready.clear()
+            await connection.send(message)
+            await asyncio.sleep(_PACE)
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
         """Ask the control socket; every page gets the changes."""
@@ -518,7 +515,7 @@ def answer(gate: Gate, origins: Sequence[str], target: str, headers: Mapping[str
         return refusal(403, "this name is not ours")
     if origin is not None and origin not in origins and not _is_near(origin, host):
         return refusal(403, f"a page of another site, {origin[:100]}: --ws-origin lets it in")
-    return gate.checked(parse_qs(urlsplit(target).query).get("token", [""])[0])
+    return gate.checked(target)
 
 
 def _is_near(origin: str, host: str) -> bool:
@@ -583,9 +580,8 @@ class SocketServer(ClientServer[_Listener]):
 
     async def send(self, connection: ServerConnection, client: _Listener) -> None:
         """Send a client the answers that wait, in their order."""
-        with suppress(ConnectionClosed):
-            while True:
-                await client.woken.wait()
-                client.woken.clear()
-                while client.waiting:
-                    await connection.send(client.waiting.popleft())
+        while True:
+            await client.woken.wait()
+            client.woken.clear()
+            while client.waiting:
+                await connection.send(client.waiting.popleft())

@@ -10,7 +10,7 @@ import math
 import os
 import platform
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, nullcontext
 from itertools import count, islice
 from pathlib import Path
@@ -25,23 +25,19 @@ from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import Frame, LiveSignature, Performers, Recognition, Recognizer, Settings, osc, zeromq
 from kinespace.tools.cli.arguments import add_shared, positive
 from kinespace.tools.cli.console import console, progress, say, table_of
-from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
-from kinespace.tools.feeding.service import BackgroundService, Listener, Received, Transport, answer_in
+from kinespace.tools.feeding.feed import Cue, without_pause
+from kinespace.tools.feeding.service import BackgroundService, Listener, Transport, answer_in, play
 from kinespace.tools.programs import latency
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0
-#: Every eighth of the library's motions is played, so that there are some of each class.
-_EVERY = 8
 #: Performers whose frames come all at once, to see how many a core holds: frames do so that wait for a full core.
 CROWD = 40
-#: Seconds after the last frame in which answers may still come: fewer than of the silence that ends a motion.
-_LINGER = 0.7
 
 
 def positions() -> NDArray[np.float32]:
     """Give every eighth motion of the built-in library: shape (frames, 31, 3), metres, 120 frames per second."""
-    return without_pause(MotionLibrary.builtin().motions[::_EVERY], FRAME_RATE)
+    return without_pause(MotionLibrary.builtin().motions[:: latency.EVERY], FRAME_RATE)
 
 
 def endless(positions: NDArray[np.floating], performer: str = "bench", begin: int = 0) -> Iterator[Frame]:
@@ -76,38 +72,6 @@ class Feed(NamedTuple):
     def cues(self) -> list[Cue]:
         """Cue all frames of a moment at once."""
         return [Cue(k / FRAME_RATE, frame, k) for k, together in enumerate(self.frames) for frame in together]
-
-
-class Played(NamedTuple):
-    """What was sent and received; moments as `time.perf_counter` reads them.
-
-    Attributes
-    ----------
-    begun
-        When the schedule began.
-    sent
-        When each frame was sent, by performer and the time in it; for frames sent twice the first.
-    received
-        The packets that came back.
-    """
-
-    begun: float
-    sent: dict[tuple[str, float], float]
-    received: list[Received]
-
-
-def play(cues: Iterable[Cue], sender: FrameSender, listener: Listener) -> Played:
-    """Send frames on schedule, and collect what comes back meanwhile and shortly afterwards."""
-    pace = Pace()
-    played = Played(pace.moment(0.0), {}, [])
-    for cue in cues:
-        packet = sender.encode(cue)
-        played.received.extend(listener.listen_until(pace.moment(cue.due)))
-        # Before the call, because the answer may be on its way before the call returns.
-        played.sent.setdefault((cue.frame.performer, cue.frame.time), time.perf_counter())
-        sender.send(packet)
-    played.received.extend(listener.listen_until(time.perf_counter() + _LINGER))
-    return played
 
 
 def core_seconds(process_id: int) -> float:
@@ -336,9 +300,9 @@ def load(feed: Feed, transport: Transport, echo: bool) -> tuple[float, int]:  # 
         sender, receiver = service.connect()
         with closing(sender), closing(Listener(receiver)) as listener:
             before = core_seconds(service.process_id)
-            played = play(feed.cues(), sender, listener)
-            core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent)
-    due = len(played.sent) if echo else len(feed.answers)
+            played = play(feed.cues(), [sender], listener)
+            core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent[0])
+    due = len(played.sent[0]) if echo else len(feed.answers)
     answered = len(played.received) if echo else sum(answer_in(each.packet) is not None for each in played.received)
     missing = max(due - answered, 0)
     return core_us if missing <= _MISSING * due else math.nan, missing

@@ -19,10 +19,8 @@ from kinespace.stream import Announcement, Frame, Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
 from kinespace.tools.cli.console import console, print_json, table_of
 from kinespace.tools.feeding import service
-from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
+from kinespace.tools.feeding.feed import Cue, without_pause
 
-#: Seconds after the last frame in which answers may still come.
-_LINGER = 0.5
 #: Seconds between the connection of both processes and the first frame.
 _SETTLE = 0.2
 #: Seconds of feed whose latencies do not count: caches fill, ZeroMQ peers connect.
@@ -30,7 +28,7 @@ _WARM_UP = 0.5
 #: The percentiles that are printed, by name.
 _PERCENTILES = {"p50": 50, "p95": 95, "p99": 99, "p999": 99.9, "max": 100}
 #: Every eighth of the library's motions is played, so that there are some of each class.
-_EVERY = 8
+EVERY = 8
 
 
 class Latency(NamedTuple):
@@ -107,7 +105,7 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     """
     library = MotionLibrary.builtin()
     warm = int(_WARM_UP * rate_hz)
-    positions = without_pause(library.motions[::_EVERY], rate_hz, seconds)
+    positions = without_pause(library.motions[::EVERY], rate_hz, seconds)
     cues = _cues(positions, rate_hz, seconds)
     expected = service.expected_answers(cues, library, settings)
     if not expected or expected[-1].cue < warm:
@@ -122,7 +120,9 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
         for each in (sender, echo_sender, listener):
             opened.callback(each.close)
         sender.announce(Announcement("latency", library.skeleton.joints))
-        sent, echo_sent, received = _played(cues, (sender, echo_sender), listener, rate_hz)
+        # Greetings from the connection are not part of the run.
+        listener.listen_until(time.perf_counter() + _SETTLE)
+        _, (sent, echo_sent), received = service.play(cues, (sender, echo_sender), listener, 0.5 / rate_hz)
     matcher = service.AnswerMatcher(expected)
     echoes = [each for each in received if each.receiver is echoes_at]
     answers = [(service.answer_in(each.packet), each.arrival) for each in received if each.receiver is answers_at]
@@ -136,30 +136,6 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
         seconds=np.array([arrival - sent[found.cue] for found, arrival in pairs if found and found.cue >= warm]),
         echo_seconds=np.array([each.arrival - at for each, at in zip(echoes, echo_sent, strict=False)][warm:]),
     )
-
-
-def _played(
-    cues: Sequence[Cue], senders: Sequence[FrameSender], listener: service.Listener, rate_hz: float
-) -> tuple[list[float], list[float], list[service.Received]]:
-    """Send every frame when it is due, and its copy to the echo half a frame later.
-
-    Returns
-    -------
-    When each frame and each copy was sent, and all that came back; moments as `time.perf_counter` reads them.
-    """
-    sent, copied = list[float](), list[float]()
-    # Greetings from the connection are not part of the run.
-    listener.listen_until(time.perf_counter() + _SETTLE)
-    pace, received = Pace(), list[service.Received]()
-    for cue in cues:
-        packets = [sender.encode(cue) for sender in senders]
-        for sender, packet, moments, later in zip(senders, packets, (sent, copied), (0.0, 0.5), strict=True):
-            received += listener.listen_until(pace.moment(cue.due + later / rate_hz))
-            # Before the call, because the answer may be on its way before the call returns.
-            moments.append(time.perf_counter())
-            sender.send(packet)
-    received += listener.listen_until(time.perf_counter() + _LINGER)
-    return sent, copied, received
 
 
 def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> list[Cue]:

@@ -53,7 +53,9 @@ def run(options: argparse.Namespace) -> int:
     by_person = options.resample == "persons"
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
-    courses = _courses(asked, classes, options)
+    without = Kind(options.without_part) if options.without_part else None
+    settings, played = settings_of(options), progress(asked, "Replaying", len(asked))
+    courses = [course(each.take, _compared(each.library, without), classes, settings) for each in played]
     score = stream_score.score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
     if annotates:
@@ -70,17 +72,6 @@ def run(options: argparse.Namespace) -> int:
     if persons:
         stream_score.print_persons(persons, _over(persons), harness.protocol_of(options))
     return 0
-
-
-def _courses(
-    asked: Sequence[harness.Asked], classes: Sequence[str], options: argparse.Namespace
-) -> list[stream_score.Course]:
-    """Replay every take against the library that it asks."""
-    without = Kind(options.without_part) if options.without_part else None
-    settings, courses = settings_of(options), list[stream_score.Course]()
-    for each in progress(asked, "Replaying", len(asked)):
-        courses.append(course(each.take, _compared(each.library, without), classes, settings))
-    return courses
 
 
 def course(

@@ -151,13 +151,10 @@ def measure_stages(_: float) -> Measured:
         jobs[name + _NUMPY] = pushing(library, played, settings, by_numpy=True)
     us = {name: float(np.median(each)) for name, each in in_turns(jobs, ROUNDS, "Stages").items()}
     figures = {name: us[step] for name, step in COSTS.items()}
-    return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [_stages_table(us)])
-
-
-def _stages_table(us: dict[str, float]) -> Table:
     rows = [(name, f"{us[name]:.1f}", "") for name in _OTHERS]
     rows += [(name, f"{us[name]:.1f}", f"{us[name + _NUMPY]:.1f}") for name in RECOGNISING]
-    return table_of("From packet to answer, µs a frame", ("step", "compiled", "numpy"), rows)
+    table = table_of("From packet to answer, µs a frame", ("step", "compiled", "numpy"), rows)
+    return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [table])
 
 
 def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[str, Job]:

@@ -112,18 +112,14 @@ class _Show:
         #: The frames to which an answer comes, by their indices.
         self._answered = [each.cue for each in expected]
         #: The answers that came, expected or not, and those that were given up.
-        self.came = self._given_up = 0
+        self.came = self.given_up = 0
         #: The class of each frame, and when the frame was sent.
         self.sent: list[tuple[str, float]] = []
 
     @property
     def owed(self) -> int:
         """How many answers to the frames sent have not come, and are waited for."""
-        return bisect_left(self._answered, len(self.sent)) - self.came - self._given_up
-
-    def give_up(self) -> None:
-        """Wait no longer for the answers that are owed now."""
-        self._given_up += self.owed
+        return bisect_left(self._answered, len(self.sent)) - self.came - self.given_up
 
     def take_in(self, received: Sequence[service.Received]) -> bool:
         """Note the answers that came; say whether there were any that were expected."""
@@ -221,6 +217,6 @@ def _wait(listener: service.Listener, show: _Show, most: int, patience: float) -
         if show.came > before:
             until = time.perf_counter() + patience
         elif time.perf_counter() > until:
-            show.give_up()
+            show.given_up += show.owed
             return patience if show.came else 0.0
     return patience

@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.landmark_body import are_of_landmarks
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import is_flat, logs_of
 
 #: Joints guessed from one camera's pictures, or measured by a suit, markers or a depth sensor.

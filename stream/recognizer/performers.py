@@ -8,10 +8,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinespace.library import Skeleton, WindowIndex
 from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import FLAT
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.recognition import Event, Recognition

@@ -16,10 +16,8 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.distances import distance_rows
-from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.body import Body
-from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.teaching.movement import moved_in
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of

@@ -36,7 +36,6 @@ from kinespace.library.recordings.formats.labels import LabelError, Segment, cut
 from kinespace.library.windows.segments import mirrored
 from kinespace.stream import Frame, Recognition, Recognizer, Settings
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.arguments import joints_of
 from kinespace.tools.cli.console import NameNotes, note, progress
 
 _COLUMNS = ("file", "subject", "contains", "perhaps")
@@ -164,7 +163,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
         persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
         raise ValueError(f"--subjects: expected persons with takes, got {persons}")
     if sources.skeleton:
-        joints = joints_of(sources.skeleton)
+        joints = arguments.joints_of(sources.skeleton)
         takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
     return _with_distinct_names(_with_labels(takes, sources.names))
 
@@ -452,7 +451,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     given = None
     if protocol is Protocol.LIBRARY or not sources:
         given = arguments.library_at(options.library)
-        given = given.restricted_to(joints_of(options.skeleton)) if options.skeleton else given
+        given = given.restricted_to(arguments.joints_of(options.skeleton)) if options.skeleton else given
     takes = takes_at(sources, options, given or MotionLibrary.builtin())
     of_library = [given.skeleton] if given else []
     joints = shared_joints([*(take.clip.skeleton for take in takes), *of_library])

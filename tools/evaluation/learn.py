@@ -21,12 +21,11 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
-from kinespace.library import NOTHING, Clip, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.library_file import Learned
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings

@@ -18,7 +18,6 @@ from kinespace.library.recordings.formats.labels import LabelError, Segment, cut
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.arguments import names
 from kinespace.tools.cli.console import NameNotes, counted, progress, require_place_for, say
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
@@ -35,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help=text)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     text = "leave these classes or persons out"
-    parser.add_argument("--without", action="extend", type=names, default=[], metavar="CLASS|PERSON,...", help=text)
+    parser.add_argument(
+        "--without", action="extend", type=arguments.names, default=[], metavar="CLASS|PERSON,...", help=text
+    )
     text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
     parser.add_argument("--rename", **arguments.several(arguments.mapping, "OLD=NEW"), help=text)
     arguments.add_shared(parser, "--either-side")

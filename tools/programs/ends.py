@@ -17,11 +17,10 @@ from typing import Any, TypeVar
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
-from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
 from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink

@@ -15,9 +15,8 @@ from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknown_names
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.inputs import FeedSource, OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
-from kinespace.stream.inputs.source import FeedSource
 from kinespace.stream.osc import SKELETON, OscReceiver
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
 from kinespace.tools.cli.console import console, print_json, say, table_of

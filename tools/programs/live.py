@@ -22,8 +22,7 @@ from kinespace.library.naming import Naming
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream import BackgroundViews
 from kinespace.stream.feeds import Preset
-from kinespace.stream.inputs import Admission
-from kinespace.stream.inputs.source import FeedSource
+from kinespace.stream.inputs import Admission, FeedSource
 from kinespace.stream.outputs import LAYOUTS, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
@@ -33,7 +32,6 @@ from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.loop import AnySource, Recognising, Service
 from kinespace.stream.service.worker import Terms
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.arguments import count
 from kinespace.tools.cli.console import console, log_as, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.live_table import LiveTable, PlainLines, summary
@@ -126,7 +124,7 @@ def run(options: argparse.Namespace) -> int:
 
 def workers(text: str) -> int:
     """Read a number of workers; `auto`: one for each core but one, which receives."""
-    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
+    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else arguments.count(text)
 
 
 def recognise(options: argparse.Namespace) -> int:

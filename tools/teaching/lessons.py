@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.library import Clip, Skeleton
+from kinespace.library import Clip, Skeleton, WindowIndex, opened
 from kinespace.library.motion_library import MIN_JOINTS, NOTHING, MotionLibrary
 from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.taught import teaches_itself
 from kinespace.stream import Event, EventKind, Frame, Recognizer, Settings
 from kinespace.stream.outputs.sink import Sink

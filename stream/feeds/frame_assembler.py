@@ -132,8 +132,7 @@ class FrameAssembler:
         self._takes_some = bool(preset.bones) or preset.closings.some
         self._body = LandmarkBody(preset.sent) if preset.guessed else None
         self._axes = np.array([axis for axis, _ in preset.axes])
-        signs = np.array([sign for _, sign in preset.axes])
-        self._metres = signs * np.array(preset.metres)[self._axes]
+        self._metres = np.array([sign for _, sign in preset.axes]) * np.array(preset.metres)[self._axes]
 
     def push(
         self, messages: Sequence[Message], arrival: float, *, bundle: bool = False, sender: int = 1

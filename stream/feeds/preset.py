@@ -177,8 +177,7 @@ class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         """Spell the words in small letters."""
-        words = {word.casefold(): value for word, value in self.words.items()}
-        msgspec.structs.force_setattr(self, "words", words)
+        msgspec.structs.force_setattr(self, "words", {word.casefold(): each for word, each in self.words.items()})
 
 
 class AskedMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -428,8 +428,7 @@ class WrittenLayout(Layout):
         """Encode the messages of an answer."""
         progress = recognition.progress
         followed = (progress.phase, progress.speed, progress.amplitude) if progress else (0.0, 0.0, 0.0)
-        index = recognition.class_index
-        named = _class_facts(recognition.performer, recognition.label, index, recognition.score)
+        named = _class_facts(recognition.performer, recognition.label, recognition.class_index, recognition.score)
         further = dict(zip(("margin", "phase", "speed", "amplitude"), (recognition.margin, *followed), strict=True))
         return self._encoded("answer", {**named, **further})
 

@@ -372,8 +372,7 @@ class Service:
             return recognition
         ends = tuple(each for each in recognition.events if each.kind is EventKind.END)
         outcome = Outcome.UNKNOWN if recognition.outcome is Outcome.NAMED else recognition.outcome
-        nothing = np.zeros(0)
-        answer = recognition.performer, recognition.time, outcome, (), nothing, recognition.movement
+        answer = recognition.performer, recognition.time, outcome, (), np.zeros(0), recognition.movement
         return Recognition(*answer, guess=-1, events=ends)
 
     def publish(self, recognition: Recognition, took: float) -> None:
@@ -411,8 +410,7 @@ class Service:
         now = self._clock()
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
-            classes = self._control.classes if self._control else self.performers.classes
-            tell(self.sinks, Classes(tuple(classes)))
+            tell(self.sinks, Classes(tuple((self._control or self.performers).classes)))
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and nobody knows who is silent.

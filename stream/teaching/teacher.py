@@ -644,8 +644,7 @@ class Teacher:
         if len(self.roster.examples) >= MAX_EXAMPLES:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         number, self._number = self._number, self._number + 1
-        recording = replace(clip, actor=performer)
-        example = Example(number, class_name, recording, kept.start, kept.end)
+        example = Example(number, class_name, replace(clip, actor=performer), kept.start, kept.end)
         # What lies before the memory is never tried again.
         oldest = whole.start - REMEMBERED
         self._shown = {each: of for each, of in self._shown.items() if of[0] != performer or of[1].end > oldest}

@@ -213,8 +213,8 @@ _SCORE_DIGITS = 6
 _encode = msgspec.json.Encoder().encode
 
 
-class _Received(msgspec.Struct, rename={"label": "class"}):
-    """The fields of an answer that a listener reads."""
+class SentAnswer(msgspec.Struct, rename={"label": "class"}):
+    """The fields of an answer that a listener reads, or a page shows."""
 
     performer: str
     label: str | None
@@ -222,9 +222,12 @@ class _Received(msgspec.Struct, rename={"label": "class"}):
     outcome: str
     score: float
     margin: float
+    guess: str | None = None
+    scores: dict[str, float] = {}
+    progress: dict[str, str | float] | None = None
 
 
-_read = msgspec.json.Decoder(_Received).decode
+_read = msgspec.json.Decoder(SentAnswer).decode
 
 
 def encode_recognition(recognition: Recognition) -> list[bytes]:
@@ -348,7 +351,6 @@ class BodyHeader(msgspec.Struct, omit_defaults=True):
     pairs: tuple[tuple[int, int], ...] | None = None
 
 
-_encode_header = msgspec.json.Encoder().encode
 _read_body = msgspec.json.Decoder(BodyHeader).decode
 
 
@@ -359,8 +361,7 @@ def encode_body(frame: Frame, skeleton: Skeleton | None = None, carried: Carried
         header.names, header.parents = skeleton.joints, skeleton.parents
     if carried and len(carried.joints) == header.joints:
         header.carried, header.pairs = carried.joints, carried.pairs
-    positions = frame.positions.astype("<f4")
-    return [f"body/{frame.performer}/".encode(), _encode_header(header), positions.tobytes()]
+    return [f"body/{frame.performer}/".encode(), _encode(header), frame.positions.astype("<f4").tobytes()]
 
 
 def decode_body(parts: Sequence[bytes]) -> tuple[str, BodyHeader, bytes] | None:

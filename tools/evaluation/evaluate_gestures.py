@@ -88,8 +88,7 @@ def _opened(lessons: Sequence[Lessons], person: str) -> WindowIndex:
     examples = [example_of(*each) for of_teacher in lessons for each in of_teacher.values()]
     if not examples:
         raise ValueError("TAKE: expected labelled segments that teach, got none")
-    without = {person} & {*MotionLibrary.builtin().actors}
-    return open_taught(MotionLibrary.of_clips(examples), without)
+    return open_taught(MotionLibrary.of_clips(examples), {person} & {*MotionLibrary.builtin().actors})
 
 
 def example_of(take: Take, segment: Segment) -> Clip:

@@ -194,8 +194,7 @@ def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]],
         (f"{place} {name}", str(count), *(f"{matrix[place - 1, place - 1]:.0%}" for matrix in matrices.values()))
         for place, (name, count) in enumerate(zip(classes.tolist(), counts.tolist(), strict=True), 1)
     ]
-    headings = ("class", "motions", *matrices)
-    console.console.print(console.table_of(f"Right by class ({how})", headings, rows))
+    console.console.print(console.table_of(f"Right by class ({how})", ("class", "motions", *matrices), rows))
     if len(classes) > _MOST:
         console.console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
         return

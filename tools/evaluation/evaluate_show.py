@@ -94,8 +94,7 @@ def run(options: argparse.Namespace) -> int:
 
 def played(show: Show, settings: Settings) -> list[Recognition]:
     """Teach a show's examples, in metrics learned without the performer, and play it."""
-    taught = MotionLibrary.of_clips(show.examples)
-    index = open_taught(taught, {show.performer})
+    index = open_taught(MotionLibrary.of_clips(show.examples), {show.performer})
     positions = show.positions[:, index.library.skeleton.order_from(show.examples[0].skeleton.joints)]
     times = np.arange(len(positions)) / _RATE
     return harness.answers_to(harness.Feed(times, positions, index.library.skeleton), index, settings)

@@ -64,8 +64,7 @@ def run(options: argparse.Namespace) -> int:
     if options.segments:
         stream_score.write_rows(options.segments, stream_score.segment_rows(courses, classes, harness.INSIDE))
     if options.json:
-        scored = score.as_json(by_person=by_person)
-        print_json(scored | ({"persons": persons, **_over(persons)} if persons else {}))
+        print_json(score.as_json(by_person=by_person) | ({"persons": persons, **_over(persons)} if persons else {}))
         return 0
     stream_score.print_score(score, by_person=by_person)
     if persons:

@@ -453,8 +453,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
         given = arguments.library_at(options.library)
         given = given.restricted_to(arguments.joints_of(options.skeleton)) if options.skeleton else given
     takes = takes_at(sources, options, given or MotionLibrary.builtin())
-    of_library = [given.skeleton] if given else []
-    joints = shared_joints([*(take.clip.skeleton for take in takes), *of_library])
+    joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else ())])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
 
     def library() -> MotionLibrary:

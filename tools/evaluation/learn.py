@@ -298,8 +298,7 @@ def _relative(windows: Evidenced, typical: NDArray[np.float64]) -> Evidenced:
 
 def _index(library: MotionLibrary) -> WindowIndex:
     """Open a library for asking; its rejection is not used yet."""
-    index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
-    return replace(index, judged_by=_NOTHING_LEARNED)
+    return replace(WindowIndex.of(library, weighing=ACROSS_LABORATORIES), judged_by=_NOTHING_LEARNED)
 
 
 def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:

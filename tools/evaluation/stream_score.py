@@ -562,8 +562,7 @@ def print_score(score: StreamScore, *, by_person: bool = False) -> None:
     headings = "", "", "95 %, by person" if by_person else "95 %"
     console.print(table_of("Answers against the motion performed at that moment", headings, rows))
     if score.classes:
-        by_class = ({"name": name, **each} for name, each in score.classes.items())
-        print_scores(by_class, _CLASSES, title="By class")
+        print_scores(({"name": name, **each} for name, each in score.classes.items()), _CLASSES, title="By class")
 
 
 def print_persons(

@@ -32,6 +32,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
@@ -381,9 +382,8 @@ class PageServer(ClientServer[_Page]):
                 if message.ack is not None:
                     client.acknowledged(message.ack)
                 if message.ask is not None:
-                    reply = await self._ask(message.ask)
-                    # Only now: other messages take the page's replies along while this one is asked.
-                    client.replies.append(reply)
+                    # Other messages take the page's replies along while this one is asked.
+                    client.replies.append(await self._ask(message.ask))
                     self._wake()
         except ValueError as error:
             await connection.close(1008, str(error)[:100])
@@ -419,25 +419,15 @@ def _refused(reason: str) -> dict[str, Any]:
     return {"performer": "", "state": "refused", "seconds": 0.0, "reason": reason}
 
 
-class _Place(msgspec.Struct):
-    """A joint's place by its axes."""
-
-    x: float | None
-    y: float | None
-    z: float | None
-
-
 class _Sent(msgspec.Struct):
     """A frame as a browser sends it."""
 
     performer: str
-    positions: list[tuple[float | None, float | None, float | None] | _Place | None]
+    positions: list[Place]
     t: float | None = None
     joints: list[str] | None = None
 
 
-#: The place of a joint that is lost.
-_NOWHERE = (None, None, None)
 _read_frame = msgspec.json.Decoder(_Sent).decode
 
 
@@ -455,9 +445,8 @@ def packed(message: str | bytes) -> tuple[bytes, str]:
     except (ValueError, RecursionError) as error:
         told = msgspec.json.encode({"type": "error", "text": f"no frame is read: {error}"}).decode()
         return message.encode(errors="replace"), told
-    places = [(each.x, each.y, each.z) if isinstance(each, _Place) else each or _NOWHERE for each in sent.positions]
     with np.errstate(over="ignore"):
-        positions = np.array(places, dtype=np.float64).astype("<f4").reshape(-1, 3)
+        positions = np.array([*map(axes_of, sent.positions)], dtype=np.float64).astype("<f4").reshape(-1, 3)
     header = {"v": VERSION, "performer": sent.performer, "t": sent.t or 0.0, "shape": positions.shape, "dtype": "<f4"}
     joints = {} if sent.joints is None else {"joints": sent.joints}
     return msgspec.msgpack.encode(header | joints | {"data": positions.tobytes()}), ""

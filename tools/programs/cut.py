@@ -37,8 +37,7 @@ def run(options: argparse.Namespace) -> int:
     if labels == source:
         raise ValueError(f"{source}: expected --output, because the labels would replace the recording")
     require_place_for(labels, overwrite=options.overwrite)
-    named = NameNotes()
-    takes = [named(each) for each in RecordingReader(reading_of(options)).clips(find_recordings([source])[0])]
+    takes = [*map(NameNotes(), RecordingReader(reading_of(options)).clips(find_recordings([source])[0]))]
     looked = progress(takes, "Looking", len(takes))
     found = sorted((each, take.actor) for take in looked for each in stretches_of(take, options.stillness))
     with labels.open("w", newline="", encoding="utf-8") as file:

@@ -21,7 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the program with these options; return the exit status."""
-    made = make_keys(options.keys or Path(options.name), options.name)
-    for path, advice in zip(made, _ADVICE, strict=True):
+    for path, advice in zip(make_keys(options.keys or Path(options.name), options.name), _ADVICE, strict=True):
         say(f"{path}: {advice}")
     return 0

@@ -105,8 +105,7 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     """
     library = MotionLibrary.builtin()
     warm = int(_WARM_UP * rate_hz)
-    positions = without_pause(library.motions[::EVERY], rate_hz, seconds)
-    cues = _cues(positions, rate_hz, seconds)
+    cues = _cues(without_pause(library.motions[::EVERY], rate_hz, seconds), rate_hz, seconds)
     expected = service.expected_answers(cues, library, settings)
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")

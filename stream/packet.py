@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from ipaddress import IPv4Network, IPv6Network, ip_address
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+_Key = TypeVar("_Key")
+_Value = TypeVar("_Value")
 #: A datagram, or the parts of a ZeroMQ message.
 Packet = bytes | list[bytes]
 #: Networks whose packets are read; empty for all.
@@ -17,6 +19,13 @@ KEYED = "key "
 def parts_of(packet: Packet) -> list[bytes]:
     """Give a packet's parts; a datagram is one part."""
     return [packet] if isinstance(packet, bytes) else packet
+
+
+def remember(known: dict[_Key, _Value], key: _Key, value: _Value, most: int) -> None:
+    """Remember a value by what a stranger has named; of more than `most` the oldest is forgotten."""
+    if key not in known and len(known) >= most:
+        del known[next(iter(known))]
+    known[key] = value
 
 
 def datagram_of(packet: Packet) -> bytes:

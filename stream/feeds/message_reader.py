@@ -12,6 +12,7 @@ from kinespace.library.naming import spelling
 from kinespace.stream.feeds.kinematics import Quaternion, Vector
 from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset
 from kinespace.stream.osc.packet import Message, number_of
+from kinespace.stream.packet import remember
 
 #: A performer's name may have 64 characters; the number of a second sender is added to it.
 MAX_PERFORMER_LENGTH = 48
@@ -145,9 +146,7 @@ class Mapper:
         number, name = way.text("joint", arguments), way.text("name", arguments)
         if number is None or name is None:
             raise TypeError("joint and name: expected both")
-        if len(self._taught) >= _MAX_REMEMBERED:
-            self._taught.clear()
-        self._taught[performer, number] = name
+        remember(self._taught, (performer, number), name, _MAX_REMEMBERED)
         self._resolved.cache_clear()
 
     def _time(self, way: _Way, arguments: Sequence[object]) -> float | None:

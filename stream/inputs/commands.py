@@ -8,7 +8,7 @@ from ipaddress import ip_network
 import zmq
 
 from kinespace.stream.frame import Admitted
-from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within
+from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within, remember
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import State, commands
 from kinespace.stream.teaching.commands import Asked, CommandError
@@ -42,9 +42,7 @@ class Quota:
         used = max(used - _A_SECOND * (now - since), 0.0) + commands
         if used > _A_SECOND:
             return False
-        if len(self._used) >= _MAX_SENDERS:
-            self._used.clear()
-        self._used[host] = used, now
+        remember(self._used, host, (used, now), _MAX_SENDERS)
         return True
 
 

@@ -23,7 +23,7 @@ from kinespace.stream.inputs.kinerec import Recorder
 from kinespace.stream.osc.messages import beginning_of
 from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
-from kinespace.stream.packet import Packet, Receiver, Sender, sender_name
+from kinespace.stream.packet import Packet, Receiver, Sender, remember, sender_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
 
@@ -229,9 +229,7 @@ class Source:
         time = time or arrival
         if self.waited > self.patience or 0 <= time - self._last.get((sender, beginning), -math.inf) < APART:
             return True
-        if len(self._last) >= _MAX_PERFORMERS:
-            self._last.clear()
-        self._last[sender, beginning] = time
+        remember(self._last, (sender, beginning), time, _MAX_PERFORMERS)
         return False
 
     def tend(self, now: float) -> Sequence[Admitted]:
@@ -312,9 +310,7 @@ class Turns:
         """Note the seconds that a packet took, and the number of its frames and announcements."""
         account = self._accounts.get(sender)
         if account is None:
-            if len(self._accounts) >= _MAX_SENDERS:
-                del self._accounts[next(iter(self._accounts))]
-            account = self._accounts[sender] = _Account(now)
+            remember(self._accounts, sender, account := _Account(now), _MAX_SENDERS)
         account.debt = min(account.due(now) + seconds + PER_EVENT * events, _MAX_DEBT)
 
     def put_aside(self, waiting: Waiting) -> None:

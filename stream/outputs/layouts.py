@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 import msgspec
 from pythonosc.osc_message_builder import BuildError
@@ -32,12 +32,12 @@ from kinespace.stream.osc import OscReceiver, OscSender, address_part
 from kinespace.stream.osc import messages as answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.outputs.sink import Message, Sink
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import GONE, Classes, Done, Event, EventKind, Gone, Recognition
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice
 from kinespace.stream.teaching.commands import encode as encode_notice
 
-_Last = TypeVar("_Last", int, float)
 #: The largest whole number of a VRChat parameter.
 _MAX_PARAMETER = 255
 #: Phase, speed and amplitude of a performer in no motion, where Wekinator's programs expect numbers.
@@ -77,7 +77,7 @@ class NativeLayout(Layout):
         """Class, guess, label and scores in one bundle."""
         # After a sender's clock has begun again, its times count from its new beginning: none is below 0.
         if recognition.time < self._since.get(recognition.performer, math.inf):
-            _remember(self._since, recognition.performer, recognition.time)
+            remember(self._since, recognition.performer, recognition.time, _MAX_PERFORMERS)
         return answers.encode_recognition(recognition)
 
     def event(self, event: Event) -> bytes | None:
@@ -123,7 +123,7 @@ class TouchDesignerLayout(Layout):
         The index is the named class's, -1 when no class is named; changed is 1 in the first message with another index.
         """
         changed = self._last.get(recognition.performer, -1) != recognition.class_index
-        _remember(self._last, recognition.performer, recognition.class_index)
+        remember(self._last, recognition.performer, recognition.class_index, _MAX_PERFORMERS)
         start = f"/motion/{answers.address_part(recognition.performer)}"
         named = encode_message(
             f"{start}/class", recognition.class_index, recognition.score, recognition.margin, int(changed)
@@ -255,13 +255,6 @@ LAYOUTS: dict[str, Callable[[], Layout]] = {
     **{each.name: each for each in (NativeLayout, TouchDesignerLayout, WekinatorLayout, VmcThruLayout, VrchatLayout)},
     **{name: partial(NativeLayout, name, port) for name, port in _NATIVE.items()},
 }
-
-
-def _remember(known: dict[str, _Last], performer: str, last: _Last) -> None:
-    """Remember a performer's last class; only a sender that invents names fills the memory, and empties it."""
-    if len(known) >= _MAX_PERFORMERS:
-        known.clear()
-    known[performer] = last
 
 
 class LayoutSink(Sink):

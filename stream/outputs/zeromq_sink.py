@@ -5,6 +5,7 @@ from collections.abc import Callable
 from kinespace.library import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Message, Sink
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.zeromq import ZmqSender, messages
@@ -83,10 +84,8 @@ class BodySink(Sink):
         last, before = self._sent.get(name, (frame.time - EVERY, -1))
         if 0 <= frame.time - last < EVERY * (1 - _EARLY):
             return
-        if before < 0 and len(self._sent) >= _MAX_PERFORMERS:
-            self._sent.clear()
         count = before + 1
-        self._sent[name] = frame.time, count
+        remember(self._sent, name, (frame.time, count), _MAX_PERFORMERS)
         carried = self._carried(name) if count % _CARRIED_EVERY == 0 else None
         # One behind the first: at the first frame the performer is not known yet.
         skeleton = self._skeleton_of(name) if count % _SKELETON_EVERY == 1 else None

@@ -27,10 +27,11 @@ from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Decision
-from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts, remember
+from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
 from kinespace.stream.service.background import signals_held
@@ -357,7 +358,7 @@ class Gateway:
             if isinstance(event, Frame):
                 self._route(event, arrival, for_worker)
             elif isinstance(event, Announcement):
-                remember(self._announced, event.performer, event.joints, self.most)
+                remember(self._announced, event.performer, event.joints, MAX_REMEMBERED * self.most)
             elif isinstance(event, NewSender):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)

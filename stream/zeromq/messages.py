@@ -29,6 +29,7 @@ import numpy as np
 
 from kinespace.library import Skeleton
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import GONE, Answer, Classes, Done, Event, Gone, Progress, Recognition
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
@@ -203,9 +204,7 @@ class SequenceGaps:
             return
         if seq > last:
             self.missing += seq - last - 1
-        if performer not in self._last and len(self._last) >= _MAX_PERFORMERS:
-            self._last.clear()  # only a sender that makes up names gets here
-        self._last[performer] = seq
+        remember(self._last, performer, seq, _MAX_PERFORMERS)
 
 
 #: Digits of a class's score.

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kinespace.library import memory
+from kinespace.library.library_file import replacing
 from kinespace.library.windows.remembered import cache_folder
 
 NPM, PIP = "@mediapipe/pose@0.5.1675469404", "mediapipe==0.10.21"
@@ -102,7 +103,8 @@ def fetched(say: Callable[[str], object]) -> Path:
         kept = cache()
         kept.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
-            _keep(kept / name, content)
+            with replacing(kept / name) as file:
+                file.write(content)
         say(f"{kept}: {', '.join(sorted(files))}; from {package} ({client}), {LICENCE}")
         return kept
     raise OSError(f"models: not fetched ({'; '.join(failures)}); --models takes a folder that has them")
@@ -147,13 +149,6 @@ def _hash(content: bytes) -> str:
 
 def _call(command: Sequence[str], folder: Path) -> None:
     subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True, timeout=_MAX_FETCHING)  # noqa: S603 - a fixed command
-
-
-def _keep(path: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all."""
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        file.write(content)
-    Path(file.name).replace(path)
 
 
 def _last_line(error: Exception) -> str:

@@ -87,6 +87,10 @@ class Source:
     ----------
     recorder
         As given; it may change while the source is open.
+    pollable
+        The socket.
+    tended_within
+        Seconds within which `tend` has work to do even when no packet comes; inf if it never has.
     has_put_aside
         Whether packets were put aside; the socket does not wake the loop for them.
     commands
@@ -107,8 +111,8 @@ class Source:
     def __init__(
         self, receiver: Receiver, decoder: Decoder, recorder: Recorder | None = None, admission: Admission | None = None
     ) -> None:
-        self.receiver = receiver
-        self.decoder = decoder
+        self.receiver, self.pollable = receiver, receiver.socket
+        self.decoder, self.tended_within = decoder, TENDING if decoder.expires else math.inf
         self.recorder: Recorder | Survey | None = recorder
         self.commands: CommandReader | None = None
         self.is_of_browsers = False
@@ -135,16 +139,6 @@ class Source:
     def place(self) -> str:
         """Where frames come in; empty for browsers, which know another address."""
         return "" if self.is_of_browsers else str(self)
-
-    @property
-    def pollable(self) -> object:
-        """The socket."""
-        return self.receiver.socket
-
-    @property
-    def tended_within(self) -> float:
-        """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
-        return TENDING if self.decoder.expires else math.inf
 
     @property
     def counts(self) -> InputCounts:

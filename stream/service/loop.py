@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import zmq
@@ -166,7 +166,7 @@ class Service:
     performers
         The recognisers.
     sources, sinks
-        Where frames come from, and where answers go; closed by `close`, or on leaving the `with` block.
+        Where frames come from, and where answers go; who has opened them closes them.
     admission
         The admission of the sources, for the status.
     control
@@ -220,19 +220,6 @@ class Service:
         self._tended_within = min([*within, *([TENDING] if control else [])], default=math.inf)
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
         self._watching = [sink for sink in sinks if hasattr(sink, "publish_frame")]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close all sockets."""
-        for source in self.sources:
-            source.close()
-        for sink in self.sinks:
-            sink.close()
 
     def stop(self) -> None:
         """Make `run` return soon; from any thread or signal handler."""

@@ -64,7 +64,6 @@ class FakeSource:
         self.counts = InputCounts()
         self.pollable, self._other_end = socket.socketpair()
         self._other_end.send(b"!")
-        self.closed = False
 
     def take(self, arrival: float) -> Sequence[Frame | Announcement] | None:
         """Give the next packet's events."""
@@ -74,12 +73,6 @@ class FakeSource:
         self.counts.received += 1
         return self.waiting.popleft()
 
-    def close(self) -> None:
-        """Note that it was closed."""
-        self.closed = True
-        self.pollable.close()
-        self._other_end.close()
-
 
 class FakeSink(Sink):
     """Keeps everything it gets, in order."""
@@ -87,7 +80,6 @@ class FakeSink(Sink):
     def __init__(self) -> None:
         self.told: list[Message | tuple[str, ...]] = []
         self.gone: list[str] = []
-        self.closed = False
 
     def send(self, message: Message) -> None:
         """Keep a message."""
@@ -97,10 +89,6 @@ class FakeSink(Sink):
             super().send(message)
         else:
             self.told.append(message.names if isinstance(message, Classes) else message)
-
-    def close(self) -> None:
-        """Close nothing, but remember it."""
-        self.closed = True
 
     @property
     def recognitions(self) -> list[Recognition]:

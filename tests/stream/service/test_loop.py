@@ -237,15 +237,6 @@ def test_the_status_counts_everything(bench: Bench) -> None:
     assert status.lost == 4
 
 
-def test_leaving_closes_everything(sticks: MotionLibrary) -> None:
-    """Leaving the block, by an exception too, gives all sockets back."""
-    source, sink = FakeSource(), FakeSink()
-    with pytest.raises(ZeroDivisionError), Service(Performers(sticks), [source], [sink]):
-        _ = 1 / 0
-    assert source.closed
-    assert sink.closed
-
-
 def test_a_stopped_service_answers_the_waiting_packets(
     bench: Bench, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -294,11 +285,11 @@ def test_answers_that_cannot_be_sent_are_counted(sticks: MotionLibrary, opened: 
         LayoutSink(NativeLayout(), osc.OscSender(*listener.address)),
     )
     zmq_sink = ZmqSink(zeromq.ZmqSender(ANY_PORT))
-    with Service(Performers(sticks), [source], [osc_sink, zmq_sink]) as service:
-        osc_sink.close()
-        zmq_sink.close()
-        service.step(0.0)
-        status = service.status()
+    service = Service(Performers(sticks), [source], [osc_sink, zmq_sink])
+    osc_sink.close()
+    zmq_sink.close()
+    service.step(0.0)
+    status = service.status()
     # Each failed to send the classes, the first status, every answer, the start of the one motion, and the bows done.
     done = sum(bool(each.done) for each in _expected(sticks, _frames("bow")))
     assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1 + done)
@@ -329,12 +320,10 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
     off, on = Asked(commands.Stop()), Asked(commands.Undo())
     for packets, answers in (([*frames], True), ([off, *frames], False), ([off, frames[0], on, *frames[1:]], True)):
         control, sink = FakeControl(), FakeSink()
-        with Service(
-            Performers(sticks), [FakeSource([[each] for each in packets])], [sink], control=control
-        ) as service:
-            service.step(0.0)
-            service.stop()
-            service.run()
+        service = Service(Performers(sticks), [FakeSource([[each] for each in packets])], [sink], control=control)
+        service.step(0.0)
+        service.stop()
+        service.run()
         assert control.carried_out == [each.command for each in packets if isinstance(each, Asked)]
         assert control.tended
         assert set(sink.classes) == {("taught",)}
@@ -348,8 +337,8 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
 def test_without_a_control_a_command_is_refused(sticks: MotionLibrary) -> None:
     """Whoever listens to the answers hears why."""
     sink, refused = FakeSink(), Asked(None, "teaching is off")
-    with Service(Performers(sticks), [FakeSource([[refused]])], [sink]) as service:
-        service.step(0.0)
+    service = Service(Performers(sticks), [FakeSource([[refused]])], [sink])
+    service.step(0.0)
     assert sink.notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
 
 
@@ -369,13 +358,13 @@ def test_an_end_is_said_if_the_start_was(
 ) -> None:
     """A performer who is muted, and one before anything is known, start nothing; what had started ends all the same."""
     control, sink = FakeControl(), FakeSink()
-    with Service(Performers(sticks), [source], [sink], control=control) as service:
-        source.waiting.extend([frame] for frame in _frames("jump", frames=240))
-        control.muted, control.answers = first
-        service.step(0.0)
-        control.muted, control.answers = then
-        service.stop()
-        service.run()
+    service = Service(Performers(sticks), [source], [sink], control=control)
+    source.waiting.extend([frame] for frame in _frames("jump", frames=240))
+    control.muted, control.answers = first
+    service.step(0.0)
+    control.muted, control.answers = then
+    service.stop()
+    service.run()
     assert [str(event.kind) for event in sink.events] == kinds
     assert any(isinstance(each, Done) for each in sink.told) is bool(kinds)
 

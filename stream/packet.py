@@ -48,6 +48,8 @@ def is_within(host: str, networks: Networks) -> bool:
 class Receiver(Protocol):
     """An endpoint on which packets come in. Its text is for people, like `OSC 127.0.0.1:9310`."""
 
+    #: The address as recordings name it: the transport, a space and the address.
+    place: str
     #: The sender of the last packet.
     sender: Sender
     #: Seconds for which the last packet waited in the system; 0 where the transport does not say.
@@ -58,10 +60,6 @@ class Receiver(Protocol):
     @property
     def socket(self) -> object:
         """The socket, which `zmq.Poller` can wait for."""
-
-    @property
-    def place(self) -> str:
-        """The address as recordings name it: the transport, a space and the address."""
 
     def broken(self) -> int:
         """Count the connections that broke while the sender was there; call it about once a second."""

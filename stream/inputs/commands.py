@@ -119,8 +119,8 @@ class RequestSource:
 
     Attributes
     ----------
-    pollable
-        The socket.
+    pollable, address
+        The socket, and the endpoint as bound.
     """
 
     #: No frames come in here.
@@ -138,6 +138,7 @@ class RequestSource:
         self, endpoint: Endpoint, commanding: Networks, keyring: Keyring | None = None, *, networks: Networks = ()
     ) -> None:
         self.pollable = endpoint.open(zmq.REP, networks, keyring)
+        self.address = str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
         self._commanding, self._keyed = commanding, keyring is not None
         self._counts, self._quota = InputCounts(), Quota()
         #: Whether a request waits for its reply; the socket takes none before.
@@ -145,11 +146,6 @@ class RequestSource:
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address} (control)"
-
-    @property
-    def address(self) -> str:
-        """The endpoint as bound."""
-        return str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
 
     @property
     def counts(self) -> InputCounts:

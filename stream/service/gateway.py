@@ -211,7 +211,6 @@ class Gateway:
         self.terms = terms
         self._know(library, terms.classes)
         self.most, self.silence = terms.most, terms.silence
-        self.source = GatewaySource(self)
         self.publish: Callable[[Recognition, float], None] = lambda *_: None
         self.outdated = self.unsent = 0
         self._tracks: dict[str, Track] = {}
@@ -232,6 +231,7 @@ class Gateway:
             context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
             opened.callback(context.destroy, linger=0)
             self.socket = context.socket(zmq.ROUTER)
+            self.source = GatewaySource(self)
             self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
             self.socket.bind("tcp://127.0.0.1:*" if sys.platform == "win32" else f"ipc://{folder}/gateway")
             self._place = str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
@@ -538,9 +538,8 @@ class Gateway:
     def settle(self) -> None:
         """Wait for the workers' next reports, which count all that they have answered, for a second at most."""
         before, until = {name: each.reports for name, each in self._workers.items()}, time.monotonic() + 1.0
-        while any(each.reports == before.get(name) for name, each in self._workers.items()):
-            if time.monotonic() > until:
-                return
+        every = self._workers.items()
+        while time.monotonic() < until and any(each.reports == before.get(name) for name, each in every):
             time.sleep(0.005)
             self.read()
 
@@ -565,12 +564,7 @@ class GatewaySource:
     has_put_aside = False
 
     def __init__(self, gateway: Gateway) -> None:
-        self.gateway = gateway
-
-    @property
-    def pollable(self) -> object:
-        """The socket."""
-        return self.gateway.socket
+        self.gateway, self.pollable = gateway, gateway.socket
 
     @property
     def counts(self) -> InputCounts:

@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Literal, NamedTuple, Self
 
@@ -203,7 +203,7 @@ class Place(NamedTuple):
     answers: str
 
 
-class Program:
+class Program(AbstractContextManager["Program"]):
     """A running `kinespace`; a context manager that kills it at the end, also when it is stopped.
 
     Parameters
@@ -227,9 +227,6 @@ class Program:
                 stderr=subprocess.STDOUT,
                 preexec_fn=_end_with_parent if sys.platform == "linux" else None,  # noqa: PLW1509 - no thread of ours holds a lock
             )
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.process.kill()

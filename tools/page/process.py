@@ -3,12 +3,12 @@
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, closing, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 from urllib.parse import urlsplit
 
 import msgspec
@@ -176,7 +176,7 @@ class PagePlan(Plan):
         return PageServer(subscription, control, Gate.for_host(host_and_port(self.address)[0]))
 
 
-class PageProcess:
+class PageProcess(AbstractContextManager["PageProcess"]):
     """A page, or another server of browsers, in a process that is started again once when it dies; a context manager.
 
     Parameters
@@ -208,9 +208,6 @@ class PageProcess:
     def _begin(self, plan: Plan) -> None:
         self._child = Child(plan.name, _serve, plan, max_end=_MAX_END)
         self.address = self._child.said
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         with self._lock:

@@ -5,11 +5,11 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, closing, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -168,7 +168,7 @@ def _sender(plan: CameraPlan) -> FrameSender:
 _MAX_END = 0.5
 
 
-class CameraProcess:
+class CameraProcess(AbstractContextManager["CameraProcess"]):
     """A camera's process; a context manager. It ends with its parent, however that ends.
 
     Parameters
@@ -194,9 +194,6 @@ class CameraProcess:
         self._child, self._say, self._ending = Child("camera", _watch, plan, max_end=_MAX_END), say, False
         self.opened = self._child.said
         threading.Thread(target=self._listen, name="kinespace camera", daemon=True).start()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._ending = True

@@ -193,7 +193,7 @@ def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str
         "feed": guess.preset.name if guess else None,
         "frames": guess.frames if guess else 0,
         "rate": round(guess.rate, 3) if guess else 0.0,
-        "performers": list(guess.performers) if guess else [],
+        "performers": list(guess.times) if guess else [],
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
         "names": named.title if (named := named_joints(survey)) else None,
@@ -219,7 +219,7 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
         if named := named_joints(survey):
             say(summary(named.title or "our", named.joints))
         if guess.frames:
-            say(f"performers: {', '.join(guess.performers)}, {guess.rate:.1f} frames per second each")
+            say(f"performers: {', '.join(guess.times)}, {guess.rate:.1f} frames per second each")
     for line in lines:
         say(line)
 

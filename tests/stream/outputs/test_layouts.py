@@ -116,14 +116,14 @@ def test_event_times_are_floats_since_the_first_answer() -> None:
 
 
 def test_at_most_256_performers_are_remembered() -> None:
-    """Among more, which only a sender that makes up names has, a layout forgets all others."""
+    """Of more, which only a sender that makes up names has, the oldest is forgotten; of Wekinator's places all."""
     channels, outputs = LAYOUTS["touchdesigner"](), LAYOUTS["wekinator"]()
 
     def changed(performer: str) -> object:
         return read(channels.recognition(recognition(performer=performer)))[f"/motion/{performer}/class"][-1]
 
     assert [changed(f"{number}") for number in range(255)] == [1] * 255
-    assert [changed(name) for name in ("5", "255", "5", "6", "5")] == [0, 1, 0, 1, 0]
+    assert [changed(name) for name in ("5", "255", "256", "5", "0")] == [0, 1, 1, 0, 1]
     told = [read(outputs.recognition(recognition(performer=f"{number}"))) for number in range(257)]
     assert [len(each["/wek/outputs"]) for each in told] == [*range(1, 257), 1]
 

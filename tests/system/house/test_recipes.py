@@ -72,7 +72,7 @@ _MESSAGE = {
         ),
     },
     "stream/service/loop.py": {
-        "import Classes, Done": "import Beat, Classes, Done",
+        "import Classes, Event": "import Beat, Classes, Event",
         "        self._publish_events(recognition.events)\n": (
             "        self._publish_events(recognition.events)\n"
             "        tell(self.sinks, Beat(recognition.performer, len(self._hop_times)))\n"

@@ -252,20 +252,6 @@ class Waiting(NamedTuple):
     sender: Sender
 
 
-class _Account:
-    """A sender's debt in seconds, and the time of that debt."""
-
-    __slots__ = ("at", "debt")
-
-    def __init__(self, now: float) -> None:
-        self.debt, self.at = 0.0, now
-
-    def due(self, now: float) -> float:
-        """Give the debt as it is now."""
-        self.debt, self.at = max(self.debt - SHARE * max(now - self.at, 0.0), 0.0), max(now, self.at)
-        return self.debt
-
-
 class Turns:
     """Keeps the debts of one receiver's senders, and the packets that were put aside.
 
@@ -279,7 +265,8 @@ class Turns:
 
     def __init__(self) -> None:
         self.thrown_away = 0
-        self._accounts: dict[Sender, _Account] = {}
+        #: Each sender's debt in seconds, and the moment of that debt.
+        self._debts: dict[Sender, tuple[float, float]] = {}
         self.aside = deque[Waiting]()
         self._aside_bytes = 0
         #: How many of each sender's packets are put aside.
@@ -293,19 +280,21 @@ class Turns:
         if sender != self._before:
             self._before = sender
             # The very first sender is not another than the one before.
-            self._changed = now if self._accounts else self._changed
+            self._changed = now if self._debts else self._changed
         if now - self._changed >= _THERE:
             return False
-        account = self._accounts.get(sender)
         # A sender's packets stay in their order: behind those that are put aside.
-        return self._aside_of[sender] > 0 or (account is not None and account.due(now) > MAX_AT_ONCE)
+        return self._aside_of[sender] > 0 or self._due(sender, now) > MAX_AT_ONCE
+
+    def _due(self, sender: Sender, now: float) -> float:
+        """Give a sender's debt as it is now."""
+        debt, at = self._debts.get(sender, (0.0, now))
+        return max(debt - SHARE * max(now - at, 0.0), 0.0)
 
     def charge(self, sender: Sender, seconds: float, events: int, now: float) -> None:
         """Note the seconds that a packet took, and the number of its frames and announcements."""
-        account = self._accounts.get(sender)
-        if account is None:
-            remember(self._accounts, sender, account := _Account(now), _MAX_SENDERS)
-        account.debt = min(account.due(now) + seconds + PER_EVENT * events, _MAX_DEBT)
+        debt = min(self._due(sender, now) + seconds + PER_EVENT * events, _MAX_DEBT)
+        remember(self._debts, sender, (debt, now), _MAX_SENDERS)
 
     def put_aside(self, waiting: Waiting) -> None:
         """Keep a packet until nothing else waits; the oldest packets make room for it."""
@@ -329,7 +318,7 @@ class Turns:
         """List the senders whose packets are put aside."""
         if now - self._changed >= _THERE:
             return []
-        return [sender for sender, account in self._accounts.items() if account.due(now) > MAX_AT_ONCE / 2]
+        return [sender for sender in self._debts if self._due(sender, now) > MAX_AT_ONCE / 2]
 
 
 def _size(packet: Packet) -> int:

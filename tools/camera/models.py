@@ -67,7 +67,7 @@ def models_at(place: Path | None, size: str) -> Models:
         raise FileNotFoundError(MISSING if place is None else f"{place}: {MISSING}")
     read = Models(memory.content(detector, _MAX_BYTES), memory.content(landmarks, _MAX_BYTES))
     for path, content in zip((detector, landmarks), read, strict=True):
-        if place is None and _KNOWN.get(_hash(content)) != path.name:
+        if place is None and _KNOWN.get(hashlib.sha256(content).hexdigest()) != path.name:
             raise ValueError(f"{path}: damaged; `kinespace camera --get-models` fetches it again")
     return read
 
@@ -137,14 +137,11 @@ def checked(contents: Iterable[bytes]) -> dict[str, bytes]:
     ValueError
         The detector or the full landmark network is not among them.
     """
-    files = {_KNOWN[digest]: content for content in contents if (digest := _hash(content)) in _KNOWN}
+    hashed = ((hashlib.sha256(content).hexdigest(), content) for content in contents)
+    files = {_KNOWN[digest]: content for digest, content in hashed if digest in _KNOWN}
     if not files.keys() >= {_DETECTOR, _LANDMARKS.format("full")}:
         raise ValueError("models: expected a package with the files of known SHA-256, got others; nothing is kept")
     return files
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
 
 
 def _call(command: Sequence[str], folder: Path) -> None:

@@ -168,12 +168,9 @@ class Board:
                 self._further[name] = now
                 return None
             performer = self._performers[name] = _Performer(now)
-            self._note_performers()
+            self._here = _Noted([*self._performers], self.number)
         performer.arrived = now
         return performer
-
-    def _note_performers(self) -> None:
-        self._here = _Noted([*self._performers], self.number)
 
     def _take_body(self, performer: _Performer, header: BodyHeader, positions: bytes) -> None:
         performer.body = _Noted((header.joints, positions), self.number)
@@ -240,7 +237,7 @@ class Board:
 
     def _forget(self, name: str) -> None:
         if self._performers.pop(name, None):
-            self._note_performers()
+            self._here = _Noted([*self._performers], self.number)
 
     def take_command(self, command: Mapping[str, object], now: float) -> None:
         """Take in a page's command: a span of the past that becomes an example has its bar there."""

@@ -143,16 +143,12 @@ class Plan(ABC):
         """
         with ExitStack() as opened:
             keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
-            subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
+            subscription = opened.enter_context(closing(Subscription(Endpoint.parse(self.source, bind=False), keyring)))
             self.server(subscription, keyring).serve(self.address, self.option, started, wants_end)
 
     @abstractmethod
     def server(self, subscription: Subscription, keyring: Keyring | None) -> Any:  # noqa: ANN401 - slow to load
         """Make the server (`server.ClientServer`)."""
-
-
-def _to(address: str) -> Endpoint:
-    return Endpoint.parse(address, bind=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +168,8 @@ class PagePlan(Plan):
         """Make the page's server."""
         from kinespace.tools.page.server import Gate, PageServer  # noqa: PLC0415 - this process alone needs it
 
-        control = partial(ask_control, _to(self.control), keyring) if self.control else None
+        to = self.control and Endpoint.parse(self.control, bind=False)
+        control = partial(ask_control, to, keyring) if to else None
         return PageServer(subscription, control, Gate.for_host(host_and_port(self.address)[0]))
 
 

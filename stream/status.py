@@ -1,16 +1,12 @@
 """The counters of a running service: counts, rates, hop times, and the last packets that were refused."""
 
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-
-import numpy as np
 
 from kinespace.stream.packet import Packet, Sender, sender_name
 from kinespace.stream.recognizer.performers import PerformerCounts
 
-#: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
-_MAX_HOPS = 2048
 #: Seconds of a hop's 99th percentile beyond which answers are late.
 _LATE = 0.1
 #: Share of the answers due below which they are late, too.
@@ -161,17 +157,6 @@ class Rates(defaultdict[str, int]):
         self._since = now
         self.clear()
         return rates
-
-
-class HopTimes(deque[float]):
-    """How long the last hops took, seconds."""
-
-    def __init__(self) -> None:
-        super().__init__(maxlen=_MAX_HOPS)
-
-    def percentile(self, percent: float) -> float:
-        """Give a percentile in seconds; 0 before the first hop."""
-        return float(np.percentile(self, percent)) if self else 0.0
 
 
 class Refusals:

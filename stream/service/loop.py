@@ -19,7 +19,7 @@ from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.recognition import Classes, Event, EventKind, Gone, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.status import InputCounts, Rates, Status
 from kinespace.stream.teaching import Asked, State, Step, commands
 
 if TYPE_CHECKING:
@@ -109,6 +109,8 @@ def _apart(before: Taken, after: Taken) -> float:
     return abs(last.time - first.time) if isinstance(first, Frame) and isinstance(last, Frame) else math.inf
 
 
+#: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
+_MAX_HOPS = 2048
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
@@ -191,7 +193,8 @@ class Service:
         self._clock = clock
         self._admission = admission or Admission()
         self._control = control
-        self._hop_times = HopTimes()
+        #: How long the last hops took, seconds.
+        self._hop_times = deque[float](maxlen=_MAX_HOPS)
         self._rates = Rates(clock())
         self._latest_rates: dict[str, float] = {}
         #: The share of the answers due that were given, and how many were given and left out before.
@@ -413,13 +416,14 @@ class Service:
         notes = [note for source in self.sources for note in source.notes]
         notes += [note for sink in self.sinks for note in (*sink.notes, sink.error) if note]
         promised, missed = self.performers.promise
+        p50, p99 = np.percentile(self._hop_times or (0.0,), (50, 99)).tolist()
         return Status(
             inputs=sum((source.counts for source in self.sources), start=InputCounts(stale=self._overload.stale)),
             outcomes=self.performers.counts,
             unsent=sum(sink.failed + sink.raised for sink in self.sinks),
             performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
-            hop_p50=self._hop_times.percentile(50),
-            hop_p99=self._hop_times.percentile(99),
+            hop_p50=p50,
+            hop_p99=p99,
             refused={name: why + self._from(name) for name, why in self.performers.refused.items()},
             doubted=self.performers.doubted,
             compared=self.performers.compared,

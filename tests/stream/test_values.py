@@ -12,7 +12,7 @@ from kinespace.stream import Announcement, Frame, Outcome
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import AdmissionCounts, HopTimes, InputCounts, Rates, Status
+from kinespace.stream.status import AdmissionCounts, InputCounts, Rates, Status
 
 # --- frame ------------------------------------------------------------------------------------------------------------
 
@@ -137,13 +137,3 @@ def test_rates_are_counted_from_reading_to_reading() -> None:
     assert rates.read(103.0, "b") == {}
     rates["a"] += 1
     assert np.isfinite(rates.read(103.0, "a")["a"])
-
-
-@given(seconds=st.lists(st.floats(0.0, 1.0), max_size=50), percent=st.sampled_from([0, 50, 99, 100]))
-def test_percentiles_are_numpys(seconds: list[float], percent: float) -> None:
-    """While few hops are remembered, percentiles equal numpy's over all hops, as plain numbers; 0 before the first."""
-    times = HopTimes()
-    for each in seconds:
-        times.append(each)
-    assert times.percentile(percent) == pytest.approx(float(np.percentile(seconds or [0.0], percent)))
-    assert type(times.percentile(percent)) is float

@@ -73,6 +73,11 @@ class FakeSource:
         self.counts.received += 1
         return self.waiting.popleft()
 
+    def close(self) -> None:
+        """Close both ends of its pair of sockets."""
+        self.pollable.close()
+        self._other_end.close()
+
 
 class FakeSink(Sink):
     """Keeps everything it gets, in order."""

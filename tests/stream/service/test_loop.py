@@ -280,10 +280,8 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(
 def test_answers_that_cannot_be_sent_are_counted(sticks: MotionLibrary, opened: ExitStack) -> None:
     """Answers that the system does not send are counted as unsent in the status."""
     listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
-    source, osc_sink = (
-        FakeSource([[frame] for frame in _frames("bow")]),
-        LayoutSink(NativeLayout(), osc.OscSender(*listener.address)),
-    )
+    source = opened.enter_context(closing(FakeSource([[frame] for frame in _frames("bow")])))
+    osc_sink = LayoutSink(NativeLayout(), osc.OscSender(*listener.address))
     zmq_sink = ZmqSink(zeromq.ZmqSender(ANY_PORT))
     service = Service(Performers(sticks), [source], [osc_sink, zmq_sink])
     osc_sink.close()
@@ -320,10 +318,11 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
     off, on = Asked(commands.Stop()), Asked(commands.Undo())
     for packets, answers in (([*frames], True), ([off, *frames], False), ([off, frames[0], on, *frames[1:]], True)):
         control, sink = FakeControl(), FakeSink()
-        service = Service(Performers(sticks), [FakeSource([[each] for each in packets])], [sink], control=control)
-        service.step(0.0)
-        service.stop()
-        service.run()
+        with closing(FakeSource([[each] for each in packets])) as source:
+            service = Service(Performers(sticks), [source], [sink], control=control)
+            service.step(0.0)
+            service.stop()
+            service.run()
         assert control.carried_out == [each.command for each in packets if isinstance(each, Asked)]
         assert control.tended
         assert set(sink.classes) == {("taught",)}
@@ -337,8 +336,8 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
 def test_without_a_control_a_command_is_refused(sticks: MotionLibrary) -> None:
     """Whoever listens to the answers hears why."""
     sink, refused = FakeSink(), Asked(None, "teaching is off")
-    service = Service(Performers(sticks), [FakeSource([[refused]])], [sink])
-    service.step(0.0)
+    with closing(FakeSource([[refused]])) as source:
+        Service(Performers(sticks), [source], [sink]).step(0.0)
     assert sink.notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
 
 

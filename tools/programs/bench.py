@@ -177,7 +177,7 @@ def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[
         "decode OSC": each(lambda datagram: osc.decode(datagram, 0.0), datagrams, ROUND),
         "decode OSC by python-osc": each(lambda datagram: OscPacket(datagram).messages, datagrams, ROUND),
         "decode ZeroMQ": each(lambda message: zeromq.decode(message, 0.0), messages, ROUND),
-        "encode OSC": each(osc.encode_recognition, answers, len(answers) * hop),
+        "encode OSC": each(osc.messages.encode_recognition, answers, len(answers) * hop),
         "encode ZeroMQ": each(zeromq.encode_recognition, answers, len(answers) * hop),
     }
 

@@ -17,7 +17,8 @@ from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknow
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import FeedSource, OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
-from kinespace.stream.osc import SKELETON, OscReceiver
+from kinespace.stream.osc import OscReceiver
+from kinespace.stream.osc.messages import SKELETON
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
 from kinespace.tools.cli.console import console, print_json, say, table_of
 from kinespace.tools.cli.values import host_and_port, opening

@@ -71,7 +71,7 @@ def test_the_native_sink_sends_the_osc_answers() -> None:
         sink.send(STATUS)
         sink.send(told)
     assert sent[:7] == [
-        osc.encode_recognition(recognition()),
+        osc.messages.encode_recognition(recognition()),
         osc_answers.encode_event(START, recognition().time),
         osc_answers.encode_done(DONE, recognition().time),
         osc_answers.encode_gone("Ada L"),
@@ -214,7 +214,7 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
             answer = dataclasses.replace(recognition(), performer=name)
             sink.send(answer)
             packet, came_from = sender.recvfrom(2000)
-            assert packet == osc.encode_recognition(answer)
+            assert packet == osc.messages.encode_recognition(answer)
             assert came_from[1] == receiver.address[1]
         sink.send(STATUS)
         assert {sender.recv(2000) for sender in senders.values()} == {osc_answers.encode_status(STATUS)}

@@ -20,18 +20,9 @@ from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, Skeleton
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
+from kinespace.library.teaching import movement as moving
 from kinespace.library.teaching.examples import MAX_EXAMPLES, Check, Example, Roster
-from kinespace.library.teaching.movement import (
-    ENDS_AFTER,
-    MIN_SECONDS,
-    STILLNESS,
-    Movement,
-    MovementMeter,
-    Stretch,
-    StretchFinder,
-    moved_at_all,
-    stillness_of,
-)
+from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Movement, MovementMeter, Stretch, StretchFinder
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
@@ -147,7 +138,7 @@ class Lesson:
     def _arm(self, time: float) -> None:
         self._armed = self._said = time
         self._most, self._came = -1.0, 0
-        still = stillness_of(self._standing, self._stillness)
+        still = moving.stillness_of(self._standing, self._stillness)
         if still < self._stillness:
             self._finder = StretchFinder(still)
 
@@ -183,7 +174,7 @@ class Lesson:
     def _recorded(self, found: Stretch, *, by_hand: bool) -> State | Recorded:
         begin = max(found.start, self._armed)
         kept = Stretch(begin, min(found.end, self._newest, begin + self._longest))
-        whole = Stretch(begin - BEFORE, min(kept.end + ENDS_AFTER, self._newest))
+        whole = Stretch(begin - BEFORE, min(kept.end + moving.ENDS_AFTER, self._newest))
         self._armed = math.nan
         self._finder.clear()
         self.step = Step.WAITING
@@ -637,7 +628,7 @@ class Teacher:
 
     def _add(self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch | None = None) -> Told:
         """Add an example; all its movement is kept where nobody says which part."""
-        kept = kept or moved_at_all(clip)
+        kept = kept or moving.moved_at_all(clip)
         if kept is None:
             whose = f"{clip.name}: " if clip.name else ""
             return [_refused(performer, f"{whose}expected {MIN_SECONDS:g} s or more of movement")]

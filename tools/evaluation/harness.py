@@ -17,22 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import (
-    NOTHING,
-    Clip,
-    MotionLibrary,
-    Reading,
-    Skeleton,
-    SkeletonMismatchError,
-    WindowIndex,
-    find_recordings,
-    memory,
-)
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, Skeleton, WindowIndex, find_recordings, memory
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
+from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.windows.segments import mirrored
 from kinespace.stream import Frame, Recognition, Recognizer, Settings
 from kinespace.tools.cli import arguments

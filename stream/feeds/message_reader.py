@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 from kinespace.library.naming import spelling
 from kinespace.stream.feeds.kinematics import Quaternion, Vector
-from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset
+from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset, pattern_of
 from kinespace.stream.osc.packet import Message, number_of
 from kinespace.stream.packet import remember
 
@@ -119,7 +119,7 @@ class Mapper:
 
     def _find_ways(self, address: str) -> list[_Way]:
         rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()
-        found = [(rule, rule.pattern.fullmatch(address)) for rule in rules]
+        found = [(rule, pattern_of(rule.address).fullmatch(address)) for rule in rules]
         # A name in an address may be written as in a URL (`address_part`).
         return [_Way(rule, {key: unquote(name) for key, name in way.groupdict().items()}) for rule, way in found if way]
 

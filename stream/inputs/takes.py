@@ -98,10 +98,6 @@ class Seen:
     sizes: Counter[int] = field(default_factory=Counter)
     clock: SenderClock = field(default_factory=SenderClock)
 
-    def times(self) -> SenderClock:
-        """Give a reader that converts the times from the recording's beginning on, now that their unit is known."""
-        return SenderClock(self.clock.verdict)
-
     def skeleton(self) -> Skeleton:
         """Name the joints as announced; else as HDM05's when there are as many; else by number."""
         if self.joints:
@@ -141,7 +137,8 @@ def ordered_frames(
     The performer, the frame's arrival and its time, both in seconds, and positions (joints, 3), metres.
     """
     skeletons = {name: each.skeleton() for name, each in seen.items()}
-    clocks = {name: each.times() for name, each in seen.items()}
+    # Their unit is known now: times are converted from the recording's beginning on.
+    clocks = {name: SenderClock(each.clock.verdict) for name, each in seen.items()}
     #: The number of joints that a performer's frames have now, and their order; None where some are missing.
     orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {}
     for name, each in skeletons.items():

@@ -153,11 +153,9 @@ class Gate:
         """Say whether a name, perhaps with a port, is an address or a name of ours."""
         if not re.fullmatch(r"[\w.:\[\]-]+", host, re.ASCII):
             return False
+        name = ""
         try:
             name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        try:
             ipaddress.ip_address(name)
         except ValueError:
             return name in self.names
@@ -355,10 +353,7 @@ class PageServer(ClientServer[_Page]):
                 self._stale = True
         if self.board.number != before:
             self._wake()
-        self._ask_for_state()
-
-    def _ask_for_state(self) -> None:
-        """Ask the control again while it has not replied: it may have come later than we, or again."""
+        # Again while the control has not replied: it may have come later than we, or again.
         if self._stale and self._control and self._clients and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
 

@@ -45,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Replay takes, score what was said, and print the results; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Replay takes, score what was said, and print the results."""
     settings, scores = settings_of(options), list[dict[str, Any]]()
     asked, _ = harness.asked_of(options)
     takes = list[DoneTake]()
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     classes, last = by_class(takes), scores[-1]
     if options.json:
         print_json({**last, "classes": classes, "persons": persons, "promises": scores})
-        return 0
+        return
     print_scores(
         [*scores, *({"name": name, **each} for name, each in persons.items())],
         _COLUMNS,
@@ -68,7 +68,6 @@ def run(options: argparse.Namespace) -> int:
         caption="false an hour, 95 %: {:.1f} to {:.1f}".format(*last["false_interval"]),
     )
     print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
-    return 0
 
 
 def done_take(asked: Asked, settings: Settings) -> DoneTake:

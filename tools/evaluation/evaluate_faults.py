@@ -173,8 +173,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Play every take with every fault, and print what was answered; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Play every take with every fault, and print what was answered."""
     settings, (asked, _) = settings_of(options), harness.asked_of(options)
     played: dict[str, list[_Played]] = {fault: [] for fault in options.fault or FAULTS}
     for each in progress(asked, "Playing", len(asked)):
@@ -190,7 +190,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         caption = f"{rests_on(scores[0], 'segment')}; last second inside the segment"
         print_scores(scores, _COLUMNS, title="Takes whose joints go wrong", caption=caption)
-    return 0
 
 
 def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Settings) -> _Played:

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_report(parser)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> None:
     """Teach each person's gestures, play the takes, and print how rightly the gestures were said."""
     takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
     joints = harness.shared_joints([take.clip.skeleton for take in takes])
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         index = _opened([lessons[each] for each in teachers], person)
         heard += [listened(take, index, lessons[person], settings) for take in by_person[person]]
     title = f"Gestures taught by one example: {options.taught_by}"
-    return report(heard, options, title, "delay: from the end of the gesture's movement")
+    report(heard, options, title, "delay: from the end of the gesture's movement")
 
 
 def first_of(takes: Sequence[Take]) -> Lessons:
@@ -140,8 +140,8 @@ def report(
     title: str,
     caption: str,
     further: Mapping[str, object] | None = None,
-) -> int:
-    """Print the scores of all takes together, write the words, and return the exit status; `further` is for JSON."""
+) -> None:
+    """Print the scores of all takes together, write the words; `further` is for JSON."""
     scores, persons = score_words(heard), {each.person for each in heard}
     seconds, segments = sum(each.seconds for each in heard), sum(each.asked for each in heard)
     basis = {"seconds": seconds, "segments": segments, "persons": len(persons) if all(persons) else None}
@@ -151,11 +151,10 @@ def report(
         write_rows(options.answers, word_rows(heard))
     if options.json:
         print_json({**scores, "so_far": so_far, **(further or {}), **basis})
-        return 0
+        return
     rows = [{"name": kind, **score, "interval": _written(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
     print_scores(rows, COLUMNS, title=title, caption=caption)
-    return 0
 
 
 def _written(interval: tuple[float, float] | None) -> str:

@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> None:
     """Let each method learn and be asked, person by person, and print how often it is right."""
     clips = _motions(options)
     persons = sorted({clip.actor for clip in clips})
@@ -79,11 +79,10 @@ def run(options: argparse.Namespace) -> int:
     rows = [{"method": name, **_scored(methods[name], clips, persons)} for name in compared]
     if options.json:
         print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
-        return 0
+        return
     whose = f"{counted(len(clips), 'motion')} of {len(classes)} classes"
     caption = f"{whose}; each of {len(persons)} persons left out; turned: whole, each body turned and placed at random"
     print_scores(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption)
-    return 0
 
 
 def _motions(options: argparse.Namespace) -> list[Clip]:

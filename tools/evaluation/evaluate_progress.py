@@ -72,8 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Follow the motions, and print how right their progress was; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Follow the motions, and print how right their progress was."""
     scores = followed(MotionLibrary.builtin(), every=options.every)
     if options.json:
         named = {each["played"]: each for each in scores if each["method"] == NAMED}
@@ -81,7 +81,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         caption = f"{scores[0]['motions']} motions of {scores[0]['persons']} persons"
         print_scores(scores, _COLUMNS, title="Progress, the performer's motions left out", caption=caption, names=2)
-    return 0
 
 
 def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object]]:

@@ -57,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help=text)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the paper's experiment and print the results; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Run the paper's experiment and print the results."""
     for output in filter(None, (options.answers, options.picture)):
         console.require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
@@ -90,7 +90,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         _print(clips, scores)
         _print_matrices(labels, matrices, ", ".join(drawn).replace("-", " "))
-    return 0
 
 
 def _motions(options: argparse.Namespace) -> Sequence[Clip]:

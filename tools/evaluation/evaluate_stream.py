@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Replay takes, score the answers, and print the results; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Replay takes, score the answers, and print the results."""
     for file in filter(None, (options.answers, options.segments)):
         require_place_for_report(file, options)
     asked, classes = harness.asked_of(options)
@@ -65,11 +65,10 @@ def run(options: argparse.Namespace) -> int:
         stream_score.write_rows(options.segments, stream_score.segment_rows(courses, classes, harness.INSIDE))
     if options.json:
         print_json(score.as_json(by_person=by_person) | ({"persons": persons, **_over(persons)} if persons else {}))
-        return 0
+        return
     stream_score.print_score(score, by_person=by_person)
     if persons:
         stream_score.print_persons(persons, _over(persons), harness.protocol_of(options))
-    return 0
 
 
 def course(

@@ -132,8 +132,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_shared(parser, "--overwrite", "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Learn, save the library with the learned numbers, and print their figures; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Learn, save the library with the learned numbers, and print their figures."""
     require_place_for(options.output, overwrite=options.overwrite)
     library = arguments.library_at(options.library)
     sources = Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects)
@@ -166,7 +166,7 @@ def run(options: argparse.Namespace) -> int:
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
     if options.json:
         print_json(rows)
-        return 0
+        return
     unknown = [each.take.clip.duration for each in courses if each.is_unknown]
     containing = sum(bool(each.take.contains) for each in courses)
     title = (
@@ -174,7 +174,6 @@ def run(options: argparse.Namespace) -> int:
         f"{len({each.take.person for each in courses})} subjects, each judged by numbers fitted on others"
     )
     print_scores(rows, _COLUMNS, title=title, names=0)
-    return 0
 
 
 def _require_others(library: MotionLibrary) -> None:

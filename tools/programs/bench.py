@@ -316,8 +316,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Run the program with these options."""
     figures = dict.fromkeys(name for names, _ in PARTS.values() for name in names)
     for measure in [measure for name, (_, measure) in PARTS.items() if options.part in (name, "all")]:
         measured = measure(options.seconds)
@@ -325,7 +325,6 @@ def run(options: argparse.Namespace) -> int:
         for table in () if options.json else measured.tables:
             console.print(table, "")
     say(json.dumps(figures) if options.json else f"{machine()}; {compiled.kind()}")
-    return 0
 
 
 def machine() -> str:

@@ -48,8 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Build a library from recordings and libraries, save it, and print its contents; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Build a library from recordings and libraries, save it, and print its contents."""
     sources, output, labels = options.sources, options.output, options.labels
     files = [
         each
@@ -77,7 +77,6 @@ def run(options: argparse.Namespace) -> int:
     say(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB")
     for line in (*read.notes, *_remarks(libraries, merged, read.uncut)):
         say(line)
-    return 0
 
 
 def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, str]) -> MotionLibrary:

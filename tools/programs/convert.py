@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_reading(parser)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Convert files, frame by frame; return the exit status.
+def run(options: argparse.Namespace) -> None:
+    """Convert files, frame by frame.
 
     An `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
     they are not known; and `performer`. A `.csv` has a column for the time and three for each joint.
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     sources, output = options.sources, options.output
     if len(sources) == 1 and not sources[0].is_dir():
         _convert(sources[0], output, options)
-        return 0
+        return
     if output.suffix.lower() in (".csv", ".npz"):
         raise ValueError(f"{output}: expected a folder for several files")
     found = find_recordings(sources)
@@ -70,7 +70,6 @@ def run(options: argparse.Namespace) -> int:
     output.mkdir(exist_ok=True)
     for source, target in zip(found, targets, strict=True):
         _convert(source, target, options)
-    return 0
 
 
 def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:

@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_reading(parser)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Propose labels for a recording, every label empty; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Propose labels for a recording, every label empty."""
     source = options.source
     labels = options.output or source.with_suffix(".csv")
     if labels == source:
@@ -51,4 +51,3 @@ def run(options: argparse.Namespace) -> int:
         advice = f"cut at quieter moments by --stillness above {options.stillness:g}"
         what = "divide these rows where the motions change"
         say(f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, without a standstill: {what}, or {advice}")
-    return 0

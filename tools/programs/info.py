@@ -40,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_reading(parser)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Describe a library or recordings; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Describe a library or recordings."""
     file, feed = options.file, options.feed
     if feed and not (file and file.suffix.lower() == ENDING):
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
@@ -58,7 +58,6 @@ def run(options: argparse.Namespace) -> int:
         print_json(described)
     else:
         show(described)
-    return 0
 
 
 # --- raw recordings ---

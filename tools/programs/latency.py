@@ -153,8 +153,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Measure each transport and print a table, or one JSON object; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Measure each transport and print a table, or one JSON object."""
     transports: Sequence[service.Transport] = ("osc", "zmq") if options.transport == "both" else (options.transport,)
     if options.json and len(transports) > 1:
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
@@ -164,7 +164,6 @@ def run(options: argparse.Namespace) -> int:
         print_json(found[0].as_json())
     else:
         console.print(table_for(found))
-    return 0
 
 
 def table_for(latencies: Sequence[Latency]) -> Table:

@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(osc_out=None, zmq_out=None, out=(), allow_from=(), sender="", camera=None, lsl_in=None)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Record until interrupted, or for the seconds asked for; print the counts and return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Record until interrupted, or for the seconds asked for; print the counts."""
     output = options.record = options.output
     require_place_for(output, overwrite=options.overwrite)
     if not options.zmq_in:
@@ -55,7 +55,6 @@ def run(options: argparse.Namespace) -> int:
         f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"
         + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else "")
     )
-    return 0
 
 
 def _record(

@@ -26,7 +26,7 @@ from kinespace.stream import Frame, LiveSignature, Performers, Recognition, Reco
 from kinespace.tools.cli.arguments import add_shared, positive
 from kinespace.tools.cli.console import console, progress, say, table_of
 from kinespace.tools.feeding.feed import Cue, without_pause
-from kinespace.tools.feeding.service import BackgroundService, Listener, Transport, answer_in, play
+from kinespace.tools.feeding.service import Listener, Transport, answer_in, background_service, play
 from kinespace.tools.programs import latency
 
 #: Frames per second of the feeds.
@@ -293,7 +293,7 @@ def load(feed: Feed, transport: Transport, echo: bool) -> tuple[float, int]:  # 
     The microseconds of a core a frame, and the answers missing. Where more than `_MISSING` of them are, the cost is
     NaN: frames that were lost cost nothing.
     """
-    with BackgroundService(transport, performers=CROWD, echo=echo) as service:
+    with background_service(transport, performers=CROWD, echoes=echo) as service:
         sender, receiver = service.connect()
         with closing(sender), closing(Listener(receiver)) as listener:
             before = core_seconds(service.process_id)

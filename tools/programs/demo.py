@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     expected = service.expected_answers(cues, library, settings)
     watched = console.is_terminal and not options.json
-    with service.BackgroundService(options.transport, library=library, settings=settings) as background:
+    with service.background_service(options.transport, library=library, settings=settings) as background:
         sender, receiver = background.connect()
         show = _Show([motion.class_name for motion in motions], expected, options.transport)
         with (

@@ -110,8 +110,8 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
     with (
-        service.BackgroundService(transport, settings=settings) as background,
-        service.BackgroundService(transport, echo=True) as echo,
+        service.background_service(transport, settings=settings) as background,
+        service.background_service(transport, echoes=True) as echo,
         ExitStack() as opened,
     ):
         (sender, answers_at), (echo_sender, echoes_at) = background.connect(), echo.connect()

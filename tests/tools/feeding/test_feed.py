@@ -16,7 +16,7 @@ from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.stream.recognition import Answer
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.feeding.feed import Cue, Pace, ZmqFrameSender, clip_cues, without_pause
-from kinespace.tools.feeding.service import AnswerMatcher, BackgroundService, Expected, Listener
+from kinespace.tools.feeding.service import AnswerMatcher, Expected, Listener, background_service
 
 POSITIONS = np.zeros((6, 3))
 
@@ -136,7 +136,7 @@ def test_an_error_in_the_process_is_raised_here() -> None:
     """An error in the other process is raised in this one, and no process or socket stays behind."""
     with (
         pytest.raises(ChildProcessError, match="most: expected 1 to 10000 performers, got 0"),
-        BackgroundService("osc", performers=0),
+        background_service("osc", performers=0),
     ):
         pytest.fail("started without room for anybody")
     assert multiprocessing.active_children() == []
@@ -145,6 +145,6 @@ def test_an_error_in_the_process_is_raised_here() -> None:
 @pytest.mark.slow
 def test_an_error_inside_the_block_stops_the_child() -> None:
     """A program that fails while the service runs takes it down with it."""
-    with pytest.raises(RuntimeError, match="ours"), BackgroundService("osc"):
+    with pytest.raises(RuntimeError, match="ours"), background_service("osc"):
         raise RuntimeError("ours")
     assert multiprocessing.active_children() == []

@@ -97,8 +97,8 @@ class Source:
         Reads the commands among the packets; None where nobody listens to them.
     unread
         Looks at packets while no frame comes of them; None: nobody does.
-    is_of_browsers
-        Whether a process of ours sends what browsers sent to it.
+    place
+        Where frames come in, for a person; empty for what browsers sent, who know another address.
     waited
         Seconds for which the last packet waited before it was taken in.
     lag
@@ -115,7 +115,7 @@ class Source:
         self.decoder, self.tended_within = decoder, TENDING if decoder.expires else math.inf
         self.recorder: Recorder | Survey | None = recorder
         self.commands: CommandReader | None = None
-        self.is_of_browsers = False
+        self.place = str(self)
         self.unread: Unread | None = None
         #: When a frame or an announcement last came, seconds on our clock.
         self._made = -math.inf
@@ -134,11 +134,6 @@ class Source:
 
     def __str__(self) -> str:
         return str(self.receiver)
-
-    @property
-    def place(self) -> str:
-        """Where frames come in; empty for browsers, which know another address."""
-        return "" if self.is_of_browsers else str(self)
 
     @property
     def counts(self) -> InputCounts:
@@ -358,8 +353,8 @@ class FeedSource(Source):
         recorder: Recorder | None = None,
         admission: Admission | None = None,
     ) -> None:
-        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
         self.preset = preset
+        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
         self.unasked = 0
         self._asked = -math.inf
         self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None

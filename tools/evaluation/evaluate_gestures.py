@@ -21,7 +21,7 @@ from kinespace.tools.cli.console import print_json, print_scores, progress, requ
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.harness import Take, written
-from kinespace.tools.evaluation.stream_score import rests_on, write_rows
+from kinespace.tools.evaluation.stream_score import basis_of, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -142,9 +142,8 @@ def report(
     further: Mapping[str, object] | None = None,
 ) -> None:
     """Print the scores of all takes together, write the words; `further` is for JSON."""
-    scores, persons = score_words(heard), {each.person for each in heard}
-    seconds, segments = sum(each.seconds for each in heard), sum(each.asked for each in heard)
-    basis = {"seconds": seconds, "segments": segments, "persons": len(persons) if all(persons) else None}
+    scores, basis = score_words(heard), basis_of([each.seconds for each in heard], [each.person for each in heard])
+    basis["segments"] = sum(each.asked for each in heard)
     so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
         require_place_for_report(options.answers, options)

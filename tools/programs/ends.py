@@ -213,7 +213,7 @@ class Ends(ExitStack):
         for index, (receiver, fed) in enumerate(read):
             recorder = Recorder(self.recording, index) if self.recording else None
             source = self._kept(_source(receiver, recorder, fed, options.sender, self._admission))
-            source.is_of_browsers = receiver in self._browsers
+            source.place = "" if receiver in self._browsers else source.place
             self.sources.append(source)
 
     def open_controls(self) -> None:

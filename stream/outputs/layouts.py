@@ -35,8 +35,7 @@ from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.packet import remember
 from kinespace.stream.recognition import GONE, Classes, Done, Event, EventKind, Gone, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice
-from kinespace.stream.teaching.commands import encode as encode_notice
+from kinespace.stream.teaching import commands
 
 #: The largest whole number of a VRChat parameter.
 _MAX_PARAMETER = 255
@@ -101,9 +100,9 @@ class NativeLayout(Layout):
         """`/motion/status i f i i`."""
         return answers.encode_status(status)
 
-    def state(self, notice: Notice) -> bytes:
+    def state(self, notice: commands.Notice) -> bytes:
         """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i i f`."""
-        return encode_notice(notice)
+        return commands.encode(notice)
 
     taught = state
 
@@ -323,7 +322,7 @@ class ReplySink(LayoutSink):
 
     def send(self, message: Message) -> None:
         """Send a message, but none to a sender that has gone, or that need not teach."""
-        if not isinstance(message, Gone | Notice):
+        if not isinstance(message, Gone | commands.Notice):
             super().send(message)
 
     def _send(self, packet: bytes | None, performer: str | None = None) -> None:

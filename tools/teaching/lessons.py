@@ -22,9 +22,7 @@ from kinespace.stream import Event, EventKind, Frame, Recognizer, Settings
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Classes
 from kinespace.stream.service.loop import Recognising, tell
-from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
-from kinespace.stream.teaching.commands import Told, Tried
-from kinespace.stream.teaching.teacher import Remembered
+from kinespace.stream.teaching import Asked, Changed, Notice, Remembered, State, Step, Teacher, Told, Tried, commands
 from kinespace.tools.cli.console import say
 from kinespace.tools.teaching.roster_file import RosterFile
 

@@ -13,8 +13,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.stream.feeds import Preset
-from kinespace.stream.feeds.preset import builtin_preset, parse_preset
+from kinespace.stream.feeds import Preset, builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder, ZmqDecoder

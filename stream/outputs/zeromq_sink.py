@@ -9,7 +9,6 @@ from kinespace.stream.packet import remember
 from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.zeromq import ZmqSender, messages
-from kinespace.stream.zeromq.messages import encode_body
 
 #: Seconds between two bodies of a performer.
 EVERY = 1 / 30
@@ -89,7 +88,7 @@ class BodySink(Sink):
         carried = self._carried(name) if count % _CARRIED_EVERY == 0 else None
         # One behind the first: at the first frame the performer is not known yet.
         skeleton = self._skeleton_of(name) if count % _SKELETON_EVERY == 1 else None
-        self._sender.send(encode_body(frame, skeleton, carried))
+        self._sender.send(messages.encode_body(frame, skeleton, carried))
 
     def publish_gone(self, gone: Gone) -> None:
         """Forget a performer who has left."""

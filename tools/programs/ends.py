@@ -21,11 +21,9 @@ from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Source, Z
 from kinespace.stream.inputs.commands import CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
-from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
-from kinespace.stream.outputs.layouts import WrittenLayout
+from kinespace.stream.outputs import LAYOUTS, BodySink, Layout, LayoutSink, ReplySink, Sink, WrittenLayout, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
-from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.packet import Networks, Packet, Sender
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status

@@ -23,10 +23,9 @@ from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream import BackgroundViews
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, FeedSource
-from kinespace.stream.outputs import LAYOUTS, ZmqSink
+from kinespace.stream.outputs import LAYOUTS, BodySink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
-from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.loop import AnySource, Recognising, Service

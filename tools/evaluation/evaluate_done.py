@@ -25,15 +25,10 @@ _STANDS = 0.6
 #: False alarms an hour that are compared.
 _PROMISED = (1.0, 6.0, 60.0, 600.0)
 _COLUMNS = (
-    ("", "{name}"),
-    ("found", "{found:.1%}"),
-    ("takes found", "{takes_found:.1%}"),
-    ("counted right", "{counted_right:.1%}"),
-    ("false an hour", "{false_per_hour:.1f}"),
-    ("delay", "{delay_s:.2f} s"),
-    ("broken off, done", "{broken_done:.1%}"),
+    "{name} | found {found:.1%} | takes found {takes_found:.1%} | counted right {counted_right:.1%} | "
+    "false an hour {false_per_hour:.1f} | delay {delay_s:.2f} s | broken off, done {broken_done:.1%}"
 )
-_OF_CLASSES = (("class", "{name}"), *((each, f"{{{each}:.0f}}") for each in ("segments", "found", "false")))
+_OF_CLASSES = "class {name} | segments {segments:.0f} | found {found:.0f} | false {false:.0f}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

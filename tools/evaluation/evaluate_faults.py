@@ -150,8 +150,10 @@ _SHARES = dict.fromkeys(("right", "guessed", "wrong", "implausible"), "answers")
 _RATE = 60.0
 #: Seed of noise, drops and order.
 _SEED = 0
-_WHEN = ("noticed, s", "{noticed_s:.2f}"), ("alarmed", "{alarmed} of {seconds:.0f} s")
-_COLUMNS = (("fault", "{fault}"), *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES), *_WHEN)
+_COLUMNS = (
+    "fault {fault} | right {right:.1%} | guessed {guessed:.1%} | wrong {wrong:.1%} | implausible {implausible:.1%} | "
+    "unknown named {unknown_named:.1%} | noticed, s {noticed_s:.2f} | alarmed {alarmed} of {seconds:.0f} s"
+)
 
 
 class _Played(NamedTuple):

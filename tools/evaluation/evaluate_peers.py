@@ -31,12 +31,12 @@ from kinespace.tools.evaluation import harness
 _SHARES = 0.25, 0.5, 0.75, 1.0
 #: Frames of a motion as peers see it; the slower peers see fewer.
 _FRAMES, _FEW = 64, 32
-_COLUMNS = (
-    ("method", "{method}"),
-    *((f"{share:.0%} seen", f"{{seen[{place}]:.1%}}") for place, share in enumerate(_SHARES)),
-    ("turned", "{turned:.1%}"),
-    ("fit, s", "{fit_s:.1f}"),
-    ("ms a clip", "{clip_ms:.1f}"),
+_COLUMNS = " | ".join(
+    (
+        "method {method}",
+        *(f"{share:.0%} seen {{seen[{place}]:.1%}}" for place, share in enumerate(_SHARES)),
+        "turned {turned:.1%} | fit, s {fit_s:.1f} | ms a clip {clip_ms:.1f}",
+    )
 )
 
 

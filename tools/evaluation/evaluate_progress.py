@@ -47,14 +47,8 @@ _MAIN = (
     ("back_steps", AS_RECORDED, "back"),
 )
 _COLUMNS = (
-    ("played", "{played}"),
-    ("method", "{method}"),
-    ("mean error", "{phase_mean:.3f}"),
-    ("median", "{phase_median:.3f}"),
-    ("within .1", "{phase_near:.1%}"),
-    ("speed, octaves", "{speed_octaves:.2f}"),
-    ("back", "{back:.1%}"),
-    ("answered", "{answered:.1%}"),
+    "played {played} | method {method} | mean error {phase_mean:.3f} | median {phase_median:.3f} | "
+    "within .1 {phase_near:.1%} | speed, octaves {speed_octaves:.2f} | back {back:.1%} | answered {answered:.1%}"
 )
 
 

@@ -27,14 +27,8 @@ from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, sh
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
 
 _COLUMNS = (
-    ("compared", "{space} {signature}"),
-    ("protocol", "{protocol}"),
-    ("motions", "{motions}"),
-    ("nearest", "{nearest:.1%}"),
-    ("95 %", "{sure}"),
-    ("of two", "{two_nearest:.1%}"),
-    ("splits' mean", "{mean:.1%}"),
-    ("worst", "{worst:.1%}"),
+    "compared {space} {signature} | protocol {protocol} | motions {motions} | nearest {nearest:.1%} | 95 % {sure} | "
+    "of two {two_nearest:.1%} | splits' mean {mean:.1%} | worst {worst:.1%}"
 )
 #: Classes whose matrix has room in a terminal.
 _MOST = 16

@@ -36,13 +36,9 @@ _SLOW = 0.4
 #: Seconds of a time of standing still, and how far a joint may be from its mean in them, metres.
 _STOOD, _STAYS = 2.0, 0.05
 _COLUMNS = (
-    ("examples", "{examples}"),
-    ("same person", "{same_first_right:.1%}"),
-    ("delay", "{delay_s:.2f}"),
-    ("false a minute", "{false_per_minute:.2f}"),
-    ("another person", "{other_first_right:.1%}"),
-    ("delay", "{other_delay_s:.2f}"),
-    ("false a minute", "{other_false_per_minute:.2f}"),
+    "examples {examples} | same person {same_first_right:.1%} | delay {delay_s:.2f} | "
+    "false a minute {false_per_minute:.2f} | another person {other_first_right:.1%} | delay {other_delay_s:.2f} | "
+    "false a minute {other_false_per_minute:.2f}"
 )
 
 

@@ -68,10 +68,8 @@ _EVERYDAY_AXES, _EVERYDAY_GROUPS, _EVERYDAY_WINDOWS, _EVERYDAY_LEAST = 64, 256, 
 _SHRINKING = 0.005
 
 _COLUMNS = (
-    ("sensitivity", "{rate:g}"),
-    ("unknown time named", "{unknown_named:.1%}"),
-    ("starts a minute", "{starts_per_minute:.1f}"),
-    ("takes whose motion is named", "{takes_found:.0%}"),
+    "sensitivity {rate:g} | unknown time named {unknown_named:.1%} | starts a minute {starts_per_minute:.1f} | "
+    "takes whose motion is named {takes_found:.0%}"
 )
 
 _SHAPE = 2 * len(ACROSS_LABORATORIES.groups)

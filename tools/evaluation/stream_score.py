@@ -540,8 +540,7 @@ _WHOLE = {
     "doubted": ("share of their time in which joints are doubted", _SHARE),
     "unlike": ("takes whose body was found unlike the library's", _SHARE),
 }
-_RIGHT = ("right", "{right:.1%}"), ("right, last second inside", "{right_inside:.1%}")
-_CLASSES = (("class", "{name}"), ("seconds", "{seconds:.1f}"), *_RIGHT)
+_CLASSES = "class {name} | seconds {seconds:.1f} | right {right:.1%} | right, last second inside {right_inside:.1%}"
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 

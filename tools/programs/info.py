@@ -25,10 +25,10 @@ from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import print_json, print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
-_LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
-_MEASURED = ("joints", "{joints}"), ("metres across", "{metres_across:.2f}"), ("filled in", "{filled:.1%}")
-_OF_RECORDINGS = ("recording", "{name}"), *_LASTING, *_MEASURED
-_OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), *_LASTING
+_LASTING = "seconds {seconds:.1f} | Hz {frame_rate:g}"
+_MEASURED = "joints {joints} | metres across {metres_across:.2f} | filled in {filled:.1%}"
+_OF_RECORDINGS = f"recording {{name}} | {_LASTING} | {_MEASURED}"
+_OF_LIBRARY = f"class {{class}} | person {{person}} | take {{take}} | {_LASTING}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -142,14 +142,14 @@ def _summed_up(motions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others: str) -> None:
     """Print a table of classes or of persons."""
-    indexed = (("index", "{index}"),) if any("index" in row for row in rows) else ()
-    figures = (("motions", "{motions}"), (others, f"{{{others}}}"), ("seconds", "{seconds:.1f}"), ("Hz", "{rates}"))
+    indexed = " | index {index}" if any("index" in row for row in rows) else ""
+    figures = f"motions {{motions}} | {others} {{{others}}} | seconds {{seconds:.1f}} | Hz {{rates}}"
     shown = [
         {**row, what: row[what] or "?", others: row[others] or "?"}
         | {"rates": ", ".join(f"{rate:g}" for rate in row["frame_rates"])}
         for row in rows
     ]
-    print_scores(shown, ((what, f"{{{what}}}"), *indexed, *figures), title=title)
+    print_scores(shown, f"{what} {{{what}}}{indexed} | {figures}", title=title)
 
 
 def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:

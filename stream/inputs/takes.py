@@ -107,11 +107,6 @@ class Seen:
         return Skeleton(few([f"joint{number}" for number in range(1, size + 1)]))
 
 
-def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
-    """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
-    return iter(decoded(recording.header, recording.packets(), preset))
-
-
 def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
     """List the performers of a recording."""
     seen: dict[str, Seen] = {}
@@ -142,7 +137,7 @@ def ordered_frames(
     orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {}
     for name, each in skeletons.items():
         orders[name] = len(each.joints), np.arange(len(each.joints))
-    for arrival, event in events_of(recording, preset):
+    for arrival, event in decoded(recording.header, recording.packets(), preset):
         name = event.performer
         if name not in seen:
             continue
@@ -177,7 +172,8 @@ def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
         The file cannot be opened.
     """
     recording = RawFile(path)
-    seen = {name: each for name, each in seen_in(events_of(recording, preset)).items() if each.frames > 1}
+    every = seen_in(decoded(recording.header, recording.packets(), preset))
+    seen = {name: each for name, each in every.items() if each.frames > 1}
     kept = _frames(recording, preset, seen)
     clips = [
         replace(

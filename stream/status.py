@@ -1,7 +1,5 @@
 """The counters of a running service: counts, rates, hop times, and the last packets that were refused."""
 
-from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 
 from kinespace.stream.packet import Packet, Sender, sender_name
@@ -138,25 +136,6 @@ class Status:
         at_the_border += inputs.thrown_away + inputs.stale
         at_the_border += outcomes.opening
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
-
-
-class Rates(defaultdict[str, int]):
-    """Frames of each performer since the last reading; `read` gives them for each second."""
-
-    def __init__(self, since: float) -> None:
-        super().__init__(int)
-        self._since = since
-
-    def read(self, now: float, performers: Sequence[str]) -> dict[str, float]:
-        """Give the rates of some performers since the last reading, and count from 0 again.
-
-        Thousands of names may have been counted for which there was no room.
-        """
-        elapsed = max(now - self._since, 1e-9)
-        rates = {name: self[name] / elapsed for name in performers if name in self}
-        self._since = now
-        self.clear()
-        return rates
 
 
 class Refusals:

@@ -19,7 +19,7 @@ from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.recognition import Classes, Event, EventKind, Gone, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.status import InputCounts, Rates, Status
+from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Asked, State, Step, commands
 
 if TYPE_CHECKING:
@@ -195,8 +195,8 @@ class Service:
         self._control = control
         #: How long the last hops took, seconds.
         self._hop_times = deque[float](maxlen=_MAX_HOPS)
-        self._rates = Rates(clock())
-        self._latest_rates: dict[str, float] = {}
+        #: Frames of each performer since the last status, when that was, and frames a second before it.
+        self._frames, self._counted_since, self._rates = Counter[str](), clock(), dict[str, float]()
         #: The share of the answers due that were given, and how many were given and left out before.
         self._answered, self._answered_before = 1.0, (0, 0)
         self._next_status = self._next_classes = self._next_refusal = clock()
@@ -352,7 +352,7 @@ class Service:
                 self.publish(answer, time.perf_counter() - started + waited)
         for event in events:
             if isinstance(event, Frame):
-                self._rates[event.performer] += 1
+                self._frames[event.performer] += 1
                 tell(self._watching, event)
         return len(events) - answers.count(None)
 
@@ -407,7 +407,11 @@ class Service:
             paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
             self._publish_events([*paused, *self.performers.drop_silent(now)])
             self._publish_gone(self.performers.take_gone())
-            self._latest_rates = self._rates.read(now, self.performers.names)
+            elapsed = max(now - self._counted_since, 1e-9)
+            # Of performers alone: thousands of names may have been counted for which there was no room.
+            self._rates = {name: self._frames[name] / elapsed for name in self.performers.names}
+            self._frames.clear()
+            self._counted_since = now
             self._note_answered()
             tell(self.sinks, self.status())
 
@@ -421,7 +425,7 @@ class Service:
             inputs=sum((source.counts for source in self.sources), start=InputCounts(stale=self._overload.stale)),
             outcomes=self.performers.counts,
             unsent=sum(sink.failed + sink.raised for sink in self.sinks),
-            performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
+            performers={name: self._rates.get(name, 0.0) for name in self.performers.names},
             hop_p50=p50,
             hop_p99=p99,
             refused={name: why + self._from(name) for name, why in self.performers.refused.items()},

@@ -145,7 +145,7 @@ class Board:
         match message:
             case name, BodyHeader() as header, positions if performer := self._performer(name, now):
                 self._take_body(performer, header, positions)
-            case SentAnswer(outcome=str(outcome)) if outcome == GONE:
+            case SentAnswer() if message.outcome == GONE:
                 self._forget(message.performer)
             case SentAnswer() if performer := self._performer(message.performer, now):
                 self._take_answer(performer, message, now)

@@ -1,9 +1,10 @@
 """Recorded files of every format that can be read, found in folders and opened by their ending."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -32,6 +33,10 @@ _READERS: dict[str, Callable[..., list[Clip]]] = {
     _C3D: c3d.read_clips,
     ".trc": trc.read_clips,
 }
+#: How texts of these formats begin, in small letters: people keep them with the ending of a table, too.
+_BEGINS = {"hierarchy": ".bvh", "pathfiletype": ".trc"}
+#: Lines of which one must not be blank.
+_FRONT = 10
 #: The endings of all files that can be read.
 ENDINGS = (_AMC, *_READERS, RAW, *_TABLES)
 _NAMED = f"{', '.join(ENDINGS[: -len(_TABLES)])}, a table in {', '.join(joint_table.TEXTS)} or .npz"
@@ -97,10 +102,21 @@ class Reading:
 
 def is_recording(path: Path) -> bool:
     """Say whether a file can be read, by its ending or a table's columns."""
-    ending = path.suffix.lower()
+    ending = _ending(path)
     if ending in _TABLES:
         return utkinect.is_take(path) or joint_table.is_joint_table(path)
     return ending in (*ENDINGS, *FILMS)
+
+
+def _ending(path: Path) -> str:
+    """Give the ending of a file's format: for a text as it begins."""
+    ending = path.suffix.lower()
+    if ending in joint_table.TEXTS:
+        with suppress(OSError, ValueError):
+            first = next(filter(str.strip, islice(memory.lines(path, errors="replace"), _FRONT)), "")
+            begin = first.strip(' "').lower()
+            return next((each for word, each in _BEGINS.items() if begin.startswith(word)), ending)
+    return ending
 
 
 def is_systems(path: Path) -> bool:
@@ -248,7 +264,7 @@ class RecordingReader:
         return first
 
     def _read(self, path: Path) -> Sequence[Clip]:
-        ending, reading = path.suffix.lower(), self._reading
+        ending, reading = _ending(path), self._reading
         if ending in (RAW, *FILMS):
             if reading.raw is None:
                 got = "a raw recording or a film"

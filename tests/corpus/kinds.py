@@ -454,8 +454,20 @@ def _trcs() -> dict[str, Kind]:
         "two tabs more in front": (trc().replace("Time\t", "Time\t\t\t"), {}),
         "a label twice": (trc().replace("RightLeg", "LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),
+        "two tabs between the header's numbers": (trc().replace("60.00\t60.00\t48\t16\tmm", " 60.0\t\t 60.0\t\t 48\t\t 16\t\t mm"), {}),
+        "a header without the unit": (trc().replace("\tmm\t", "\t"), {"tells": "units"}),
+        "the header's values beside their names": (trc().replace(trc().split("\n", 3)[1], "DataRate\t60\tNumFrames\t48\tUnits\tmm").replace(trc().split("\n", 3)[2], ""), {}),
+        "a label thrice": (trc().replace(heads + "\t\t", "\t".join(name for name in NAMES for _ in range(3))), {}),
+        "blank lines, comments": ("\n# made by a tool\n" + trc().replace("\n", "\n\n"), {}),
+        "commas between": (trc().replace("\t", ","), {}),
+        "quotes": (trc().replace("Hips", '"Hips"').replace("LeftLeg", '"LeftLeg"'), {}),
+        "no numbers of frames": ("".join(row.partition("\t")[2] if n > 2 else row for n, row in enumerate(trc().splitlines(keepends=True))), {}),
+        "in a .csv": (trc().replace("\t", ","), {"ending": "csv"}),
     }  # fmt: skip
-    return {f"TRC, {name}": Kind("trc", text.encode("latin-1"), **said) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
+    return {
+        f"TRC, {name}": Kind(**{"ending": "trc", "content": text.encode("latin-1"), **said})
+        for name, (text, said) in texts.items()
+    }  # type: ignore[arg-type]
 
 
 # --- BVH -------------------------------------------------------------------------------------------------------------
@@ -512,12 +524,22 @@ def _bvhs() -> dict[str, Kind]:
         "a name twice": (plain.replace("JOINT RightLeg", "JOINT LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "comments": ("# made by a tool\n" + plain.replace("MOTION", "// its frames\nMOTION"), {}),
         "scales beside positions": (bvh_text(moving, moved.tolist(), period="0.0166667").replace("CHANNELS 6", "CHANNELS 7 Xscale", 1).replace("\n0.1", "\n1 0.1"), {}),
-        "frames a second for Frame Time": (plain.replace("Time: 0.0166667", "Time: 60"), {"tells": "taken for frames a second"}),
+        "frames a second for Frame Time": (plain.replace("Time: 0.0166667", "Time: 60"), {"tells": "taken for 60 frames a second"}),
+        "milliseconds for Frame Time": (plain.replace("Time: 0.0166667", "Time: 16.6667"), {"tells": "taken for 60 frames a second"}),
+        "no colon": (plain.replace("Frames:", "Frames").replace("Time:", "Time"), {}),
+        "the rate first": (plain.replace("Frames: 48\nFrame Time: 0.0166667", "FrameTime = 0.0166667 s\nFrames = 48"), {}),
+        "all in MOTION's line": (plain.replace("MOTION\n", "MOTION ").replace("48\n", "48 "), {}),
+        "no Frame Time": (plain.replace("Frame Time: 0.0166667\n", ""), {"options": (("frame_rate", RATE),)}),
+        "semicolons between": (head + "Frame Time" + motion.replace(" ", ";").replace(":;", ": "), {}),
+        "in a .txt": ("\n" + plain, {"ending": "txt"}),
         "two ROOTs": ("".join(f"{row[:-1]} {row}" if row[0] in "-0123456789" else row for row in twice.splitlines(keepends=True)), {"people": ("Hips", "Hips_2")}),
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
     # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.
-    made = {f"BVH, {name}": Kind("bvh", text.encode("latin-1"), **said) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
+    made = {
+        f"BVH, {name}": Kind(**{"ending": "bvh", "content": text.encode("latin-1"), **said})
+        for name, (text, said) in texts.items()
+    }  # type: ignore[arg-type]
     return made | {
         "BVH, Shift-JIS": Kind("bvh", plain.replace("JOINT Head", "JOINT 頭").encode("cp932"), lacking=("Head",))
     }

@@ -359,6 +359,10 @@ def _tables() -> dict[str, Kind]:
         "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
         "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
         "a picture's places and the world's": (table(head="{}_world_{}".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
+        "the world's places behind a picture's": (table(head="{}_{}_world".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
+        "local places": (table(head="{}_global_{}".format, more=[(f"{n}_local_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips_local"}),
+        "X=0.1 Y=0.2 Z=0.3": (_points("X={:.4f} Y={:.4f} Z={:.4f}"), {}),
+        "Motive, the root called like the skeleton": (_motive().replace("Ann:Hips", "Ann:Ann"), {"names": ("Hip", *NAMES[1:])}),
         "forces beside": (table(head=lambda n, a: f"{n}.Pos{a.upper()}", more=[(f"FP1.{kind}{a}", 0.5) for kind in ("Cop", "For", "Mom") for a in "XYZ"]), {"tells": "no positions: FP1.Cop"}),
         "joints' names in cells": ("Time,SkeletonId" + ",Joint,Status,PositionX,PositionY,PositionZ,RotationX,RotationY" * 16 + "\n" + "".join(f"{t:.4f},7" + "".join(f",{n},TRACKED,{x:.4f},{y:.4f},{z:.4f},0.5,0" for n, (x, y, z) in zip(NAMES, frame, strict=True)) + "\n" for t, frame in zip(TIMES, BODY.tolist(), strict=True)), {}),
         "commas within and between": (table().replace(".", ","), {"reads": False, "tells": "expected 49 fields, got 98: commas in numbers"}),
@@ -430,6 +434,7 @@ def trc(
 def _trcs() -> dict[str, Kind]:
     gone, late = _without("RightFoot", np.nan) * 1000, _without("LeftHand", np.nan, slice(0, 40)) * 1000
     short = _without("RightFoot", np.nan, slice(30, 34)) * 1000
+    gone_at_first = np.where(np.arange(len(BODY))[:, None, None] < 34, np.nan, BODY)
     heads = "\t\t\t".join(NAMES)
     texts = {
         "header and times differ": (trc(rate="600.00"), {"tells": "600 frames a second"}),
@@ -462,6 +467,7 @@ def _trcs() -> dict[str, Kind]:
         "commas between": (trc().replace("\t", ","), {}),
         "quotes": (trc().replace("Hips", '"Hips"').replace("LeftLeg", '"LeftLeg"'), {}),
         "no numbers of frames": ("".join(row.partition("\t")[2] if n > 2 else row for n, row in enumerate(trc().splitlines(keepends=True))), {}),
+        "nobody at first": (trc(positions=gone_at_first * 1000), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
         "in a .csv": (trc().replace("\t", ","), {"ending": "csv"}),
     }  # fmt: skip
     return {

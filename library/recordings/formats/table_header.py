@@ -27,6 +27,8 @@ _WAYS = (
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?4?|1234?")
+#: Words for places that are no joint's in a picture, or to its parent.
+_WORLD = frozenset({"world", "global"})
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
     r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
@@ -43,6 +45,7 @@ _PERSON = re.compile(
 )
 #: Rows above the first frame that may name joints.
 _DEEP = 12
+_ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
     r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*", re.IGNORECASE
 )
@@ -134,14 +137,17 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         found, units = dict[str, dict[str, int]](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
-                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
-                units.add((named.groupdict().get("unit") or "").lower())
+                unit = (named.groupdict().get("unit") or "").lower()
+                # Another word behind the axis belongs to the name: `head_x_world`.
+                joint = f"{named['joint']}_{unit}" if unit and metres_of(unit) is None else named["joint"]
+                found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
+                units.add(unit)
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
         others = [j for j, axes in whole.items() if _NO_PLACES & {*words_of(j)} or (turns and len(axes) == 4)]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
-        if len(places) <= 2 * len(world := [joint for joint in places if "world" in words_of(joint)]):
+        if len(places) <= 2 * len(world := [joint for joint in places if _WORLD & {*words_of(joint)}]):
             places, others = world, others + [joint for joint in places if joint not in world]
         if len(places) > len(best[0]):
             best = {joint: _three(whole[joint]) for joint in places}, others, units - {""}
@@ -206,6 +212,8 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         apart = (row for row in above if len({(row[c], named[c], axes[c]) for c in ours}) == len(ours))
         front = next(apart, None)
         named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
+    # Motive calls a skeleton's first bone like the skeleton.
+    named = [_ROOT.sub(r"\1:Hip", name) for name in named] if bones else named
     joints = dict[str, dict[str, int]]()
     for column in ours:
         joints.setdefault(named[column], {}).setdefault(axes[column], column)

@@ -84,7 +84,7 @@ def _frames(
 ) -> tuple[list[str], NDArray[np.float64]]:
     """Read the frames below the line of names, its number, itself and how many it announces: names, and numbers."""
     number, lead, labels = named[0], 2, _labels(path, *named, 2)
-    columns, values, frames = 0, array("d"), 0
+    columns, values, frames = lead + 3 * len(labels), array("d"), 0
     for number, line in lines:
         if not frames and "x" in line.lower():
             continue

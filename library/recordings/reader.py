@@ -35,6 +35,17 @@ _READERS: dict[str, Callable[..., list[Clip]]] = {
 }
 #: How texts of these formats begin, in small letters: people keep them with the ending of a table, too.
 _BEGINS = {"hierarchy": ".bvh", "pathfiletype": ".trc"}
+#: What other files begin with, in small letters, and what a person does with them.
+_OTHERS = {
+    b"version https://git-lfs": "a pointer of Git LFS: git lfs pull fetches the file",
+    b"<!doctype html": "a web page: download the raw file",
+    b"<html": "a web page: download the raw file",
+    b"<?xml": "XML: export BVH, C3D or a table",
+    b"kaydara fbx": "an FBX: export BVH",
+    b"\x1f\x8b": "a packed file: unpack it",
+    b"pk\x03\x04": "a ZIP or an Excel sheet: unpack it, or save it as CSV",
+    b"{": "JSON: export BVH, C3D or a table",
+}
 #: Lines of which one must not be blank.
 _FRONT = 10
 #: The endings of all files that can be read.
@@ -119,6 +130,16 @@ def _ending(path: Path) -> str:
     return ending
 
 
+def _another(path: Path) -> str:
+    """Say what a file is by its first bytes, if it is none of ours whatever its ending."""
+    with suppress(OSError), memory.opened(path) as file:
+        held = file.read(64)
+        begin = held.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+        fronts = [front for front in _OTHERS if begin.startswith(front) and (front[:2], path.suffix) != (b"pk", ".npz")]
+        return _OTHERS[fronts[0]] if fronts else "an empty file" * (not begin and len(held) < 64)
+    return ""
+
+
 def is_systems(path: Path) -> bool:
     """Say whether a system wrote a file beside a person's: its name, or a folder's above it, begins with a dot."""
     return any(part.startswith((".", "__MACOSX")) for part in path.parts)
@@ -126,8 +147,8 @@ def is_systems(path: Path) -> bool:
 
 def instead_of_recording(path: Path) -> str:
     """Describe a file that is no recording."""
-    if path.is_file() and not path.stat().st_size:
-        return "an empty file"
+    if other := _another(path):
+        return other
     if why := joint_table.why_no_table(path) if path.suffix.lower() in (*_TABLES, ".npy") else "":
         return why
     if path.suffix.lower() in _TABLES:
@@ -240,7 +261,7 @@ class RecordingReader:
         OSError
             The file cannot be opened.
         """
-        if not is_recording(path):
+        if not is_recording(path) or _another(path):
             raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
         with _errors_naming(path):
             return [self._named(clip) for clip in self._read(path)]

@@ -338,6 +338,9 @@ def _tables() -> dict[str, Kind]:
         "two people whom nothing tells apart": (_two("who", "time", ("ann", "ann")), {"reads": False, "tells": "two bodies at one time"}),
         "two people by A:": (_people("{}:{}", ("A", "B")), {"people": ("A", "B")}),
         "two people by person_1_": (_people("{}_{}", ("person_1", "person_2")), {"people": ("person_1", "person_2")}),
+        "two people, and a slip of the tracker": (_two("id", "time", ("1", "2")) + table(clock="time", times=["0.79"], more=[("id", 3)]).splitlines()[1] + "\n", {"people": ("1", "2"), "tells": "seen in one frame alone: 3"}),
+        "times in German": (table(clock="Zeit"), {}),
+        "times in Chinese": (table(clock="时间(ms)", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
         "a person's name in front": (_in_front("performer,", lambda *_: "ann,", table()), {}),
         "Vicon Nexus, all parts": (_vicon_parts() + _vicon(), {}),
         "Vicon Workstation": (_vicon_old(), {}),
@@ -658,6 +661,7 @@ def _c3ds() -> dict[str, Kind]:
         "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
         "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("A", "B")}),
+        "angles that nothing lists, markers without names": (c3d(labels=[*NAMES, "LHipAngles", "RKneePower", "*12", "Unlabeled_2012", "uname*1"], positions=np.concatenate([BODY, BODY[:, :5] + 3], axis=1)), {}),
         "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip

@@ -128,8 +128,12 @@ def read_clips(
         return [restricted(_npz_clip(path, frame_rate), joints)]
     table = _read(path)
     head, places, (name, moments) = table.header, table.places(), table.clock()
-    clips = list[Clip]()
-    for person, rows in table.people(path, moments).items():
+    clips, people = list[Clip](), table.people(path, moments)
+    if brief := [person for person, rows in people.items() if len(rows) < 2 < len(places)]:
+        # A tracker's slip is no reason to refuse the others.
+        table.notes.append(f"left out: seen in one frame alone: {', '.join(brief[:5])}")
+        people = {person: rows for person, rows in people.items() if person not in brief}
+    for person, rows in people.items():
         notes, timed = list(table.notes), rows if moments is None else rows[np.isfinite(moments[rows])]
         if len(timed) < len(rows):
             notes.append(f"times: {len(rows) - len(timed)} frames without one are left out")

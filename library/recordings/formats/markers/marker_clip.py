@@ -66,6 +66,8 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         A wanted marker is missing, or fewer than two are left.
     """
     kept = chosen(labels, joints)
+    if len(kept) < 2:
+        raise ValueError(f"expected at least 2 labelled points, got {len(kept)}")
     memory.require_numbers(len(positions) * len(kept) * 3)
     clips = list[Clip]()
     for person, own in people_in([labels[index] for index in kept]).items():

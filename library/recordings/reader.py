@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -18,7 +17,7 @@ from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
-from kinespace.library.recordings.formats.units import metres_of
+from kinespace.library.recordings.formats.units import WORDS, metres_of
 
 _AMC = ".amc"
 _C3D = ".c3d"
@@ -33,21 +32,6 @@ _READERS: dict[str, Callable[..., list[Clip]]] = {
     _C3D: c3d.read_clips,
     ".trc": trc.read_clips,
 }
-#: How texts of these formats begin, in small letters: people keep them with the ending of a table, too.
-_BEGINS = {"hierarchy": ".bvh", "pathfiletype": ".trc"}
-#: What other files begin with, in small letters, and what a person does with them.
-_OTHERS = {
-    b"version https://git-lfs": "a pointer of Git LFS: git lfs pull fetches the file",
-    b"<!doctype html": "a web page: download the raw file",
-    b"<html": "a web page: download the raw file",
-    b"<?xml": "XML: export BVH, C3D or a table",
-    b"kaydara fbx": "an FBX: export BVH",
-    b"\x1f\x8b": "a packed file: unpack it",
-    b"pk\x03\x04": "a ZIP or an Excel sheet: unpack it, or save it as CSV",
-    b"{": "JSON: export BVH, C3D or a table",
-}
-#: Lines of which one must not be blank.
-_FRONT = 10
 #: The endings of all files that can be read.
 ENDINGS = (_AMC, *_READERS, RAW, *_TABLES)
 _NAMED = f"{', '.join(ENDINGS[: -len(_TABLES)])}, a table in {', '.join(joint_table.TEXTS)} or .npz"
@@ -119,25 +103,26 @@ def is_recording(path: Path) -> bool:
     return ending in (*ENDINGS, *FILMS)
 
 
+def _begun(path: Path) -> str:
+    """Give the ending of a text's format by its first words, or say what other file it is; empty where neither."""
+    with suppress(OSError), memory.opened(path) as file:
+        held = file.read(64).decode("latin-1")
+        begin = held.removeprefix("ï»¿").lstrip(' "\r\n').lower()
+        found = next((what for front, what in WORDS["begins"].items() if begin.startswith(front)), "")
+        return found or "an empty file" * (not begin and len(held) < 64)
+    return ""
+
+
 def _ending(path: Path) -> str:
-    """Give the ending of a file's format: for a text as it begins."""
-    ending = path.suffix.lower()
-    if ending in joint_table.TEXTS:
-        with suppress(OSError, ValueError):
-            first = next(filter(str.strip, islice(memory.lines(path, errors="replace"), _FRONT)), "")
-            begin = first.strip(' "').lower()
-            return next((each for word, each in _BEGINS.items() if begin.startswith(word)), ending)
-    return ending
+    """Give the ending of a file's format: people keep texts with the ending of a table, too."""
+    ending, begun = path.suffix.lower(), _begun(path)
+    return begun if ending in joint_table.TEXTS and begun in _READERS else ending
 
 
 def _another(path: Path) -> str:
-    """Say what a file is by its first bytes, if it is none of ours whatever its ending."""
-    with suppress(OSError), memory.opened(path) as file:
-        held = file.read(64)
-        begin = held.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
-        fronts = [front for front in _OTHERS if begin.startswith(front) and (front[:2], path.suffix) != (b"pk", ".npz")]
-        return _OTHERS[fronts[0]] if fronts else "an empty file" * (not begin and len(held) < 64)
-    return ""
+    """Say what a file is, if it is none of ours whatever its ending; an `.npz` is a ZIP."""
+    begun = _begun(path)
+    return "" if begun in _READERS or (begun and path.suffix.lower() == ".npz") else begun
 
 
 def is_systems(path: Path) -> bool:

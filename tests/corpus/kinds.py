@@ -174,6 +174,19 @@ def _qualisys(*, columns: bool = True) -> str:
     )
 
 
+def _skeleton() -> str:
+    """Put a joint's name into the header in front of its axes, over an empty column."""
+    heads = "\t".join(["Frame", "Time", *(f"{name}\tX\tY\tZ\tQX\tQY\tQZ\tQW" for name in NAMES)])
+    turn = "\t0.1\t0.2\t0.3\t0.9"
+    rows = [
+        [str(place + 1), f"{time:.5f}", *("\t" + "\t".join(f"{1000 * x:.3f}" for x in point) + turn for point in frame)]
+        for place, (time, frame) in enumerate(zip(TIMES, BODY.tolist(), strict=True))
+    ]
+    return f"NO_OF_FRAMES\t48\nFREQUENCY\t60\nREFERENCE\tGLOBAL\n{heads}\n" + "".join(
+        "\t".join(row) + "\n" for row in rows
+    )
+
+
 #: Numbers of a hand and a body, which both begin at 0; and names whose sides stand in a column of their own.
 _PARTS = tuple(f"hand_{number}" if number < 6 else f"pose_{number - 6}" for number in range(16))
 _SIDED = tuple(f"{name[:4]}_{name[4:]}" if name[:4] == "Left" else name.replace("Right", "Right_") for name in NAMES)
@@ -345,6 +358,7 @@ def _tables() -> dict[str, Kind]:
         "Vicon Nexus, all parts": (_vicon_parts() + _vicon(), {}),
         "Vicon Workstation": (_vicon_old(), {}),
         "Qualisys, without columns' names": (_qualisys(columns=False), {"ending": "tsv"}),
+        "Qualisys' skeleton": (_skeleton(), {"ending": "tsv"}),
         "a row a joint, by id": (_long("{time:.4f},{id},{x:.4f},{y:.4f},{z:.4f}", names=NAMES), {"names": tuple(map(str, range(16)))}),
         "a row a joint, joint by joint": (_long("{joint},{time:.4f},{x:.4f},{y:.4f},{z:.4f}", by="joint"), {}),
         "a row a joint, two people": (_two_long(), {"people": ("a", "b")}),

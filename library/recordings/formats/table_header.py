@@ -173,7 +173,12 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     ]
     units = {unit.lower() for _, unit, _ in axes if unit}
     threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
-    # Where joints stand beside each other a cell in front of each names it.
+    # Where joints stand beside each other a cell in front of each names it, in this row or in the next.
+    named = {
+        row[three[0] - 1].strip(): three for three in threes if three[0] and not _AXIS.fullmatch(row[three[0] - 1])
+    }
+    if len(named) == len(threes) > 1 and all(named) and len(first) >= len(row) - 1:
+        return named, [], units
     labels = [place for place, name in enumerate(row[: len(first)]) if _LABELS & {*words_of(name)}]
     beside = {first[max((each for each in labels if each < three[0]), default=0)]: three for three in threes if first}
     if len(beside) == len(threes) > 1 and all(number_of(name) is None for name in beside):

@@ -72,7 +72,7 @@ def _fields(line: str, columns: int) -> list[float | None]:
     """Read a frame's fields between tabs, which may be empty, or its words."""
     fields = line.rstrip("\r\n").split("\t") if "\t" in line else line.split()
     found = [number_of(field) for field in fields]
-    if None in found or ("\t" not in line and len(found) != columns):
+    if None in found:
         found = [number_of(field) for field in mended(fields)]
     while len(found) > columns and found[-1] is not None and math.isnan(found[-1]):
         found.pop()

@@ -94,6 +94,8 @@ def why_no_table(path: Path) -> str:
         return f"a table with {error}"
     except _DAMAGE:
         return ""
+    if is_numbers(re.split(r"[,;|\s]+", first.strip())):
+        return "numbers without a row of names above them, like time, head_x, head_y, head_z"
     if any(f"{mark}x" in first and f"{mark}y" in first and f"{mark}z" not in first for mark in "_."):
         return "columns x and y but no z: 2-D landmarks cannot be compared, their distances are no body's"
     return ""

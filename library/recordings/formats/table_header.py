@@ -45,6 +45,8 @@ _PERSON = re.compile(
 )
 #: Rows above the first frame that may name joints.
 _DEEP = 12
+#: What pandas writes behind a name that stands there again, or in place of none.
+_AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
     r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*", re.IGNORECASE
@@ -127,7 +129,20 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
         one = _of_one(row, first)
         if found := one if len(one[0]) > 1 else _of_long(row, first):
             return _header(rows, row, *found)
-    return None
+    row = _thrice(rows[-1]) if rows else []
+    one = _of_one(row, first)
+    return _header(rows, row, *one) if len(one[0]) > 2 else None
+
+
+def _thrice(row: Sequence[str]) -> list[str]:
+    """Number the columns of names that stand over three, thrice or once, or as pandas reads them (`head.1`)."""
+    bare = [_AGAIN.sub("", name.strip()) for name in row]
+    names = _filled(bare, len(bare))
+    counts, seen = Counter(names), Counter[str]()
+    for place, name in enumerate(names):
+        seen[name] += 1
+        names[place] = f"{name}_{seen[name]}" if counts[name] == 3 and len(name) > 1 else row[place]
+    return names
 
 
 def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]]:
@@ -191,7 +206,7 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
 def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     """Read a header whose row of axes is below a row of names."""
     size = len(rows[place])
-    axes = [name.strip().lower().removeprefix("t") for name in rows[place]]
+    axes = [_AGAIN.sub("", name.strip().lower().removeprefix("t")) for name in rows[place]]
     if min(map(axes.count, "xyz")) < 2:
         return None
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]

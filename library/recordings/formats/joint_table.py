@@ -66,6 +66,11 @@ _PART, _MAX_POINT = re.compile(r"(?:[xyz] ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNOR
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
+#: What arrays are that are no table.
+_NO_TABLES = {
+    ".npy": "a bare array without times and joint names: np.savez them as `kinespace convert` does, or make a Clip",
+    ".npz": "a .npz without the arrays time, positions and joints",
+}
 #: The errors for a file of another kind, or one cut short.
 _DAMAGE = (*memory.DAMAGE, OSError, ValueError)
 
@@ -83,10 +88,8 @@ def is_joint_table(path: Path) -> bool:
 
 def why_no_table(path: Path) -> str:
     """Say what a file lacks to be a table of joints; empty where it is none of the usual mistakes."""
-    if path.suffix.lower() == ".npy":
-        return "a bare array without times and joint names: np.savez them as `kinespace convert` does, or make a Clip"
-    if path.suffix.lower() == ".npz":
-        return "a .npz without the arrays time, positions and joints"
+    if arrays := _NO_TABLES.get(path.suffix.lower()):
+        return arrays
     try:
         _begun(path, memory.MAX_MEMORY)
         first = next(memory.lines(path, memory.MAX_LINE, errors="replace"), "").lower()

@@ -43,6 +43,8 @@ _PERSON = re.compile(
     r"character|dancer|entity|avatar)"
     r"( ?(id|ids|idx|index|nr|no|number|name))?|p?id"
 )
+#: Joints that a row must name without axes, at least one more.
+_FEW = 2
 #: Rows above the first frame that may name joints.
 _DEEP = 12
 #: What pandas writes behind a name that stands there again, or in place of none.
@@ -131,11 +133,11 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
             return _header(rows, row, *found)
     row = _thrice(rows[-1]) if rows else []
     one = _of_one(row, first)
-    return _header(rows, row, *one) if len(one[0]) > 2 else None
+    return _header(rows, row, *one) if len(one[0]) > _FEW else None
 
 
 def _thrice(row: Sequence[str]) -> list[str]:
-    """Number the columns of names that stand over three, thrice or once, or as pandas reads them (`head.1`)."""
+    """Give numbers to the three columns of a name that stands there thrice, once, or as pandas has it (`head.1`)."""
     bare = [_AGAIN.sub("", name.strip()) for name in row]
     names = _filled(bare, len(bare))
     counts, seen = Counter(names), Counter[str]()

@@ -340,7 +340,7 @@ def _kept(
     firsts = _representatives(joints, displaced)
     names = [joint.name for joint in joints]
     kept, taken = list[int](), set[int]()
-    for index in chosen(names, wanted):
+    for index in chosen(names, wanted) if wanted else range(len(names)):
         if firsts[index] not in taken:
             kept.append(index)
         elif names[index] in wanted:

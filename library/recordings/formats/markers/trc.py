@@ -90,7 +90,7 @@ def _frames(
             continue
         fields = _fields(line, columns)
         if not frames:
-            if len(fields) % 3 == 1:
+            if len(fields) - columns in (-1, 2):
                 # Frames with a number, or a time, alone.
                 labels, lead = _labels(path, *named, 1), 1
             # Markers behind those that have names.

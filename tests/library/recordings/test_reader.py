@@ -11,6 +11,7 @@ from kinespace.library import LibraryFileError, MotionLibrary
 from kinespace.library.recordings import (
     Reading,
     RecordingError,
+    RecordingReader,
     clips_of,
     find_recordings,
     read_recordings,
@@ -65,6 +66,26 @@ def test_a_folder_without_recordings_is_named(tmp_path: Path, names: list[str]) 
     message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording ({KINDS}) in it")
     with pytest.raises(RecordingError, match=message):
         find_recordings([tmp_path, tmp_path / "second"])
+
+
+@pytest.mark.parametrize("ending", ["bvh", "c3d", "csv", "mvnx"])
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "git lfs pull"),
+        (b"\n<!DOCTYPE html>\n<html>", "download the raw file"),
+        (b'\xef\xbb\xbf<?xml version="1.0"?><mvnx/>', "export BVH"),
+        (b"Kaydara FBX Binary  \x00", "export BVH"),
+        (b"PK\x03\x04" + bytes(99), "save it as CSV"),
+        (b"", "an empty file"),
+    ],
+)
+def test_another_file_is_called_by_its_kind(tmp_path: Path, ending: str, content: bytes, told: str) -> None:
+    """Whatever its ending says, a person is told what the file is, and what to do."""
+    path = tmp_path / f"take.{ending}"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=f"{re.escape(str(path))}: expected a recording .*{told}"):
+        RecordingReader().clips(path)
 
 
 # --- reading -----------------------------------------------------------------------------------------------------

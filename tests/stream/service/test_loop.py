@@ -11,8 +11,8 @@ from performed import pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import MotionLibrary
-from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc, zeromq
-from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
+from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc
+from kinespace.stream.outputs import Sink
 from kinespace.stream.outputs.sink import Message
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
@@ -21,10 +21,8 @@ from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAI
 from kinespace.stream.service.worker import SentFrame
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import Asked, State, Step, commands
-from kinespace.stream.zeromq import Endpoint
 
 LOOPBACK = "127.0.0.1"
-ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 #: Seconds a test waits for something that must happen, before it gives up.
 PATIENCE = 60.0
 
@@ -284,24 +282,6 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(
 
 
 # --- over real sockets -------------------------------------------------------------------------------------------
-
-
-def test_answers_that_cannot_be_sent_are_counted(sticks: MotionLibrary, opened: ExitStack) -> None:
-    """Answers that the system does not send are counted as unsent in the status."""
-    listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
-    source, osc_sink = (
-        FakeSource([[frame] for frame in _frames("bow")]),
-        LayoutSink(NativeLayout(), osc.OscSender(*listener.address)),
-    )
-    zmq_sink = ZmqSink(zeromq.ZmqSender(ANY_PORT))
-    with Service(Performers(sticks), [source], [osc_sink, zmq_sink]) as service:
-        osc_sink.close()
-        zmq_sink.close()
-        service.step(0.0)
-        status = service.status()
-    # Each failed to send the classes, the first status, every answer, the start of the one motion, and the bows done.
-    done = sum(bool(each.done) for each in _expected(sticks, _frames("bow")))
-    assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1 + done)
 
 
 class FakeControl:

@@ -17,7 +17,7 @@ from programs import LOOPBACK, PATIENCE
 from zmq import Socket
 from zmq.auth import load_certificate
 
-from kinespace.stream import Done, Event, EventKind, Frame, zeromq
+from kinespace.stream import Done, Event, EventKind, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, SequenceGaps, ZmqReceiver, ZmqSender
@@ -29,7 +29,7 @@ ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.
 PATIENCE_MS = 20_000
 POSITIONS = np.random.default_rng(5).normal(size=(3, 3))
-TOPIC, HEADER, BUFFER = zeromq.encode_frame(Frame("p", 1.5, POSITIONS), 7)
+TOPIC = b"frame/p/"
 
 
 # --- answers -----------------------------------------------------------------------------------------------------
@@ -409,21 +409,3 @@ def test_a_program_with_keys_reaches_known_keys_alone(tmp_path: Path) -> None:
 def test_addresses_open_to_others_are_detected(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test
     """Addresses of this machine alone are told from addresses that others reach."""
     assert Endpoint(address, bind=True).is_open_to_others is others
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "option"),
-    [
-        ("live --zmq-in tcp://*:*", "--zmq-in"),
-        ("live --osc-in 127.0.0.1:0 --teach {}/mine.npz --control tcp://*:*", "--control"),
-        ("replay squat1Reps --listen @tcp://*:*", "--listen"),
-    ],
-)
-def test_programs_refuse_in_one_line(
-    options: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The line names the option, the address, and the three ways to open it."""
-    assert main(options.format(tmp_path).split()) == 2
-    (line,) = [each for each in capsys.readouterr().err.splitlines() if each.startswith("kinespace: ")]
-    assert line.startswith(f"kinespace: {option}: expected --keys, --allow-from or --open with tcp://*:*, which ")

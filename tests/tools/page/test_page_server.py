@@ -9,7 +9,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from importlib import resources
@@ -28,8 +28,6 @@ from kinespace.library import Skeleton
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import State, Step, Taught
-from kinespace.stream.teaching.commands import as_json
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.messages import encode_body
 from kinespace.tools.cli.live_table import COUNTERS, counts
@@ -75,28 +73,11 @@ class Published:
         self._theirs.close()
 
 
-class FakeControl:
-    """A control socket that notes what it is asked."""
-
-    def __init__(self) -> None:
-        self.asked: list[dict[str, Any]] = []
-        self.meanwhile: Callable[[], None] = lambda: None
-
-    def ask(self, command: Mapping[str, object]) -> dict[str, Any] | None:
-        """Note a command; do not reply to `sleep`."""
-        self.asked.append(dict(command))
-        self.meanwhile()
-        time.sleep(SILENCE / 3)
-        if command["do"] == "sleep":
-            return None
-        return {"states": [], "classes": ["bow"], "taught": {}, "off": [], "sensitivity": 0.05}
-
-
 class Served:
     """A running server."""
 
-    def __init__(self, published: Published, control: FakeControl | None, address: str) -> None:
-        self.published, self.control, self.address = published, control, address
+    def __init__(self, published: Published, address: str) -> None:
+        self.published, self.address = published, address
 
     def page(self, **options: Any) -> connect:  # noqa: ANN401 - the library's own options
         """Open a page as a browser does."""
@@ -105,13 +86,13 @@ class Served:
 
 
 @asynccontextmanager
-async def serving(control: FakeControl | None = None) -> AsyncIterator[Served]:
+async def serving() -> AsyncIterator[Served]:
     """Run a server on a port that the system chooses."""
     published, addresses, ended = Published(), asyncio.Queue[str](), list[bool]()
-    server = PageServer(published, control and control.ask, Gate())  # type: ignore[arg-type]  # stand-ins
+    server = PageServer(published, None, Gate())  # type: ignore[arg-type]  # a stand-in
     running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
     try:
-        yield Served(published, control, await asyncio.wait_for(addresses.get(), PATIENCE))
+        yield Served(published, await asyncio.wait_for(addresses.get(), PATIENCE))
     finally:
         ended.append(True)
         await asyncio.wait_for(running, PATIENCE)
@@ -166,28 +147,6 @@ def test_a_sleeping_page_is_sent_nothing_and_then_the_newest() -> None:
             await page.send(json.dumps({"ack": first["number"]}))
             served.published.publish(200)
             assert await silent(page)
-
-    run(test())
-
-
-def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
-    """A page's command reaches the control as it is; the reply comes back to that page, the classes to every page."""
-
-    async def test() -> None:
-        control = FakeControl()
-        async with serving(control) as served, served.page() as page, served.page() as other:
-            for each in (other, page):
-                news = await drawn_until(each, await told(each), "control")
-                assert news["control"]["classes"] == ["bow"]
-            # While a command is asked, answers go on to the page.
-            control.meanwhile = lambda: served.published.publish(1)
-            for command, refused in (({"do": "undo"}, []), ({"do": "sleep"}, ["refused"])):
-                await page.send(json.dumps({"ack": news["number"]}))
-                await page.send(json.dumps({"ask": command}))
-                news = await told(page)
-                news = news if "replies" in news else await drawn_until(page, news, "replies")
-                assert [state["state"] for reply in news["replies"] for state in reply["states"]] == refused
-                assert control.asked[-1] == command
 
     run(test())
 
@@ -249,10 +208,6 @@ def _answer(performer: str, class_name: str = "bow", score: float = 0.8) -> list
 
 def _event(performer: str, kind: EventKind, class_name: str, time: float) -> list[bytes]:
     return zeromq_answers.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, time))
-
-
-def _notice(notice: State | Taught) -> list[bytes]:
-    return [b"teach/", json.dumps(as_json(notice)).encode()]
 
 
 def _status(**fields: Any) -> list[bytes]:  # noqa: ANN401 - a status has fields of all kinds
@@ -320,21 +275,6 @@ def test_motions_are_kept_for_a_minute_with_their_beginnings_and_ends() -> None:
     ]
     assert min(end for *_, end, _ in motions if end is not None) >= 200 - 70
     assert len(motions) == 7
-
-
-def test_a_lesson_becomes_a_bar() -> None:
-    """What is kept of a lesson stands on the timeline, marked as taught, as long as the table says."""
-    board = _board(_answer("ann"))
-    for moment, notice in (
-        (5.0, State("ann", Step.COUNTDOWN, 3.0)),
-        (8.0, State("ann", Step.RECORDING)),
-        (10.0, State("ann", Step.CHECKING, 1.8)),
-        (10.5, Taught("wave", 1, 1.8, "good")),
-    ):
-        board.take(_notice(notice), moment)
-    told = _told(board)[0]
-    assert told["motions"][0][2:6] == ["wave", 8.0, 9.8, "taught"]
-    assert [each["state"] for each in told["notices"]] == ["countdown", "recording", "checking", ""]
 
 
 def test_performers_come_and_go() -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded import JOINTS, SWINGS, write_take, write_takes
-from synthetic import stick_clips
 
 from kinespace.library import NOTHING, MotionLibrary, read_recordings
 from kinespace.tools.cli.main import main
@@ -124,32 +123,6 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
     assert {motion.name for motion in some.motions if motion.class_name == NOTHING} == {
         motion.name for motion in kept if motion.class_name == "throwBasketball"
     }
-
-
-@pytest.mark.parametrize(
-    ("options", "error"),
-    [
-        (("--without", "zz"), "--without: expected a class or a person (bow, jump, wave, aa, bb), got 'zz'"),
-        (("--without", "aa,bb"), "motions: expected at least one, got none"),
-        (("--rename", "zz=bow"), "--rename: expected a class (bow, jump, wave), got 'zz'"),
-        (
-            ("--without", "bow", "--rename", "bow=bend"),
-            "--rename: expected a class (bow, jump, wave) that stays, got 'bow'",
-        ),
-        (
-            ("--rename", "bow=nothing", "jump=nothing", "--rename", "wave=nothing"),
-            "motions: expected some of another class than 'nothing', got none",
-        ),
-    ],
-)
-def test_changes_that_cannot_be_made_are_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], error: str
-) -> None:
-    """A class or person that is missing, or a library without motions, ends the build with one line."""
-    MotionLibrary.of_clips(stick_clips(takes=1)).save(tmp_path / "stick.npz")
-    assert build(tmp_path / "stick.npz", "-o", tmp_path / "mine.npz", *options) == 2
-    assert capsys.readouterr().err == f"kinespace: {error}\n"
-    assert not (tmp_path / "mine.npz").exists()
 
 
 # --- the file ----------------------------------------------------------------------------------------------------

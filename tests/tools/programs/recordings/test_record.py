@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -122,24 +121,6 @@ def test_an_existing_file_is_refused(tmp_path: Path, program: str, capsys: pytes
 # --- replaying ---------------------------------------------------------------------------------------------------
 
 
-def test_a_part_beyond_the_end_is_an_error(
-    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A cut or a file without packets is an error, in a loop too."""
-    path = written(tmp_path / "a.kinerec", *(RawPacket(5.0 + index / 4, 0, "", (b"x",)) for index in range(6)))
-    to = ("--osc", f"{LOOPBACK}:{stage.address[1]}")
-    for options in (("--from", 2), ("--from", 0.3, "--to", 0.4), ("--from", 2, "--loop")):
-        assert replay(path, *to, *options) == 2
-        expected = f"kinespace: {path}: expected --from and --to within its 1.25 s\n"
-        assert capsys.readouterr() == ("", expected)
-    path.write_bytes(path.read_bytes()[:-1])
-    assert replay(path, *to, "--from", 2) == 2
-    assert re.search(r"within its 1\.00 s; .*cut off or damaged", capsys.readouterr().err)
-    assert replay(written(tmp_path / "b.kinerec"), *to) == 2
-    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'b.kinerec'}: no packets in it\n"
-    assert stage.receive() is None
-
-
 # --- telling and converting --------------------------------------------------------------------------------------
 
 
@@ -184,24 +165,6 @@ def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixtu
     np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 0], [1, 2, 3, 4])
     np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 1:].astype(np.float32), frames[:4].reshape(4, -1))
     assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "a.kinerec", "a.npz"]
-
-
-def test_impossible_conversions_end_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A wrong ending, several performers or none end with one line, and no file is written."""
-    monkeypatch.chdir(tmp_path)
-    path = a_recording(tmp_path / "a.kinerec")
-    for options, expected in (
-        ("a.txt", "a.txt: expected a file that ends in .npz or .csv"),
-        ("a.csv", f"{path}: expected --performer, one of ann, bob"),
-        ("a.csv --performer eve", f"{path}: no frame of 'eve' in it"),
-    ):
-        assert main(["convert", str(path), "-o", *options.split()]) == 2
-        assert capsys.readouterr().err == f"kinespace: {expected}\n"
-    assert main(["convert", str(tmp_path), "-o", "a.csv"]) == 2
-    assert capsys.readouterr().err == "kinespace: a.csv: expected a folder for several files\n"
-    assert [each.name for each in tmp_path.iterdir()] == ["a.kinerec"]
 
 
 # --- other products' packets -------------------------------------------------------------------------------------

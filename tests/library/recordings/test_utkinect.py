@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary, Reading, find_recordings, read_recordings
+from kinespace.library import Reading, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingError, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.harness import Sources, read_takes
 
 POSTURES = np.random.default_rng(3).normal(size=(4, 20, 3))
@@ -55,15 +54,6 @@ def test_a_take_that_makes_no_sense_is_refused(tmp_path: Path, text: str, labels
     path = _written(tmp_path, text, labels)
     with pytest.raises(RecordingError, match=f"^{re.escape(str(tmp_path))}.*: {message}"):
         read_takes(Sources([path]), Reading())
-
-
-def test_every_program_reads_it(data_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`build` makes a library of it, cut by its labels; `info` counts its takes."""
-    takes = [str(data_folder / "utkinect" / f"joints_s0{person}_e01.txt") for person in (1, 2)]
-    assert main(["build", *takes, "-o", str(tmp_path / "x.npz")]) == main(["info", takes[0]]) == 0
-    library = MotionLibrary.load(tmp_path / "x.npz")
-    assert (len(library), len(library.classes), library.actors) == (20, 10, ("s01", "s02"))
-    assert "joints_s01_e01" in capsys.readouterr().out
 
 
 def test_all_of_utkinect_is_read(data_folder: Path) -> None:

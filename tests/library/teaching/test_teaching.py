@@ -9,14 +9,12 @@ from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWi
 from kinespace.library.teaching.movement import (
     Movement,
     MovementMeter,
-    Stretch,
     StretchFinder,
     limb_speed,
     moved_at_all,
     moved_in,
     relative_movement,
     stillness_of,
-    stretches_of,
 )
 from kinespace.library.windows.courses import Courses
 
@@ -126,20 +124,6 @@ def test_without_library_and_examples_there_is_no_index() -> None:
     assert (index.classes, alone.base_classes) == (("squat",), ())
 
 
-@pytest.mark.slow
-def test_a_check_names_the_class_that_an_example_resembles() -> None:
-    """A squat taught under another name is as squats are; after one example this is no verdict."""
-    windows = TaughtWindows(_base(), with_base=True)
-    roster = _roster(("mine", "squat1Reps", 0))
-    index = windows.index_of(roster)
-    assert index is not None
-    check = checked(index, 1)
-    assert check.nearest == "squat1Reps"
-    assert check.share_at_risk > 0.5
-    assert check.words == f"good so far: show it again to be sure; the nearest class is squat1Reps: {CHANGE}"
-    assert checked(index, 7) is None
-
-
 def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> None:
     """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
     windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]
@@ -196,34 +180,6 @@ def test_an_example_of_either_side_is_compared_mirrored_too(small_index: WindowI
         assert ours.is_first == theirs.is_first
     fewer = windows.index_of(roster.without_class("squat"))
     assert [motion.take for motion in fewer.library.motions] == ["0001", "0001 mirrored"]
-
-
-def _take(seconds_still: float, noise: float = 0.0) -> tuple[Clip, list[Stretch]]:
-    """Put some built-in motions one after another, standing still between; give when each moves."""
-    library = MotionLibrary.builtin()
-    frames, moving, generator = list[np.ndarray](), list[Stretch](), np.random.default_rng(0)
-    still = round(seconds_still * 60)
-    for motion in (library.motions[0], library.motions[40], library.motions[130]):
-        frames.append(np.repeat(motion.positions[:1], still, axis=0))
-        begin = sum(map(len, frames)) / 60
-        frames.append(motion.positions)
-        moving.append(Stretch(begin, begin + motion.frames / 60))
-        frames.append(np.repeat(motion.positions[-1:], still, axis=0))
-    positions = np.concatenate(frames)
-    positions = positions + noise * generator.standard_normal(positions.shape)
-    return Clip(library.skeleton, positions, 60.0), moving
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.008])
-def test_motions_between_stillnesses_are_found(noise: float) -> None:
-    """Each stretch lies in its motion but for the margins, and holds most of it."""
-    take, moving = _take(1.0, noise)
-    found = stretches_of(take)
-    assert len(found) == len(moving)
-    for stretch, motion in zip(found, moving, strict=True):
-        assert motion.start - 0.2 <= stretch.start
-        assert stretch.end <= motion.end + 0.35
-        assert stretch.duration > 0.6 * motion.duration
 
 
 def test_relative_movement_is_the_textbook_formula() -> None:

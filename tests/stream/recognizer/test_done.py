@@ -67,13 +67,6 @@ def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
         assert 0.5 < each.score < 1
 
 
-def test_speed_and_size_are_those_of_the_performer(index: WindowIndex) -> None:
-    """A squat that is played faster is faster than before."""
-    clip = clips_of(SQUAT)[3]
-    (usual,), (faster,) = (said(index, [clip.positions], rate, false_alarms=60.0) for rate in (60.0, 100.0))
-    assert faster.speed > 1.05 * usual.speed
-
-
 @pytest.mark.parametrize("name", [SQUAT, ARMS])
 def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) -> None:
     """Of the first halves of motions none is done, of whole ones most are."""
@@ -90,15 +83,6 @@ def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     assert [each.label for each in said(index, [clip.positions])] == [SQUAT]
     taught = index.with_motions([replace(clip, class_name=NOTHING)])
     assert not said(taught, [clip.positions])
-
-
-@pytest.mark.slow
-def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) -> None:
-    """What is said with a strict promise is also said with a lax one; with none nothing is said."""
-    clips = [clip.positions for name in (ARMS, SQUAT, DOWN) for clip in clips_of(name)[:2]]
-    counts = [len(said(index, clips, false_alarms=each)) for each in (0.0, 1.0, 60.0)]
-    assert counts == sorted(counts)
-    assert counts[0] == 0 < counts[2]
 
 
 def grown_by_definition(
@@ -215,15 +199,6 @@ def test_evidence_is_forgotten_where_nobody_looks(index: WindowIndex) -> None:
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert grown < 200_000
-
-
-def test_stillness_and_a_pause_begin_nothing(index: WindowIndex) -> None:
-    """A body that stands, and trembles by a millimetre, has no course."""
-    rng, stands = np.random.default_rng(3), clips_of(SQUAT)[3].positions[0]
-    positions = stands + rng.normal(0, 0.001, (300, *stands.shape))
-    recognizer = Recognizer(index)
-    answers = [recognizer.push(Frame("p", place / 60, each)) for place, each in enumerate(positions)]
-    assert not [answer for answer in answers if answer and (answer.done or answer.seen or answer.events)]
 
 
 @pytest.mark.slow

@@ -1,27 +1,24 @@
 """Joints that cannot be believed: mended or left out."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from naive_bodies import keeps_its_place, squares_about_mean, step_length, steps_between
 from numpy.typing import NDArray
 from performed import pushed, shown
-from synthetic import STICK, stick_clip
+from synthetic import STICK
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, opened
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.library.windows.segments import FLAT, mirrored_places
 from kinespace.stream import Announcement, Frame, Outcome, Performers, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
-from kinespace.stream.recognizer.fitting import NOTES, TITLES, kind_of, kinds_of
+from kinespace.stream.recognizer.fitting import NOTES, kind_of, kinds_of
 from kinespace.stream.recognizer.mending import BELIEVED_AFTER, HELD, Joints
 from kinespace.stream.recognizer.performers import UNLIKE
 from kinespace.stream.recognizer.plausibility import SAME_PLACE, SPAN, Plausibility, Step, steps_of
 from kinespace.stream.recognizer.settings import threshold_for, usual_sensitivity
-from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import resampled
 
 RATE = 30.0
@@ -114,15 +111,6 @@ def test_what_changes_in_mid_stream_is_shown_anew(small_library: MotionLibrary, 
     assert [each.label for each in answers[-len(alone) :]] == [each.label for each in alone]
 
 
-def test_a_body_that_is_elsewhere_is_named_as_in_its_place(
-    small_library: MotionLibrary, squat: Clip, sound: list[Recognition]
-) -> None:
-    """By metres at each frame: distances are blind to where a body stands."""
-    places = 3.0 * np.random.default_rng(5).standard_normal((squat.frames, 1, 3))
-    answers = _played(Recognizer(small_library), squat.positions + places)
-    assert [each.label for each in answers] == [each.label for each in sound]
-
-
 def test_a_body_that_is_carried_is_no_jump(small_library: MotionLibrary, squat: Clip, sound: list[Recognition]) -> None:
     """At 10 m/s, as in a vehicle, and with frames that come in bursts; the answers are those of the body at rest."""
     travelled = 10.0 * np.arange(squat.frames)[:, None, None] / RATE * np.array([1.0, 0.0, 0.0])
@@ -130,19 +118,6 @@ def test_a_body_that_is_carried_is_no_jump(small_library: MotionLibrary, squat: 
     answers = _played(recognizer, squat.positions + travelled)
     assert not recognizer.doubt
     assert [answer.label for answer in answers] == [answer.label for answer in sound]
-
-
-def test_after_a_reset_another_body_may_follow(small_library: MotionLibrary, squat: Clip) -> None:
-    """A segment did not stretch between the last frames of one body and the first of another with longer arms."""
-    longer, (elbow, wrist) = squat.positions.copy(), _places(small_library, "lhumerus", "lradius")
-    longer[:, _places(small_library, *ARM[1:])] += 4.0 * (squat.positions[:, [wrist]] - squat.positions[:, [elbow]])
-    recognizer = Recognizer(small_library)
-    # Fewer frames than a span has: those would be judged together with the next body's.
-    _played(recognizer, squat.positions[:15])
-    recognizer.reset()
-    answers, fresh = _played(recognizer, longer), _played(Recognizer(small_library), longer)
-    assert {answer.doubted for answer in fresh} == {()}
-    assert [(answer.label, answer.doubted) for answer in answers] == [(answer.label, ()) for answer in fresh]
 
 
 # --- joints alone ------------------------------------------------------------------------------------------------
@@ -213,17 +188,6 @@ def test_a_joint_lost_for_long_is_left_out_for_some_seconds(sticks: MotionLibrar
     assert joints.note.startswith("joints: 2 of 6 where no body has them")
     joints.clear()
     assert (joints.left_out, joints.note) == ((), "")
-
-
-def test_unwatched_joints_are_never_left_out(small_library: MotionLibrary, squat: Clip) -> None:
-    """Without plausibility a frozen arm is believed, and a lost hand is held for as long as it is lost."""
-    positions = squat.positions.copy()
-    positions[:, _places(small_library, *ARM)] = np.nan
-    recognizer = Recognizer(small_library, Settings(plausibility=False))
-    answers = _played(recognizer, positions)
-    assert {answer.doubted for answer in answers} == {()}
-    assert not recognizer.doubt
-    assert np.isfinite([answer.scores for answer in answers]).all()
 
 
 FAST = 60.0
@@ -425,21 +389,6 @@ def test_shares_equal_plain_loops(seed: int) -> None:
     assert carried_by(-np.abs(given), STICK.pairs, None, 6) is None
 
 
-def test_performers_tell_joints_in_the_senders_order(sticks: MotionLibrary) -> None:
-    """Skeleton and shares have the order of the sender's frames, also when it is not the library's."""
-    performers, order = Performers(sticks), [3, 1, 0, 5, 4, 2]
-    assert (performers.skeleton_of("ann"), performers.carried("ann")) == (None, None)
-    clip, names = stick_clip("wave", seed=70, frames=60), tuple(STICK.joints[joint] for joint in order)
-    performers.announce(Announcement("ann", names), 0.0)
-    for time, positions in zip(clip.times, clip.positions, strict=True):
-        performers.push(Frame("ann", time, positions[order]), 0.0)
-        performers.push(Frame("bob", time, positions), 0.0)
-    skeleton, carried, other = performers.skeleton_of("ann"), performers.carried("ann"), performers.carried("bob")
-    assert skeleton is not None
-    assert skeleton == STICK.linked(names)
-    assert carried.joints == tuple(other.joints[joint] for joint in order)
-
-
 def _before_a_camera(clip: Clip) -> Clip:
     """Give a motion as a camera's body: the same directions, its own lengths."""
     some = [joint for joint in clip.skeleton.joints if joint in JOINTS]
@@ -502,16 +451,3 @@ def test_a_library_of_several_before_cameras_names_less(films: MotionLibrary) ->
     assert usual_sensitivity(films.restricted_to(JOINTS[:8])) == 0.2
     one = films.without(actors=films.actors[1:])
     assert usual_sensitivity(one) > 0.1
-
-
-@pytest.mark.slow
-def test_info_says_what_taught_a_library(
-    films: MotionLibrary, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Also after it was kept in a file."""
-    path = tmp_path / "films.npz"
-    films.save(path)
-    assert main(["info", str(path)]) == 0
-    assert f"taught by: {TITLES['guessed']}\n" in capsys.readouterr().out
-    assert main(["info", str(path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["feeds"] == ["guessed"]

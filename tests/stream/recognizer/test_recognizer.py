@@ -171,17 +171,6 @@ def test_classes_that_are_not_all_are_refused(sticks: MotionLibrary, classes: Se
             made(sticks).exchange(sticks, classes)
 
 
-@pytest.mark.parametrize("given", ["mine.npz", None, {}])
-def test_other_than_a_library_and_settings_is_refused(sticks: MotionLibrary, given: object) -> None:
-    """A path, nothing or a dictionary is neither a library nor settings."""
-    for settings_ in (Settings(), Settings(LiveSignature.PAPER)):
-        with pytest.raises(ValueError, match="library: expected a MotionLibrary or its windows, got"):
-            Recognizer(given, settings_)  # type: ignore[arg-type]
-    if given is not None:
-        with pytest.raises(ValueError, match="settings: expected Settings, got"):
-            Recognizer(sticks, given)  # type: ignore[arg-type]
-
-
 def test_in_another_library_no_window_and_no_answer_is_lost(
     sticks: MotionLibrary, small_library: MotionLibrary
 ) -> None:
@@ -204,27 +193,6 @@ def test_in_another_library_no_window_and_no_answer_is_lost(
     for answer, other in zip(reversed(pushed(recognizer, frames[280:])), reversed(never), strict=False):
         np.testing.assert_allclose(answer.scores, other.scores, atol=1e-4)
         assert (answer.time, answer.classes) == (other.time, ("jump", "wave"))
-
-
-def test_more_sensitivity_names_more(
-    sticks: MotionLibrary, small_library: MotionLibrary, some_clips: tuple[Clip, ...]
-) -> None:
-    """From the next hop on; the paper's signature has no sensitivity."""
-    named = []
-    for share in (0.0, 0.2, 1.0):
-        recognizer = Recognizer(small_library)
-        recognizer.set_sensitivity(share)
-        named.append(0)
-        for clip in some_clips[::5]:
-            recognizer.reset()
-            frames = (Frame("p", time, each) for time, each in zip(clip.times[::4], clip.positions[::4], strict=True))
-            named[-1] += sum(answer.outcome is Outcome.NAMED for answer in pushed(recognizer, frames))
-        assert recognizer.settings.sensitivity == share
-    assert named == sorted(named)
-    assert named[0] < named[-1]
-    paper = Recognizer(sticks, Settings(LiveSignature.PAPER))
-    paper.set_sensitivity(0.5)
-    assert paper.settings.sensitivity is None
 
 
 # --- senseless frames --------------------------------------------------------------------------------------------
@@ -269,16 +237,6 @@ def test_nothing_that_is_a_frame_stops_it(
             assert np.isfinite([*numbers, answer.movement, answer.margin]).all()
             assert min(*numbers, answer.movement) >= 0.0
             assert max(numbers) <= 1.0
-
-
-def test_the_noise_of_a_feed_is_evidence(sticks: MotionLibrary) -> None:
-    """The noise of the distances is estimated, and is part of the evidence; a clean feed has hardly any."""
-    clean, generator = _frames("bow"), np.random.default_rng(3)
-    noisy = [replace(each, positions=each.positions + 0.02 * generator.normal(size=(6, 3))) for each in clean]
-    expected, answers = (pushed(Recognizer(sticks), frames) for frames in (clean, noisy))
-    noise = [answer.evidence.noise for answer in answers if answer.evidence]
-    assert noise[-1] == pytest.approx(0.02 * 2**0.5, rel=0.3)
-    assert max(answer.evidence.noise for answer in expected if answer.evidence) < 0.005
 
 
 def _with_pauses(clips: Iterable[Clip], noise: float, sway: float) -> Iterator[Frame]:

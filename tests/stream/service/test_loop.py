@@ -20,9 +20,8 @@ from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
 from kinespace.stream.service.worker import SentFrame
 from kinespace.stream.status import InputCounts
-from kinespace.stream.teaching import Asked, State, Step, commands
+from kinespace.stream.teaching import Asked, commands
 
-LOOPBACK = "127.0.0.1"
 #: Seconds a test waits for something that must happen, before it gives up.
 PATIENCE = 60.0
 
@@ -323,14 +322,6 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
         assert bool(sink.events) is answers
         if not answers:
             assert {(each.label, each.score, each.guess_index) for each in sink.recognitions} == {("unknown", 0.0, -1)}
-
-
-def test_without_a_control_a_command_is_refused(sticks: MotionLibrary) -> None:
-    """Whoever listens to the answers hears why."""
-    sink, refused = FakeSink(), Asked(None, "teaching is off")
-    with Service(Performers(sticks), [FakeSource([[refused]])], [sink]) as service:
-        service.step(0.0)
-    assert sink.notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from synthetic import gesture, stick_clip
+from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Roster
@@ -285,18 +285,6 @@ def test_a_lesson_of_nothing_is_offered_until_it_was_given() -> None:
     stage.ask(commands.Last("ann", 2.0, "nothing"))
     for number in (1, 2):
         assert getattr(stage.teacher.checked(number, None, Tried())[1], "reason", "") == "good"
-
-
-def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
-    """Who stands in the countdown without trembling begins with a small movement of the head alone."""
-    stage = Stage()
-    nod = gesture("nod").positions
-    stage.show([nod[0]] * 60)
-    stage.ask(commands.Teach("ann", "nod", 2, 2.0))
-    stage.show([nod[0]] * 150)
-    for _ in range(2):
-        stage.show(nod)
-    assert [each.seconds for each in stage.teacher.roster.of("nod")] == [pytest.approx(2.0, abs=0.4)] * 2
 
 
 def test_a_hole_in_the_feed_makes_no_example() -> None:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
 import pytest
 import zmq
 from performed import NAMED
@@ -28,7 +27,6 @@ from kinespace.tools.cli.main import main
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.
 PATIENCE_MS = 20_000
-POSITIONS = np.random.default_rng(5).normal(size=(3, 3))
 TOPIC = b"frame/p/"
 
 
@@ -380,17 +378,6 @@ def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
                 assert frames.sender[0] == "key ann"
             sender.close()
             listener.close()
-
-
-def test_a_program_with_keys_reaches_known_keys_alone(tmp_path: Path) -> None:
-    """A program with keys connects to the owner of a known key, and to no other listener there."""
-    _, ann = folders(tmp_path, "stage", "ann")
-    impostor = ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True))
-    with Keyring(ann) as keyring:
-        sender = ZmqSender(Endpoint(impostor.address, bind=False), keyring)
-        assert not heard(sender, impostor.socket, longest=A_MOMENT)
-        sender.close()
-    impostor.close()
 
 
 @pytest.mark.parametrize(

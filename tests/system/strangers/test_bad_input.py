@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from programs import LOOPBACK, REMARK, free_udp_port
-from recorded import write_take, write_takes
+from recorded import write_clip, write_clips
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary
@@ -173,10 +173,10 @@ def places(tmp_path_factory: pytest.TempPathFactory, small_library: MotionLibrar
     for name in ("good", "alone", "spoilt", "empty"):
         (folder / name).mkdir()
     folder.with_suffix(".npz").mkdir()
-    clip, alone = (write_take(folder / name, "bd", "bendLeft", 1) for name in ("good", "alone"))
+    clip, alone = (write_clip(folder / name, "bd", "bendLeft", 1) for name in ("good", "alone"))
     (folder / "alone" / "HDM_bd.asf").unlink()
     # A bone that there is not, in one recording among good ones.
-    spoilt = write_takes(folder / "spoilt", takes=1)[2]
+    spoilt = write_clips(folder / "spoilt", takes=1)[2]
     spoilt.write_text(spoilt.read_text().replace("rlower", "tail", 1))
     files["fbx"].write_text("Kaydara")
     MotionLibrary.of_clips(stick_clips(takes=1)).save(files["sticks"])

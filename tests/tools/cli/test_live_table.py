@@ -224,13 +224,6 @@ def test_a_log_that_cannot_be_written_is_an_error_without_a_traceback(
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("name", ["[/]", "[bold]me[/bold]", ":smile:", "[link=x]"])
-def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Markup and emoji codes in a name are printed character for character."""
-    console.print(f"<{name}>")
-    assert capsys.readouterr().out == f"<{name}>\n"
-
-
 def test_other_columns_give_way_before_a_name_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
     """Headings wrap between words to make room for names; only names longer than all there is are folded, not cut."""
     monkeypatch.setattr(console, "width", 80)

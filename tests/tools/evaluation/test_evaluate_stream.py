@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from takes import write_take
+from recorded import write_take
 
 from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn

@@ -358,14 +358,6 @@ def test_what_a_take_contains_somewhere_is_not_false() -> None:
     assert second["false_per_hour"] == pytest.approx(3600 / CLIP.duration)
 
 
-@pytest.mark.parametrize(("count", "right"), [(3, 0.0), (4, 1.0), (6, 1.0), (7, 0.0)])
-def test_five_of_a_class_are_counted(count: int, right: float) -> None:
-    """Of five bows the count may be off by one."""
-    segments = tuple(Segment(float(place), place + 1.0, "bow") for place in range(5))
-    said = [Said("bow", place * 0.7, place * 0.7 + 0.5, 5.0) for place in range(count)]
-    assert score_done([DoneTake(Take(CLIP, segments), {"bow"}, said)])["counted_right"] == right
-
-
 B, J, OF = "bow", "jump", Outcome
 #: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.
 ANSWERS = (
@@ -634,20 +626,3 @@ def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol
         others = [name for each in own if each != person for name in own[each]]
         asking, library = (others, own[person]) if protocol is Protocol.ONE_PERSON else (own[person], others)
         assert (_names(fold), _sources(fold)) == (asking, set(library))
-
-
-@pytest.mark.parametrize(
-    ("kept", "protocol", "message"),
-    [
-        (slice(0, 1), Protocol.LEAVE_ONE_TAKE_OUT, "leave-one-take-out: expected at least two labelled takes, got 1"),
-        (slice(0, 0), Protocol.LEAVE_ONE_TAKE_OUT, "expected at least two labelled takes, got none"),
-        (slice(0, 2), Protocol.ONE_PERSON, "--protocol one-person: expected at least two labelled persons, got 1"),
-        (slice(4, 5), Protocol.LEAVE_ONE_PERSON_OUT, "expected at least two labelled persons, got 1"),
-    ],
-)
-def test_a_protocol_without_motions_is_an_error(
-    takes: list[Take], kept: slice, protocol: Protocol, message: str
-) -> None:
-    """One take, or one person, leaves no motion for a library; unlabelled takes do not help."""
-    with pytest.raises(ValueError, match=message):
-        folds_of([*takes[kept], _take("zoe", 7, NOTHING)], protocol, _unused)

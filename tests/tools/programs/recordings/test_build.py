@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded import JOINTS, SWINGS, write_take, write_takes
+from recorded import JOINTS, SWINGS, write_clip, write_clips
 
 from kinespace.library import NOTHING, MotionLibrary, read_recordings
 from kinespace.tools.cli.main import main
@@ -29,7 +29,7 @@ def positions_alike(first: MotionLibrary, second: MotionLibrary) -> bool:
 def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every recording under a folder is a motion of its class, the same as built from the clips by hand."""
     (tmp_path / "cut").mkdir()
-    paths = write_takes(tmp_path / "cut")
+    paths = write_clips(tmp_path / "cut")
     output = tmp_path / "mine.npz"
     assert build(tmp_path / "cut", "-o", output) == 0
     built = MotionLibrary.load(output)
@@ -43,7 +43,7 @@ def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Labels beside a take with its name are used, and odd labels cause a remark."""
-    cut, whole = write_take(tmp_path, "bd", "bendLeft", 1), write_take(tmp_path, "bd", "bendLeft", 2)
+    cut, whole = write_clip(tmp_path, "bd", "bendLeft", 1), write_clip(tmp_path, "bd", "bendLeft", 2)
     cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
     output = tmp_path / "library.npz"
     assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
@@ -64,7 +64,7 @@ def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.Captur
 def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Files that are passed over, a second file of labels and labels of somebody else are listed."""
     (tmp_path / "cut").mkdir()
-    take = write_take(tmp_path / "cut", "bd", "bendLeft", 1)
+    take = write_clip(tmp_path / "cut", "bd", "bendLeft", 1)
     take.with_suffix(".csv").write_text("start_s,end_s,label,performer\n0,0.75,up,bd\n0.75,1.5,down,zoe\n")
     take.with_suffix(".txt").write_text("0.0\t0.75\tup\n")
     (tmp_path / "cut" / "notes.csv").write_text("day;weather\n")
@@ -98,9 +98,9 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     (tmp_path / "cut").mkdir()
     for actor in ("bd", "mm"):
         (tmp_path / actor).mkdir()
-        write_takes(tmp_path / actor, actors=(actor,), takes=1)
+        write_clips(tmp_path / actor, actors=(actor,), takes=1)
         build(tmp_path / actor, "-o", tmp_path / f"{actor}.npz")
-    write_takes(tmp_path / "cut", actors=("bd", "tr"), takes=1)
+    write_clips(tmp_path / "cut", actors=("bd", "tr"), takes=1)
     sources = (tmp_path / "bd.npz", tmp_path / "mm.npz", tmp_path / "cut")
     assert build(*sources, "-o", tmp_path / "all.npz") == 0
     assert [(motion.class_name, motion.actor) for motion in MotionLibrary.load(tmp_path / "all.npz").motions] == [
@@ -134,7 +134,7 @@ def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path, capsys
     (tmp_path / "made").mkdir()
     output = tmp_path / "made" / "mine.npz"
     output.write_bytes(b"something else")
-    write_takes(tmp_path / "cut", takes=1)
+    write_clips(tmp_path / "cut", takes=1)
     assert build(tmp_path / "nowhere", "-o", output) == 2
     assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
     assert output.read_bytes() == b"something else"

@@ -10,11 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from golden import LAYOUTS, Moment
-from programs import LOOPBACK, PATIENCE, Program, ghost_cues, started
+from programs import LOOPBACK, PATIENCE, Program, started
 from recorded import JOINTS
 
-from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.tools.cli.main import main
@@ -168,37 +166,3 @@ def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 # --- other products' packets -------------------------------------------------------------------------------------
-
-
-def an_osceleton(path: Path, *, source: str = "osc here") -> tuple[Path, np.ndarray]:
-    """Write ten of OSCeleton's frames as `kinespace record` would; give the sent positions, (10, 31, 3), metres."""
-    cues = ghost_cues("squat1Reps", 0.5)[:40:4]
-    packets = []
-    for number, cue in enumerate(cues):
-        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-        arrival = 7.0 + number / 30
-        packets += [
-            RawPacket(arrival, 0, "x:1", (each,)) for each in LAYOUTS["osceleton"][1](Moment(places, arrival, number))
-        ]
-    return written(path, *packets, sources=(source,)), np.array([cue.frame.positions for cue in cues])
-
-
-def test_a_feeds_recording_is_described_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A preset's name, or a file of one's own, turns the packets into frames; without it there are none."""
-    path, positions = an_osceleton(tmp_path / "a.kinerec")
-    assert main(["info", str(path)]) == 0
-    assert "performer" not in capsys.readouterr().out
-    mine = tmp_path / "mine.toml"
-    assert main(["feeds", "osceleton"]) == 0
-    mine.write_text(capsys.readouterr().out, encoding="utf-8")
-    for feed in ("osceleton", str(mine)):
-        assert main(["info", str(path), "--feed", feed]) == 0
-        assert "performer 1: 10 frames" in capsys.readouterr().out
-        assert main(["convert", str(path), "--feed", feed, "-o", str(tmp_path / "a.npz"), "--overwrite"]) == 0
-        assert "10 frames of 15 joints" in capsys.readouterr().out
-        with np.load(tmp_path / "a.npz") as arrays:
-            order = [SKELETON.joints.index(joint) for joint in arrays["joints"]]
-            moved = arrays["positions"] - positions[:, order]
-            np.testing.assert_allclose(arrays["time"], 7.0 + np.arange(10) / 30)
-        # Where its camera stands is not in the messages.
-        np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=1e-6)

@@ -60,13 +60,12 @@ def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.S
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has other signals")
-@pytest.mark.parametrize("number", SIGNALS)
-def test_every_signal_ends_live_with_end_events(number: signal.Signals) -> None:
+def test_a_signal_ends_live_with_end_events() -> None:
     """The motion that is going on is ended for the listeners, and the counts are printed."""
     with live("--plain") as stage:
         stage.play(motion_cues("kickLFront1Reps", 2.0))
         stage.program.expect("start: ")
-        stage.program.process.send_signal(number)
+        stage.program.process.send_signal(signal.SIGHUP)
         assert (stage.program.wait(), stage.program.errors) == (0, "")
         assert summary_counts(stage.program.output)["frames"] == 240
         heard = [packet.packet for packet in stage._listener.listen_until(time.perf_counter() + 0.2)]  # noqa: SLF001 - events too

@@ -108,22 +108,6 @@ def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # n
         assert set(index.classes) == classes
 
 
-def test_without_library_and_examples_there_is_no_index() -> None:
-    """Without a library and without examples there is no index."""
-    windows = TaughtWindows(_base(), with_base=False)
-    assert windows.index_of(Roster()) is None
-    assert windows.base_classes == ()
-    index = windows.index_of(_roster(("squat", "squat1Reps", 0)))
-    assert index.classes == ("squat",)
-    assert windows.index_of(Roster()) is None
-    alone = TaughtWindows(None, with_base=False)
-    assert alone.index_of(Roster()) is None
-    index = alone.index_of(
-        _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)).enabled("kick", on=False)
-    )
-    assert (index.classes, alone.base_classes) == (("squat",), ())
-
-
 def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> None:
     """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
     windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]

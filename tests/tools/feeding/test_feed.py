@@ -13,8 +13,6 @@ from kinespace.stream.recognition import Answer
 from kinespace.tools.feeding.feed import Pace, clip_cues
 from kinespace.tools.feeding.service import AnswerMatcher, BackgroundService, Expected
 
-POSITIONS = np.zeros((6, 3))
-
 
 @pytest.mark.parametrize(("speed", "pause"), [(1.0, 1.0), (0.5, 0.7), (4.0, 0.0)])
 def test_clips_are_cued_at_their_own_pace(speed: float, pause: float) -> None:

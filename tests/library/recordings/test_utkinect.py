@@ -9,6 +9,7 @@ import pytest
 from kinespace.library import Reading, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingError, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
+from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.harness import Sources, read_takes
 
 POSTURES = np.random.default_rng(3).normal(size=(4, 20, 3))
@@ -25,10 +26,12 @@ def _written(folder: Path, text: str = TEXT, labels: str = LABELS) -> Path:
     return folder / "joints_s01_e02.txt"
 
 
-def test_a_take_is_read_with_its_labels(tmp_path: Path) -> None:
+def test_a_take_is_read_with_its_labels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Frames between are on straight lines; of two actions that overlap the earlier ends where the later begins."""
     path = _written(tmp_path)
     assert find_recordings(tmp_path) == [path]
+    assert main(["info", str(path)]) == 0
+    assert "joints_s01_e02" in capsys.readouterr().out
     (take,) = read_takes(Sources([tmp_path]), Reading())
     assert (take.person, take.delivered.tolist()) == ("s01", [0, 2, 4])  # type: ignore[union-attr]  # a sensor's
     (clip,), segments = read_recordings(path), segments_beside(path)

@@ -119,6 +119,7 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
     assert [each.share_at_risk for each in found] == [0, 0, 0, 1, 0]
     assert [each.nearest for each in found] == ["b"] * 4 + ["a"]
     assert [each.to_own for each in found] == pytest.approx([0.9, 0.9, 1.2, 5.6, np.nan], abs=0.1, nan_ok=True)
+    assert checked(index, 9) is None
     for count, alike in ((2, [np.nan] * 3), (3, [0.9, 0.9, 1.2, np.nan])):
         index = windows.index_of(_roster(*squats[:count], ("b", "kickLFront1Reps", 0)))
         assert index is not None

@@ -13,7 +13,7 @@ import pytest
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.own_frame import STEP, size_of
 from kinespace.library.windows.courses import Courses, path_of
-from kinespace.stream import Done, EventKind, Frame, Recognizer, Settings
+from kinespace.stream import Done, Frame, Recognizer, Settings
 from kinespace.stream.recognizer.done import DoneFollower
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
@@ -173,21 +173,6 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
     assert done == expected
     # Each motion begins before it is done.
     assert {name for _, name in done} <= {name for _, name in begun}
-
-
-def test_a_motion_begins_once_before_it_is_done(index: WindowIndex) -> None:
-    """Each squat has one start, in its first two thirds; the start carries how sure it is."""
-    clip = clips_of(SQUAT)[3]
-    recognizer = Recognizer(index)
-    positions = np.concatenate([clip.positions, np.repeat(clip.positions[-1:], 60, axis=0)])
-    answers = [recognizer.push(Frame("p", place / 60, each)) for place, each in enumerate(positions)]
-    events = [event for answer in answers if answer for event in answer.events]
-    done = [answer.done for answer in answers if answer and answer.done]
-    assert [(each.kind, each.label) for each in events] == [(EventKind.START, SQUAT), (EventKind.END, SQUAT)]
-    assert events[0].time < 0.67 * clip.duration
-    assert 0.5 < events[0].score < 1
-    assert [each.label for each in done] == [SQUAT]
-    assert events[0].time < done[0].end
 
 
 def test_evidence_is_forgotten_where_nobody_looks(index: WindowIndex) -> None:

@@ -171,6 +171,17 @@ def test_classes_that_are_not_all_are_refused(sticks: MotionLibrary, classes: Se
             made(sticks).exchange(sticks, classes)
 
 
+@pytest.mark.parametrize("given", ["mine.npz", None, {}])
+def test_other_than_a_library_and_settings_is_refused(sticks: MotionLibrary, given: object) -> None:
+    """A path, nothing or a dictionary is neither a library nor settings."""
+    for settings_ in (Settings(), Settings(LiveSignature.PAPER)):
+        with pytest.raises(ValueError, match="library: expected a MotionLibrary or its windows, got"):
+            Recognizer(given, settings_)  # type: ignore[arg-type]
+    if given is not None:
+        with pytest.raises(ValueError, match="settings: expected Settings, got"):
+            Recognizer(sticks, given)  # type: ignore[arg-type]
+
+
 def test_in_another_library_no_window_and_no_answer_is_lost(
     sticks: MotionLibrary, small_library: MotionLibrary
 ) -> None:

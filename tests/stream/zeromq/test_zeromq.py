@@ -216,6 +216,9 @@ def test_p1_is_not_p10(wire: Wire) -> None:
     answers = [zeromq.decode_answer(parts) for parts in _delivered(sender, receiver, b"class/p1/")]
     assert [answer.performer for answer in answers if answer] == ["p1", "p1"]
     assert sender.unheard == before + 4
+    sender.close()
+    sender.send([TOPIC])
+    assert sender.failed == 1
 
 
 @pytest.mark.slow

@@ -276,6 +276,20 @@ def test_every_picture_of_a_film_in_order_with_its_time(path: Path) -> None:
     assert (read.taken, read.lost, pictures[0].pixels.shape) == (_COUNT, 0, (48, 64, 3))
 
 
+@pytest.mark.usefixtures("camera_extra")
+@pytest.mark.slow
+def test_pictures_that_nobody_took_in_time_are_counted(path: Path) -> None:
+    """At its own pace a film does not wait for a slow reader."""
+    read = film.Film(str(path), _never, paced=True)
+    taken = []
+    for picture in read:
+        taken.append(picture.time)
+        time.sleep(3 / _RATE)
+    assert read.lost > 0
+    assert read.taken + read.lost == _COUNT
+    assert taken == sorted(taken)
+
+
 class _Camera:
     """A camera in place of OpenCV's: `read` is the test's."""
 
@@ -403,6 +417,18 @@ def test_joints_outside_of_the_picture_are_absent() -> None:
     found = bodies.upright(marks, np.zeros((360, 640, 3), dtype=np.uint8))
     assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [25, 27, 31]
     np.testing.assert_array_equal(found[0], [1, -2, -3])
+
+
+def test_without_the_extra_one_line_says_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing else is tried."""
+    monkeypatch.setitem(__import__("sys").modules, "kinespace.tools.camera.vision", None)
+    assert main(["camera", "none.mp4"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.startswith("kinespace: a camera needs OpenCV and LiteRT")
+    assert "pip install 'kinespace[camera]'" in said
 
 
 @pytest.mark.slow

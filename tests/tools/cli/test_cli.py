@@ -11,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import ROOT
 
-from kinespace.tools.cli import entry
-from kinespace.tools.cli import main as front
 from kinespace.tools.cli.main import PROGRAMS, main
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.programs import info
@@ -132,14 +130,6 @@ def test_any_text_is_an_address_or_refused(text: str) -> None:
     else:
         assert host
         assert 0 <= port <= 65535
-
-
-@pytest.mark.parametrize("status", [0, 2])
-def test_the_status_is_the_programs(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The program's status is the process's exit status."""
-    monkeypatch.setattr(front, "main", lambda: status)
-    monkeypatch.setattr(entry, "interrupt_on_signals", lambda: None)
-    assert entry.main() == status
 
 
 def test_ctrl_c_while_it_loads_ends_it_quietly() -> None:

@@ -13,7 +13,7 @@ from synthetic import stick_clip
 
 from kinespace.library import NOTHING, MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
-from kinespace.library.recordings.formats.labels import Segment
+from kinespace.library.recordings.formats.labels import LabelError, Segment
 from kinespace.stream import Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation import evaluate_show
@@ -96,6 +96,8 @@ def test_a_table_lists_the_classes_in_takes(folder: Path) -> None:
         ("ann_01", "7", ("clap", "pull"), ()),
         ("ben_01", "8", (), (Segment(0.0, 1.0, NOTHING),)),
     ]
+    with pytest.raises(LabelError, match=r"takes.csv:2: expected the name of a file, got none"):
+        read_takes(Sources(tables=[_table(folder, HEADER + ",7,1,clap,\n")]), Reading())
 
 
 SEGMENTS = tuple(

@@ -9,7 +9,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from importlib import resources
@@ -73,6 +73,23 @@ class Published:
         self._theirs.close()
 
 
+class FakeControl:
+    """A control socket that notes what it is asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[dict[str, Any]] = []
+        self.meanwhile: Callable[[], None] = lambda: None
+
+    def ask(self, command: Mapping[str, object]) -> dict[str, Any] | None:
+        """Note a command; do not reply to `sleep`."""
+        self.asked.append(dict(command))
+        self.meanwhile()
+        time.sleep(SILENCE / 3)
+        if command["do"] == "sleep":
+            return None
+        return {"states": [], "classes": ["bow"], "taught": {}, "off": [], "sensitivity": 0.05}
+
+
 class Served:
     """A running server."""
 
@@ -86,10 +103,10 @@ class Served:
 
 
 @asynccontextmanager
-async def serving() -> AsyncIterator[Served]:
+async def serving(control: FakeControl | None = None) -> AsyncIterator[Served]:
     """Run a server on a port that the system chooses."""
     published, addresses, ended = Published(), asyncio.Queue[str](), list[bool]()
-    server = PageServer(published, None, Gate())  # type: ignore[arg-type]  # a stand-in
+    server = PageServer(published, control and control.ask, Gate())  # type: ignore[arg-type]  # stand-ins
     running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
     try:
         yield Served(published, await asyncio.wait_for(addresses.get(), PATIENCE))
@@ -147,6 +164,28 @@ def test_a_sleeping_page_is_sent_nothing_and_then_the_newest() -> None:
             await page.send(json.dumps({"ack": first["number"]}))
             served.published.publish(200)
             assert await silent(page)
+
+    run(test())
+
+
+def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
+    """A page's command reaches the control as it is; the reply comes back to that page, the classes to every page."""
+
+    async def test() -> None:
+        control = FakeControl()
+        async with serving(control) as served, served.page() as page, served.page() as other:
+            for each in (other, page):
+                news = await drawn_until(each, await told(each), "control")
+                assert news["control"]["classes"] == ["bow"]
+            # While a command is asked, answers go on to the page.
+            control.meanwhile = lambda: served.published.publish(1)
+            for command, refused in (({"do": "undo"}, []), ({"do": "sleep"}, ["refused"])):
+                await page.send(json.dumps({"ack": news["number"]}))
+                await page.send(json.dumps({"ask": command}))
+                news = await told(page)
+                news = news if "replies" in news else await drawn_until(page, news, "replies")
+                assert [state["state"] for reply in news["replies"] for state in reply["states"]] == refused
+                assert control.asked[-1] == command
 
     run(test())
 

@@ -120,6 +120,7 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     stage.command(commands.Rename("my squat", "bend"))
     stage.until(lambda _: stage.classes[-1] == "bend")
     stage.lessons.close()
+    assert not stage.lessons.has_unsaved
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
     assert stage.classes == (*library.classes, "bend")
     again = Stage(tmp_path / "mine.npz", library)

@@ -222,7 +222,7 @@ def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, endi
     path = written(ending, tmp_path, np.random.default_rng(8), frames=3).path
     whole, content = read(path), path.read_bytes()
     read_anyway = 0
-    for length in range(0, len(content), 1 if ending in TEXTS else 7):
+    for length in range(0, len(content), 3 if ending in TEXTS else 7):
         path.write_bytes(content[:length])
         if clip := read_or_refused(path):
             read_anyway += clip.frames < whole.frames and not clip.notes
@@ -237,7 +237,7 @@ def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, endi
     if ending == "amc":
         asf = tmp_path / "take.asf"
         text = asf.read_text()
-        for length in range(len(text)):
+        for length in range(0, len(text), 3):
             asf.write_text(text[:length])
             if clip := read_or_refused(path):
                 assert clip.skeleton == whole.skeleton

@@ -225,10 +225,14 @@ def test_the_built_in_library_describes_itself(builtin: MotionLibrary) -> None:
     assert sum(motion.duration for motion in builtin.motions) == pytest.approx(595, abs=1)
 
 
-def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, hdm05_clips: tuple[Clip, ...]) -> None:
-    """Built anew from the 288 clips the library is the one in the package, to the millimetre."""
+@pytest.mark.slow
+def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, amc_clips: tuple[Clip, ...]) -> None:
+    """Built anew from the first clip of each class its motions are those in the package, to the millimetre."""
     terms = {"source": hdm05.SOURCE, "licence": hdm05.LICENCE, "attribution": hdm05.ATTRIBUTION}
-    _assert_equal(MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in hdm05_clips]), builtin)
+    made = MotionLibrary.of_clips([dataclasses.replace(clip, **terms) for clip in amc_clips])
+    names = {motion.name for motion in made.motions}
+    kept = tuple(motion for motion in builtin.motions if motion.name in names)
+    _assert_equal(made, dataclasses.replace(builtin, motions=kept))
 
 
 #: Bytes that refusing any file here may take at most.

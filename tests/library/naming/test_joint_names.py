@@ -3,14 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import naive
 import numpy as np
 import pytest
 from skeletons import KNOWN, names_of
 
 from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
 from kinespace.library.naming.convention import parse_convention
-from kinespace.library.recordings.formats.acclaim import read_clip
 from kinespace.stream.feeds import builtin_names, builtin_preset
 
 # --- checked toml -----------------------------------------------------------------------------------------------------
@@ -109,18 +107,6 @@ def test_a_file_name_holds_actor_class_and_take(name: str, expected: tuple[str, 
 def test_other_names_say_nothing(name: str) -> None:
     """A name of another form, and one of no frames per second, is not taken for HDM05's."""
     assert hdm05.read_clip_name(Path(name)) is None
-
-
-@pytest.mark.slow
-def test_cmus_takes_are_read_with_the_same_body(cmu_folder: Path) -> None:
-    """A CMU take has HDM05's 31 joints, an upright body of human height, and no labels of HDM05's."""
-    clip = read_clip(cmu_folder / "13_30.amc")
-    assert clip.skeleton == hdm05.SKELETON
-    assert (clip.class_name, clip.actor, clip.take) == ("", "", "")
-    assert clip.frame_rate == 120.0
-    assert clip.frames == len(naive.read_amc(cmu_folder / "13_30.amc", naive.read_asf(cmu_folder / "13.asf")).frames)
-    height = clip.positions[..., 1].max(axis=1) - clip.positions[..., 1].min(axis=1)
-    assert 1.3 < np.median(height) < 2.1
 
 
 # --- naming -----------------------------------------------------------------------------------------------------------

@@ -26,7 +26,6 @@ NAMED, STILL, UNKNOWN = Outcome.NAMED, Outcome.STILL, Outcome.UNKNOWN
 HOP = 1 / 30
 #: The lead after which a class starts.
 NEEDED = 3.0
-ANYTHING = -math.inf
 MOVING = Signature({}, np.zeros(1), 0.1, 0.5, 0.5)
 
 
@@ -131,26 +130,6 @@ def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -
     assert decision.push(LiveWindows(index), _seen(2.0, 1.9, 3.0), 0.0, 9.0).guess == "jump"
     alone = index.of_some([place for place, each in enumerate(index.library.motions) if each.class_name == "wave"])
     assert decision.push(LiveWindows(alone), _seen(0.7), 0.0, 9.1)[1:3] == ("wave", math.inf)
-
-
-@pytest.mark.parametrize(
-    ("threshold", "stillness", "signature", "outcome"),
-    [
-        (ANYTHING, 0.0, MOVING, NAMED),
-        (math.inf, 0.0, MOVING, UNKNOWN),
-        (ANYTHING, 0.2, MOVING, STILL),
-        (math.inf, 0.1, MOVING, UNKNOWN),
-        (ANYTHING, 0.0, MOVING._replace(gap=0.0), NAMED),
-    ],
-)
-def test_reasons_for_naming_no_class(
-    index: WindowIndex, threshold: float, stillness: float, signature: Signature, outcome: Outcome
-) -> None:
-    """Too little evidence is unknown, a body that hardly moves still; the gap matters only to the paper's signature."""
-    decision = Decision(NEEDED, stillness=stillness)
-    decided = decision.push(LiveWindows(index, threshold), _seen(0.1, 1.0, 1.0, signature=signature), 0.01, 0.0)
-    assert decided.outcome is outcome
-    assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))
 
 
 @pytest.mark.parametrize(("gap", "outcome"), [(0.019, Outcome.AMBIGUOUS), (0.021, NAMED)])

@@ -184,31 +184,3 @@ def test_evidence_is_forgotten_where_nobody_looks(index: WindowIndex) -> None:
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert grown < 200_000
-
-
-@pytest.mark.slow
-def test_a_gap_and_another_library(index: WindowIndex) -> None:
-    """After a gap of seconds, and with another library, a motion is found again from its beginning on.
-
-    After a reset another performer may follow.
-    """
-    clip = clips_of(SQUAT)[3]
-    recognizer = Recognizer(index, Settings(false_alarms=60.0))
-
-    def pushed(since: float, stands: int = 60) -> list[str]:
-        still = np.repeat(clip.positions[-1:], stands, axis=0)
-        answers = [
-            recognizer.push(Frame("p", since + place / 60, each))
-            for place, each in enumerate(np.concatenate([clip.positions, still]))
-        ]
-        return [answer.done.label for answer in answers if answer and answer.done]
-
-    assert pushed(0.0) == [SQUAT]
-    assert pushed(100.0) == [SQUAT]
-    assert pushed(20.0) == [SQUAT]
-    recognizer.reset()
-    assert pushed(150.0) == [SQUAT]
-    recognizer.exchange(index.library.without(classes=[ARMS]))
-    assert pushed(200.0) == [SQUAT]
-    recognizer.exchange(index.library.without(classes=[SQUAT]))
-    assert pushed(300.0) == []

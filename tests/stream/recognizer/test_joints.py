@@ -79,23 +79,6 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     assert answers[-1].outcome is Outcome.IMPLAUSIBLE
 
 
-@pytest.mark.parametrize("every", [0.4, 1.1])
-def test_a_sensor_that_loses_the_body_now_and_then_is_answered(
-    small_library: MotionLibrary, squat: Clip, every: float
-) -> None:
-    """A trembling body that leaps by 40 cm at each joint and moves between is never implausible; no answer is lost."""
-    generator = np.random.default_rng(3)
-    positions = np.concatenate([squat.positions, squat.positions[::-1]])
-    positions += 0.02 * generator.standard_normal(positions.shape)
-    leaps = (np.arange(len(positions)) / RATE // every).astype(int)
-    leapt = 0.23 * generator.standard_normal((leaps.max() + 1, *positions.shape[1:]))[leaps]
-    recognizer = Recognizer(small_library)
-    answers = _played(recognizer, positions + leapt * (leaps % 2)[:, None, None])
-    assert "jumped" in recognizer.doubt
-    assert len(answers) == len(_played(Recognizer(small_library), positions))
-    assert not any(answer.is_doubted for answer in answers)
-
-
 # --- joints alone ------------------------------------------------------------------------------------------------
 
 

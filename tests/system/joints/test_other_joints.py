@@ -37,10 +37,10 @@ def test_it_is_said_within_ten_seconds_whether_the_library_fits(
 ) -> None:
     """All but one of the takes that are long enough are judged as their whole set is."""
     pattern, unlike = SETS[name]
-    places = _some(sorted((data_folder / name).glob(pattern)), 7)
+    places = _some(sorted((data_folder / name).glob(pattern)), 5)
     takes = read_takes(Sources(places) if name == "utkinect" else Sources(unknown=places), Reading())
     found = [each for take in takes if (each := _decided(take, builtin_index)) is not None]
-    assert len(found) >= 5
+    assert len(found) >= 3
     assert found.count(unlike) >= len(found) - 1
 
 

@@ -21,14 +21,7 @@ from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
 from kinespace.tools.cli import live_table
-from kinespace.tools.cli.console import (
-    console,
-    csv_text,
-    log_as,
-    note,
-    say,
-    table_of,
-)
+from kinespace.tools.cli.console import csv_text, log_as, note, say
 from kinespace.tools.cli.live_table import LiveTable, PlainLines, counts, summary
 
 CLASSES = ("bow", "jump", "wave")
@@ -222,18 +215,6 @@ def test_a_log_that_cannot_be_written_is_an_error_without_a_traceback(
         with suppress(OSError):
             full.close()
     assert capsys.readouterr().err == ""
-
-
-def test_other_columns_give_way_before_a_name_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Headings wrap between words to make room for names; only names longer than all there is are folded, not cut."""
-    monkeypatch.setattr(console, "width", 80)
-    for longest, lines in ((40, 1), (70, 2)):
-        name, terminal = "abcdefghij" * (longest // 10), Console(file=StringIO(), width=80)
-        terminal.print(table_of("", ("name", *["a rather long heading"] * 3), [(name, "1", "2", "3")]))
-        assert isinstance(terminal.file, StringIO)
-        found = [word for word in terminal.file.getvalue().split() if word in name and len(word) > 4]
-        assert len(found) == lines
-        assert "".join(found) == name
 
 
 @pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("-head", "'-head"), ("head", "head")])

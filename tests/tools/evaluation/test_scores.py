@@ -17,14 +17,14 @@ from hypothesis import strategies as st
 from naive_score import Moment
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.library import NOTHING, MotionLibrary, Skeleton
+from kinespace.library import MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed, Fold, Protocol, Take, folds_of
-from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, counted_in, course_of, score_courses
+from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
 from kinespace.tools.evaluation.words import (
     KINDS,
     DoneTake,
@@ -345,46 +345,6 @@ def test_a_take_counted_by_hand() -> None:
     assert score["false_per_hour"] == pytest.approx(3 * 3600 / CLIP.duration)
     counts = {"bow": (1.0, 1.0, 2.0), "wave": (1.0, 0.0, 1.0)}
     assert {name: tuple(each.values()) for name, each in by_class([take]).items()} == counts
-
-
-def test_what_a_take_contains_somewhere_is_not_false() -> None:
-    """A contained motion is found where it is said; in a take of nothing whatever is said is false."""
-    said = [Said("bow", 1.0, 3.0, 3.2)]
-    contains, nothing = Take(CLIP, (), ("bow",)), Take(CLIP, (Segment(0.0, CLIP.duration, NOTHING),))
-    first, second = (score_done([DoneTake(take, {"bow", NOTHING}, said)]) for take in (contains, nothing))
-    assert (first["takes_found"], first["false_per_hour"], first["unknown_hours"]) == (1.0, 0.0, 0.0)
-    assert second["takes_found"] is None
-    assert second["unknown_hours"] == pytest.approx(CLIP.duration / 3600)
-    assert second["false_per_hour"] == pytest.approx(3600 / CLIP.duration)
-
-
-B, J, OF = "bow", "jump", Outcome
-#: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.
-ANSWERS = (
-    (0.2, OF.NAMED, J),
-    (0.6, OF.NAMED, B),
-    (0.8, OF.UNKNOWN, B),
-    (1.6, OF.STILL, J),
-    (1.7, OF.IMPLAUSIBLE, J),
-    (1.8, OF.NAMED, B),
-    (2.6, OF.NAMED, B),
-    (2.8, OF.UNKNOWN, J),
-    (3.5, OF.NAMED, B),
-)
-
-
-def _answers() -> list[Recognition]:
-    classes = (B, J)
-    return [Recognition("p", time, each, classes, np.ones(2), 0.1, guess=classes.index(g)) for time, each, g in ANSWERS]
-
-
-def test_answers_counted_by_hand() -> None:
-    """Answers count by what is performed then; those at a segment's beginning, and outside of all, do not count."""
-    take = Take(stick_clip("bow"), (Segment(0, 1, B), Segment(1, 2, J), Segment(2, 3, "juggle")))
-    counts = counted_in(take, (B, J), _answers(), inside=0.5)
-    expected = {"answers": 5, "right": 1, "guessed": 2, "wrong": 1, "implausible": 1, "unknown": 2, "unknown_named": 1}
-    assert counts == expected
-    assert not counted_in(take, (B, J), [])
 
 
 def _played(fault: str) -> tuple[Feed, Feed]:

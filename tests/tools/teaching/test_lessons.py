@@ -14,7 +14,7 @@ import zmq
 from fakes import FakeSink
 from programs import PATIENCE
 
-from kinespace.library import Clip, MotionLibrary, WindowIndex
+from kinespace.library import Clip, MotionLibrary, WindowIndex, library_file
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, Recognition, Settings
 from kinespace.stream.frame import Admitted
@@ -120,7 +120,6 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     stage.command(commands.Rename("my squat", "bend"))
     stage.until(lambda _: stage.classes[-1] == "bend")
     stage.lessons.close()
-    assert not stage.lessons.has_unsaved
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
     assert stage.classes == (*library.classes, "bend")
     again = Stage(tmp_path / "mine.npz", library)
@@ -147,6 +146,31 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 3)
     assert stage.heard.notices[-2] == Taught("nothing", 1, pytest.approx(3.0, abs=1.0), "good", Tried())
     assert "my squat" not in _show(stage, 60, "squat1Reps", 1)
+
+
+@pytest.mark.slow
+def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A failure to save is reported; the class is known all the same."""
+    write = library_file.write
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(library_file, "write", full)
+    _show(stage, 0, "kickLFront1Reps")
+    _teach(stage, 10, "my squat", "squat1Reps")
+    heard = stage.until(lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
+    told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
+    assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
+    assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
+    assert stage.lessons.has_unsaved
+    # When there is room again, it is saved without being asked, and said.
+    (tmp_path / "far").mkdir()
+    (tmp_path / "mine.npz").symlink_to(tmp_path / "far" / "mine.npz")
+    monkeypatch.setattr(library_file, "write", write)
+    stage.until(lambda heard: State("", Step.DONE, 0.0, "mine.npz saved, examples: 1") in heard.notices)
+    assert not stage.lessons.has_unsaved
+    assert (tmp_path / "mine.npz").is_symlink()
 
 
 def test_a_performer_who_is_taught_fires_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:

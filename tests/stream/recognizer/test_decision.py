@@ -187,20 +187,6 @@ def test_an_event_holds_performer_and_score() -> None:
     assert start.time == pytest.approx(10 + NEEDED * HOP, abs=HOP + 1e-9)
 
 
-def test_alternating_guesses_start_nothing_new() -> None:
-    """While two classes alternate every few hops, the motion that goes on goes on, until it is ended once."""
-    decision = Decision(NEEDED)
-    _pushed(decision, _course((1.0, NAMED, 2)))
-    assert _pushed(decision, (_recognition(11 + k * HOP, k // 2 % 2) for k in range(300))) == []
-    going_on = decision.going_on
-    ended = decision.end(30.0)
-    assert (ended.kind, ended.label, ended.time, ended.score) == (END, "wave", 30.0, going_on.score)
-    assert (decision.end(31.0), decision.going_on) == (None, None)
-    # Another recogniser goes on with the motion: no second start, and one end.
-    other = Decision(NEEDED, going_on)
-    assert _told(_pushed(other, _course((1.0, NAMED, 2), (1.0, STILL, 0)))) == [(END, "wave")]
-
-
 def test_a_gap_adds_no_lead() -> None:
     """A gap counts as a tenth of a second, and a clock that runs back as nothing; after `end` time begins again."""
     doubtful = [_recognition(time, 1, 0.6) for time in (0.0, 60.0, 50.0)]

@@ -16,7 +16,6 @@ from kinespace.stream import Announcement, Frame, Outcome, Performers, Recogniti
 from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
 from kinespace.stream.recognizer.fitting import NOTES, kind_of, kinds_of
 from kinespace.stream.recognizer.mending import BELIEVED_AFTER, HELD, Joints
-from kinespace.stream.recognizer.performers import UNLIKE
 from kinespace.stream.recognizer.plausibility import SAME_PLACE, SPAN, Plausibility, Step, steps_of
 from kinespace.stream.recognizer.settings import threshold_for, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
@@ -297,23 +296,6 @@ def test_a_body_is_decided_on_after_seconds_of_movement(small_library: MotionLib
     noise = np.random.default_rng(3).standard_normal(there_and_back.shape)
     _played_for(recognizer, there_and_back + 0.04 * noise, 7.0)
     assert recognizer.unlike is True
-
-
-@pytest.mark.slow
-def test_a_library_taught_by_the_body_itself_is_like_it(small_index: WindowIndex, squat: Clip) -> None:
-    """After one example the note goes: the nearest person of the library is the performer."""
-    performers, positions = Performers(small_index), np.concatenate([_short_thighs(squat), _short_thighs(squat)[::-1]])
-
-    def play(begin: float) -> None:
-        for index in range(round(8 * RATE)):
-            performers.push(Frame("p", begin + index / RATE, positions[index % len(positions)]), 0.0)
-
-    play(0.0)
-    assert performers.compared == {"p": UNLIKE}
-    taught = replace(squat, positions=_short_thighs(squat), class_name="taught", actor="p")
-    performers.exchange(opened(small_index.library).with_motions([taught]))
-    play(8.0)
-    assert performers.compared == {}
 
 
 @pytest.mark.slow

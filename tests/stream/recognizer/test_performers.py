@@ -66,20 +66,6 @@ def test_joints_that_are_assumed(sticks: MotionLibrary) -> None:
         Performers(sticks, joints=SentJoints(FIVE))
 
 
-def test_other_joints_begin_a_new_window(sticks: MotionLibrary) -> None:
-    """Once another order is announced only frames that came after count; with fewer joints the motion ends."""
-    performers, order = Performers(sticks), [1, 0, 3, 2, 5, 4]
-    started = [event for answer in _pushed(performers, _frames("p", "bow")) for event in answer.events]
-    performers.announce(Announcement("p", _named(order)), 0.0)
-    after = _frames("p", "wave", start=200 / 120)
-    answers = _pushed(performers, _with_joints(after, order))
-    assert_same(answers, _alone(sticks, after), "events")
-    performers.announce(Announcement("p", FIVE), 0.0)
-    events = [*started, *(event for answer in answers for event in answer.events), *performers.drop_silent(0.0)]
-    assert _told(events)[:1] == [("p", "start", "bow")]
-    assert _told(events)[-1:] == [("p", "end", "wave")]
-
-
 @pytest.mark.parametrize("joints", [STICK.joints[:4], ("nobody", "noone", *STICK.joints[2:]), ("x",)])
 def test_frames_of_too_few_of_the_joints_are_counted(sticks: MotionLibrary, joints: tuple[str, ...]) -> None:
     """Frames with fewer than five of the library's joints are counted, not used, until enough joints are announced."""

@@ -22,7 +22,7 @@ from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performer
 from kinespace.stream.frame import MAX_DISTANCE
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
-from kinespace.stream.recognizer.settings import index_for
+from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 
 
@@ -358,6 +358,22 @@ def test_settings_at_their_bounds() -> None:
     assert [Settings(hop=hop).hop for hop in (0, 0.001)] == [0, 0.001]
     assert Settings(signature="paper", window=0.1).signature is PAPER  # type: ignore[arg-type]
     assert Settings(sensitivity=None, lead=None) == Settings()
+
+
+@pytest.mark.parametrize(
+    ("actors", "sensitivity", "lead"), [(["a", "a"], 0.2, 3.6), ([""], 0.1, 3.6), (["a", "b"], 0.2, 3.0)]
+)
+def test_a_small_library_names_less_and_starts_later(
+    actors: Sequence[str], sensitivity: float, lead: float, builtin: MotionLibrary
+) -> None:
+    """One motion of each class says little of what is unknown, as does one person; strangers say most."""
+    library = MotionLibrary.of_clips([stick_clip("wave", actor=actor) for actor in actors])
+    assert usual_sensitivity(library) == sensitivity
+    assert needed_lead(library, Settings()) == lead
+    assert needed_lead(library, Settings(lead=2.0)) == 2.0
+    assert needed_lead(library, Settings(PAPER)) == 3.0
+    judged = builtin.without(actors=builtin.actors[len(actors) :])
+    assert (usual_sensitivity(judged), needed_lead(judged, Settings())) == (0.05, 3.0)
 
 
 def test_a_library_is_opened_as_the_settings_compare_it(sticks: MotionLibrary) -> None:

@@ -438,22 +438,6 @@ def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:
     assert [each.class_name for each in stage.teacher.roster.examples] == ["squat1Reps"] * 2
 
 
-@pytest.mark.parametrize("lasts", [0.1, 0.5, None])
-def test_a_false_start_is_taken_at_once_whatever_its_length(lasts: float | None) -> None:
-    """With a second and a half before it and up to now, though hardly anything moved, and though it goes on."""
-    stage = Stage()
-    stage.stand(3.0)
-    stage.teacher.named.push(_event(EventKind.START, 100 + stage.now))
-    stage.stand(lasts or 0.5)
-    if lasts:
-        stage.teacher.named.push(_event(EventKind.END, 100 + stage.now))
-    stage.ask(commands.Wrong())
-    (example,) = stage.teacher.roster.examples
-    assert (example.class_name, example.seconds) == ("nothing", pytest.approx(1.5 + (lasts or 0.5), abs=0.1))
-    stage.stand(1.0)
-    assert len(stage.teacher.roster.examples) == 1
-
-
 def test_what_surrounds_a_false_start_ends_where_other_motions_or_pauses_are() -> None:
     """The motion before it and the one behind it were right, and a pause in the feed is no movement."""
     stage = Stage()

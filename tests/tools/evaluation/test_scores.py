@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from naive_score import Moment
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.library import MotionLibrary, Skeleton
+from kinespace.library import NOTHING, MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
@@ -345,6 +345,25 @@ def test_a_take_counted_by_hand() -> None:
     assert score["false_per_hour"] == pytest.approx(3 * 3600 / CLIP.duration)
     counts = {"bow": (1.0, 1.0, 2.0), "wave": (1.0, 0.0, 1.0)}
     assert {name: tuple(each.values()) for name, each in by_class([take]).items()} == counts
+
+
+def test_what_a_take_contains_somewhere_is_not_false() -> None:
+    """A contained motion is found where it is said; in a take of nothing whatever is said is false."""
+    said = [Said("bow", 1.0, 3.0, 3.2)]
+    contains, nothing = Take(CLIP, (), ("bow",)), Take(CLIP, (Segment(0.0, CLIP.duration, NOTHING),))
+    first, second = (score_done([DoneTake(take, {"bow", NOTHING}, said)]) for take in (contains, nothing))
+    assert (first["takes_found"], first["false_per_hour"], first["unknown_hours"]) == (1.0, 0.0, 0.0)
+    assert second["takes_found"] is None
+    assert second["unknown_hours"] == pytest.approx(CLIP.duration / 3600)
+    assert second["false_per_hour"] == pytest.approx(3600 / CLIP.duration)
+
+
+@pytest.mark.parametrize(("count", "right"), [(3, 0.0), (4, 1.0), (6, 1.0), (7, 0.0)])
+def test_five_of_a_class_are_counted(count: int, right: float) -> None:
+    """Of five bows the count may be off by one."""
+    segments = tuple(Segment(float(place), place + 1.0, "bow") for place in range(5))
+    said = [Said("bow", place * 0.7, place * 0.7 + 0.5, 5.0) for place in range(count)]
+    assert score_done([DoneTake(Take(CLIP, segments), {"bow"}, said)])["counted_right"] == right
 
 
 def _played(fault: str) -> tuple[Feed, Feed]:
